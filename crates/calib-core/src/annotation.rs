@@ -1,0 +1,206 @@
+//! What the operator drew on an image, and the table of kinds.
+
+use crate::space::Pixel;
+
+/// A value the operator knows, with how well: held, or a prior with a standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Known {
+    /// The value, in the unit of its field.
+    pub value: f64,
+    /// Held: the solve does not change it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub fixed: bool,
+    /// Standard deviation, in the unit of the value.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sigma: Option<f64>,
+}
+
+impl Known {
+    /// A value that is held.
+    #[must_use]
+    pub const fn fixed(value: f64) -> Self {
+        Self { value, fixed: true, sigma: None }
+    }
+
+    /// A value with a standard deviation.
+    #[must_use]
+    pub const fn prior(value: f64, sigma: f64) -> Self {
+        Self { value, fixed: false, sigma: Some(sigma) }
+    }
+}
+
+/// What a drawing says about the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum Kind {
+    /// Segments that are plumb in space.
+    Vertical,
+    /// Level segments of one direction.
+    Parallel,
+    /// Level segments, every one at right angles to the first.
+    Perpendicular,
+    /// Floor segments of one unknown length.
+    EqualLength,
+    /// Floor segments of one known length.
+    KnownLength,
+    /// One polyline along an edge that is straight in space.
+    Straight,
+    /// A person or post of known height, from foot to head.
+    Upright,
+}
+
+/// How a kind is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Any number of segments of two or more points.
+    Segments,
+    /// One polyline of three or more points.
+    Polyline,
+    /// One foot and one head.
+    FootAndHead,
+}
+
+/// A row of the table of kinds.
+#[derive(Clone, Copy, Debug)]
+pub struct KindRow {
+    /// Which kind.
+    pub kind: Kind,
+    /// Its name in files.
+    pub name: &'static str,
+    /// Its name on screen.
+    pub title: &'static str,
+    /// How it is drawn.
+    pub shape: Shape,
+    /// The least number of segments that says anything.
+    pub least: usize,
+    /// Whether `length_m` belongs to it.
+    pub has_length: bool,
+}
+
+/// Every kind of annotation, in the order of tools, legends and reports.
+pub const KINDS: [KindRow; 7] = {
+    const fn row(kind: Kind, name: &'static str, title: &'static str, shape: Shape, least: usize) -> KindRow {
+        KindRow { kind, name, title, shape, least, has_length: matches!(kind, Kind::KnownLength) }
+    }
+    [
+        row(Kind::Vertical, "vertical", "Vertical", Shape::Segments, 1),
+        row(Kind::Parallel, "parallel", "Parallel", Shape::Segments, 2),
+        row(Kind::Perpendicular, "perpendicular", "Right angle", Shape::Segments, 2),
+        row(Kind::EqualLength, "equal_length", "Equal length", Shape::Segments, 2),
+        row(Kind::KnownLength, "known_length", "Known length", Shape::Segments, 1),
+        row(Kind::Straight, "straight", "Straight edge", Shape::Polyline, 1),
+        row(Kind::Upright, "upright", "Upright", Shape::FootAndHead, 1),
+    ]
+};
+
+impl Kind {
+    /// This kind's row in [`KINDS`].
+    #[must_use]
+    pub fn row(self) -> &'static KindRow {
+        &KINDS[self as usize]
+    }
+}
+
+/// One annotation of an image. Which fields it has, its [`Kind`] says.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Annotation {
+    /// What it says about the scene.
+    pub kind: Kind,
+    /// By which others refer to it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub id: Option<String>,
+    /// What the operator calls it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub name: Option<String>,
+    /// Not used; its residual is reported all the same.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub off: bool,
+    /// Never set aside as an outlier.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub keep: bool,
+    /// Raw pixels; a length counts from the first point to the last.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub segments: Option<Vec<Vec<Pixel>>>,
+    /// The parallel annotation whose direction is at right angles to this one's.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub at_right_angles_to: Option<String>,
+    /// Length of every segment, in metres.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub length_m: Option<f64>,
+    /// The polyline, raw pixels.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub points: Option<Vec<Pixel>>,
+    /// Where it stands on the floor, raw pixel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub foot: Option<Pixel>,
+    /// Its top, raw pixel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub head: Option<Pixel>,
+    /// From foot to head, in metres.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub height_m: Option<Known>,
+}
+
+impl Annotation {
+    /// An annotation of this kind with nothing drawn yet.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self {
+            kind,
+            id: None,
+            name: None,
+            off: false,
+            keep: false,
+            segments: None,
+            at_right_angles_to: None,
+            length_m: None,
+            points: None,
+            foot: None,
+            head: None,
+            height_m: None,
+        }
+    }
+
+    /// An annotation of segments.
+    #[must_use]
+    pub fn of_segments(kind: Kind, segments: Vec<Vec<Pixel>>) -> Self {
+        Self { segments: Some(segments), ..Self::new(kind) }
+    }
+
+    /// Its polylines as drawn, whatever its kind: what to paint, and the order residuals count in.
+    pub fn polylines(&self) -> impl Iterator<Item = Vec<Pixel>> + '_ {
+        let segments = self.segments.iter().flatten().cloned();
+        let upright = self.foot.zip(self.head).map(|(foot, head)| vec![foot, head]);
+        segments.chain(self.points.clone()).chain(upright)
+    }
+
+    /// How a message calls it: its name or id if it has one, else its kind, with its index.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        let title = self.kind.row().title;
+        match self.name.as_ref().or(self.id.as_ref()) {
+            Some(name) => format!("{title} \"{name}\" (annotation {index})"),
+            None => format!("{title} (annotation {index})"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_kinds() {
+        for row in &KINDS {
+            assert_eq!(row.kind.row().name, row.name);
+        }
+    }
+}

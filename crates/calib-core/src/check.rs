@@ -1,0 +1,666 @@
+//! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
+
+use std::collections::{HashMap, HashSet};
+use std::fmt;
+
+use jiff::Timestamp;
+
+use crate::annotation::{Annotation, Kind, Known, Shape};
+use crate::site::{
+    ControlPointEntry, CovarianceEntry, DistortionEntry, DistortionModel, Georeference, Link, LinkKind, Mark,
+    Plan, Site, SiteCamera, Solution, Stage,
+};
+
+/// Longest text of a site that is read, in bytes; `data:` images included.
+pub const MAX_BYTES: usize = 1 << 30;
+/// Most values in a site: a hostile file cannot fill memory with empty lists.
+pub const MAX_VALUES: usize = 4_000_000;
+/// Most cameras in a site.
+pub const MAX_CAMERAS: usize = 10_000;
+/// Most annotations, control points, links, marks or points in one list.
+pub const MAX_ITEMS: usize = 100_000;
+/// Longest side of an image, in pixels.
+pub const MAX_SIDE: u32 = 65_536;
+/// Longest id or name, in bytes.
+const MAX_NAME: usize = 256;
+/// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
+const MAX_COORDINATE: f64 = 1e9;
+
+/// What is wrong with a site file, and where.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SiteError {
+    /// JSON pointer (RFC 6901) of the value that is wrong.
+    pub pointer: String,
+    /// What was found and what is expected.
+    pub message: String,
+}
+
+impl fmt::Display for SiteError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let pointer = if self.pointer.is_empty() { "the document" } else { &self.pointer };
+        write!(f, "{pointer}: {}", self.message)
+    }
+}
+
+impl std::error::Error for SiteError {}
+
+type Checked = Result<(), SiteError>;
+
+impl Site {
+    /// Reads and checks a site file.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn from_json(text: &str) -> Result<Self, SiteError> {
+        let at_root = |message: String| SiteError { pointer: String::new(), message };
+        if text.len() > MAX_BYTES {
+            let found = text.len();
+            return Err(at_root(format!("found {found} bytes, expected at most {MAX_BYTES}")));
+        }
+        let values = count_values(text);
+        if values > MAX_VALUES {
+            return Err(at_root(format!("found about {values} values, expected at most {MAX_VALUES}")));
+        }
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let pointer = pointer_of(error.path());
+            SiteError { pointer, message: error.into_inner().to_string() }
+        })?;
+        reader.end().map_err(|error| at_root(error.to_string()))?;
+        site.check()?;
+        Ok(site)
+    }
+
+    /// Whether every value is possible and every reference leads somewhere.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn check(&self) -> Checked {
+        let root = At::root();
+        if self.version != 1 {
+            return root.key("version").expected(self.version, "1, the only version there is");
+        }
+        name(&root.key("name"), self.name.as_ref())?;
+        if let Some(plan) = &self.plan {
+            check_plan(&root.key("plan"), plan)?;
+        }
+        if let Some(georeference) = &self.georeference {
+            check_georeference(&root.key("georeference"), georeference)?;
+        }
+        let cameras = root.key("cameras");
+        count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
+        for (i, camera) in self.cameras.iter().enumerate() {
+            check_camera(&cameras.index(i), camera, self)?;
+        }
+        check_periods(&cameras, &self.cameras)?;
+        self.check_elements(&root)
+    }
+
+    fn check_elements(&self, root: &At) -> Checked {
+        let cameras: HashSet<&str> = self.cameras.iter().map(|camera| camera.id.as_str()).collect();
+        count(&root.key("links"), self.links.len(), MAX_ITEMS)?;
+        for (i, link) in self.links.iter().enumerate() {
+            check_link(&root.key("links").index(i), link, &cameras)?;
+        }
+        count(&root.key("marks"), self.marks.len(), MAX_ITEMS)?;
+        for (i, mark) in self.marks.iter().enumerate() {
+            check_mark(&root.key("marks").index(i), mark, &cameras)?;
+        }
+        // Distances name links and marks alike: their ids share one space.
+        let links = self.links.iter().enumerate().map(|(i, link)| ("links", i, link.id.as_ref()));
+        let marks = self.marks.iter().enumerate().map(|(i, mark)| ("marks", i, mark.id.as_ref()));
+        let mut ids = HashSet::new();
+        for (list, index, id) in links.chain(marks) {
+            if let Some(id) = id.filter(|id| !ids.insert(id.as_str())) {
+                let list = root.key(list);
+                let at = list.index(index);
+                return at.key("id").expected(quoted(id), "an id that no other link or mark has");
+            }
+        }
+        let distances = root.key("distances");
+        count(&distances, self.distances.len(), MAX_ITEMS)?;
+        for (i, distance) in self.distances.iter().enumerate() {
+            let at = distances.index(i);
+            for (k, id) in distance.between.iter().enumerate() {
+                if !ids.contains(id.as_str()) {
+                    let between = at.key("between");
+                    return between.index(k).expected(quoted(id), "the id of a link or a mark");
+                }
+            }
+            if distance.between[0] == distance.between[1] {
+                return at.key("between").expected("one id twice", "two different links or marks");
+            }
+            known(&at.key("length_m"), Some(&distance.length_m), Bounds::POSITIVE)?;
+        }
+        Ok(())
+    }
+}
+
+/// About how many values a JSON text holds: one for every bracket and comma outside strings.
+fn count_values(text: &str) -> usize {
+    let (mut values, mut in_string, mut escaped) = (0, false, false);
+    for byte in text.bytes() {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b'[' | b'{' | b',' if !in_string => values += 1,
+            _ => {}
+        }
+    }
+    values
+}
+
+fn pointer_of(path: &serde_path_to_error::Path) -> String {
+    use serde_path_to_error::Segment;
+    path.iter().fold(String::new(), |pointer, segment| match segment {
+        Segment::Seq { index } => format!("{pointer}/{index}"),
+        Segment::Map { key } => format!("{pointer}/{}", escape(key)),
+        Segment::Enum { .. } | Segment::Unknown => pointer,
+    })
+}
+
+fn escape(key: &str) -> String {
+    key.replace('~', "~0").replace('/', "~1")
+}
+
+fn quoted(text: &str) -> String {
+    /// A hostile name does not fill the screen.
+    const MOST: usize = 60;
+    let short: String = text.chars().take(MOST).collect();
+    if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
+}
+
+/// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
+#[derive(Clone, Copy)]
+struct At<'a> {
+    parent: Option<&'a At<'a>>,
+    step: Step<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum Step<'a> {
+    Root,
+    Key(&'a str),
+    Index(usize),
+}
+
+impl<'a> At<'a> {
+    const fn root() -> Self {
+        Self { parent: None, step: Step::Root }
+    }
+
+    const fn key(&'a self, key: &'a str) -> At<'a> {
+        At { parent: Some(self), step: Step::Key(key) }
+    }
+
+    const fn index(&'a self, index: usize) -> At<'a> {
+        At { parent: Some(self), step: Step::Index(index) }
+    }
+
+    fn pointer(&self) -> String {
+        let parent = self.parent.map(At::pointer).unwrap_or_default();
+        match self.step {
+            Step::Root => parent,
+            Step::Key(key) => format!("{parent}/{}", escape(key)),
+            Step::Index(index) => format!("{parent}/{index}"),
+        }
+    }
+
+    fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
+        let message = format!("found {found}, expected {expected}");
+        Err(SiteError { pointer: self.pointer(), message })
+    }
+}
+
+/// The values that a number may have.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: f64,
+    high: f64,
+    what: &'static str,
+}
+
+impl Bounds {
+    const COORDINATE: Self =
+        Self { low: -MAX_COORDINATE, high: MAX_COORDINATE, what: "a number between -1e9 and 1e9" };
+    const POSITIVE: Self =
+        Self { low: f64::MIN_POSITIVE, high: MAX_COORDINATE, what: "a number above 0 and up to 1e9" };
+    const DEGREES: Self = Self { low: -360.0, high: 360.0, what: "degrees between -360 and 360" };
+    const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
+    const COEFFICIENT: Self = Self { low: -1e6, high: 1e6, what: "a number between -1e6 and 1e6" };
+
+    fn check(self, at: &At, value: f64) -> Checked {
+        if value >= self.low && value <= self.high { Ok(()) } else { at.expected(value, self.what) }
+    }
+
+    fn check_all(self, at: &At, values: &[f64]) -> Checked {
+        values.iter().enumerate().try_for_each(|(i, &value)| self.check(&at.index(i), value))
+    }
+}
+
+fn count(at: &At, found: usize, most: usize) -> Checked {
+    if found <= most { Ok(()) } else { at.expected(format!("{found} items"), format!("at most {most}")) }
+}
+
+fn name(at: &At, text: Option<&String>) -> Checked {
+    let Some(text) = text else { return Ok(()) };
+    if text.is_empty() {
+        return at.expected("an empty text", "at least one character");
+    }
+    if text.len() > MAX_NAME {
+        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME}"));
+    }
+    Ok(())
+}
+
+fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {
+    value.map_or(Ok(()), |value| bounds.check(at, value))
+}
+
+fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
+    let Some(known) = known else { return Ok(()) };
+    bounds.check(&at.key("value"), known.value)?;
+    optional(&at.key("sigma"), known.sigma, Bounds::POSITIVE)?;
+    match (known.fixed, known.sigma) {
+        (true, Some(_)) => at.expected("both \"fixed\": true and a sigma", "one of them: held, or a prior"),
+        (false, None) => at.expected("a value alone", "\"fixed\": true to hold it, or a \"sigma\" for a prior"),
+        _ => Ok(()),
+    }
+}
+
+fn check_plan(at: &At, plan: &Plan) -> Checked {
+    Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
+    Bounds::COORDINATE.check_all(&at.key("origin_px"), &<[f64; 2]>::from(plan.origin_px))?;
+    Bounds::DEGREES.check(&at.key("x_axis_deg"), plan.x_axis_deg)?;
+    plan.georeference.as_ref().map_or(Ok(()), |g| check_georeference(&at.key("georeference"), g))
+}
+
+fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
+    Bounds::PITCH.check(&at.key("lat_deg"), georeference.lat_deg)?;
+    Bounds::DEGREES.check(&at.key("lon_deg"), georeference.lon_deg)?;
+    Bounds::DEGREES.check(&at.key("x_axis_azimuth_deg"), georeference.x_axis_azimuth_deg)
+}
+
+fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    name(&at.key("id"), Some(&camera.id))?;
+    name(&at.key("name"), camera.name.as_ref())?;
+    for (i, &side) in camera.size_px.iter().enumerate() {
+        if side == 0 || side > MAX_SIDE {
+            return at.key("size_px").index(i).expected(side, format!("1 to {MAX_SIDE} pixels"));
+        }
+    }
+    check_lens(&at.key("lens"), camera, site)?;
+    known(&at.key("height_m"), camera.height_m.as_ref(), Bounds::POSITIVE)?;
+    optional(&at.key("sigma_px"), camera.sigma_px, Bounds::POSITIVE)?;
+    let annotations = at.key("annotations");
+    count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
+    check_annotations(&annotations, &camera.annotations)?;
+    if let Some(corners) = &camera.efov_px {
+        let efov = at.key("efov_px");
+        pixels(&efov, corners, 3)?;
+        // Enough for any outline, and the floor's accuracy is worked out corner by corner.
+        count(&efov, corners.len(), 1000)?;
+    }
+    if let Some(placement) = &camera.placement {
+        let at = at.key("placement");
+        Bounds::COORDINATE.check_all(&at.key("move_m"), &<[f64; 2]>::from(placement.move_m))?;
+        Bounds::DEGREES.check(&at.key("turn_deg"), placement.turn_deg)?;
+        Bounds { high: 1e6, ..Bounds::POSITIVE }.check(&at.key("scale"), placement.scale)?;
+    }
+    let points = at.key("control_points");
+    count(&points, camera.control_points.len(), MAX_ITEMS)?;
+    let mut ids = HashSet::new();
+    for (i, point) in camera.control_points.iter().enumerate() {
+        check_control_point(&points.index(i), point, site)?;
+        if let Some(id) = point.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            let at = points.index(i);
+            return at.key("id").expected(quoted(id), "an id that no other control point of this camera has");
+        }
+    }
+    camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
+}
+
+fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    let Some(lens) = &camera.lens else { return Ok(()) };
+    known(&at.key("focal_px"), lens.focal_px.as_ref(), Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    known(&at.key("roll_deg"), lens.roll_deg.as_ref(), Bounds::DEGREES)?;
+    known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
+    if let Some(point) = lens.principal_point_px {
+        Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &<[f64; 2]>::from(point))?;
+    }
+    if let Some(distortion) = &lens.distortion {
+        check_distortion(&at.key("distortion"), distortion, lens.focal_px.map(|focal| focal.value))?;
+    }
+    let Some(like) = &lens.like else { return Ok(()) };
+    let at = at.key("like");
+    match site.cameras.iter().find(|other| &other.id == like) {
+        None => at.expected(quoted(like), "the id of a camera of this site"),
+        Some(other) if other.id == camera.id => at.expected("the camera itself", "another camera"),
+        Some(other) if other.lens.as_ref().is_some_and(|lens| lens.like.is_some()) => {
+            at.expected(format!("{}, which is like another one itself", quoted(like)), "the first of them")
+        }
+        Some(_) => Ok(()),
+    }
+}
+
+/// The coefficients a model has, by name.
+fn coefficients(entry: &DistortionEntry) -> [(&'static str, Option<f64>, &'static [DistortionModel]); 7] {
+    use DistortionModel::{BrownConrady, Division, KannalaBrandt};
+    [
+        ("k1", entry.k1, &[BrownConrady, KannalaBrandt]),
+        ("k2", entry.k2, &[BrownConrady, KannalaBrandt]),
+        ("k3", entry.k3, &[BrownConrady, KannalaBrandt]),
+        ("k4", entry.k4, &[KannalaBrandt]),
+        ("p1", entry.p1, &[BrownConrady]),
+        ("p2", entry.p2, &[BrownConrady]),
+        ("lambda", entry.lambda, &[Division]),
+    ]
+}
+
+fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
+    let mut given = false;
+    for (key, value, models) in coefficients(entry) {
+        let Some(value) = value else { continue };
+        given = true;
+        if !models.contains(&entry.model) {
+            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
+        }
+        Bounds::COEFFICIENT.check(&at.key(key), value)?;
+    }
+    optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    if let Some(fit) = &entry.fit {
+        if given {
+            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
+        }
+        for (i, wanted) in fit.iter().enumerate() {
+            let name = serde_json::to_value(wanted).unwrap_or_default();
+            let name = name.as_str().unwrap_or_default();
+            let known = coefficients(entry).iter().any(|(key, _, m)| *key == name && m.contains(&entry.model));
+            if !known || fit[..i].contains(wanted) {
+                return at.key("fit").index(i).expected(quoted(name), "coefficients of this model, each once");
+            }
+        }
+    }
+    if given && entry.focal_px.is_none() && focal.is_none() {
+        return at.expected(
+            "coefficients without a focal",
+            "\"focal_px\" here, which they refer to, or in the lens",
+        );
+    }
+    Ok(())
+}
+
+fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
+    let mut ids = HashSet::new();
+    for (i, annotation) in annotations.iter().enumerate() {
+        let at = at.index(i);
+        check_annotation(&at, annotation)?;
+        if let Some(id) = annotation.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            return at.key("id").expected(quoted(id), "an id that no other annotation of this camera has");
+        }
+    }
+    check_ties(at, annotations)
+}
+
+fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
+    name(&at.key("id"), annotation.id.as_ref())?;
+    name(&at.key("name"), annotation.name.as_ref())?;
+    let row = annotation.kind.row();
+    let belongs = [
+        ("segments", annotation.segments.is_some(), row.shape == Shape::Segments, row.shape == Shape::Segments),
+        ("points", annotation.points.is_some(), row.shape == Shape::Polyline, row.shape == Shape::Polyline),
+        ("foot", annotation.foot.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        ("head", annotation.head.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        ("height_m", annotation.height_m.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        ("length_m", annotation.length_m.is_some(), row.has_length, row.has_length),
+        ("at_right_angles_to", annotation.at_right_angles_to.is_some(), annotation.kind == Kind::Parallel, false),
+    ];
+    for (key, is_there, may, must) in belongs {
+        if is_there && !may {
+            return at.key(key).expected(format!("{key:?}"), format!("fields that {} has", row.name));
+        }
+        if must && !is_there {
+            return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
+        }
+    }
+    for (i, segment) in annotation.segments.iter().flatten().enumerate() {
+        pixels(&at.key("segments").index(i), segment, 2)?;
+    }
+    if let Some(points) = &annotation.points {
+        pixels(&at.key("points"), points, 3)?;
+    }
+    for (key, pixel) in [("foot", annotation.foot), ("head", annotation.head)] {
+        if let Some(pixel) = pixel {
+            Bounds::COORDINATE.check_all(&at.key(key), &<[f64; 2]>::from(pixel))?;
+        }
+    }
+    optional(&at.key("length_m"), annotation.length_m, Bounds::POSITIVE)?;
+    known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
+}
+
+fn pixels(at: &At, pixels: &[crate::space::Pixel], least: usize) -> Checked {
+    if pixels.len() < least {
+        return at.expected(format!("{} points", pixels.len()), format!("at least {least}"));
+    }
+    count(at, pixels.len(), MAX_ITEMS)?;
+    for (i, &pixel) in pixels.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&at.index(i), &<[f64; 2]>::from(pixel))?;
+    }
+    Ok(())
+}
+
+/// Ties lead to parallel annotations and not in a circle.
+fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
+    let by_id: HashMap<&str, usize> = annotations
+        .iter()
+        .enumerate()
+        .filter(|(_, a)| a.kind == Kind::Parallel)
+        .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
+        .collect();
+    let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();
+    for start in 0..annotations.len() {
+        let mut here = start;
+        // A chain longer than the list has come round.
+        for step in 0..=annotations.len() {
+            let Some(id) = tie(here) else { break };
+            let index = at.index(here);
+            let field = index.key("at_right_angles_to");
+            match by_id.get(id) {
+                None => return field.expected(quoted(id), "the id of a parallel annotation of this camera"),
+                Some(_) if step == annotations.len() => {
+                    return field.expected("ties that run in a circle", "a chain that ends");
+                }
+                Some(&next) => here = next,
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
+    name(&at.key("id"), point.id.as_ref())?;
+    name(&at.key("name"), point.name.as_ref())?;
+    Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
+    match (point.world_m, point.plan_px) {
+        (Some(world), None) => {
+            Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?;
+            if point.height_m.is_some() {
+                return at.key("height_m").expected("\"height_m\"", "it only beside \"plan_px\"");
+            }
+        }
+        (None, Some(plan)) => {
+            Bounds::COORDINATE.check_all(&at.key("plan_px"), &<[f64; 2]>::from(plan))?;
+            if site.plan.is_none() {
+                return at.key("plan_px").expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
+            }
+        }
+        (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "one of them"),
+        (None, None) => return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\""),
+    }
+    optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
+    optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
+    optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
+}
+
+fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
+    name(&at.key("id"), link.id.as_ref())?;
+    name(&at.key("name"), link.name.as_ref())?;
+    optional(&at.key("height_m"), link.height_m, Bounds::COORDINATE)?;
+    known(&at.key("length_m"), link.length_m.as_ref(), Bounds::POSITIVE)?;
+    let kind = link.kind;
+    for (key, is_there, of) in [
+        ("height_m", link.height_m.is_some(), LinkKind::Point),
+        ("length_m", link.length_m.is_some(), LinkKind::Post),
+    ] {
+        if is_there && kind != of {
+            return at.key(key).expected(format!("{key:?}"), format!("it only in a link of kind {of:?}"));
+        }
+    }
+    count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
+    for (i, seen) in link.seen.iter().enumerate() {
+        let list = at.key("seen");
+        let at = list.index(i);
+        if !cameras.contains(seen.camera.as_str()) {
+            return at.key("camera").expected(quoted(&seen.camera), "the id of a camera of this site");
+        }
+        let fields = [
+            ("px", seen.px.is_some(), LinkKind::Point),
+            ("foot", seen.foot.is_some(), LinkKind::Post),
+            ("head", seen.head.is_some(), LinkKind::Post),
+            ("segment", seen.segment.is_some(), LinkKind::Line),
+        ];
+        for (key, is_there, of) in fields {
+            if is_there != (kind == of) {
+                let found = if is_there { format!("{key:?}") } else { format!("no {key:?}") };
+                return at.expected(found, "px of a point, foot and head of a post, segment of a line");
+            }
+        }
+        for (key, pixel) in [("px", seen.px), ("foot", seen.foot), ("head", seen.head)] {
+            if let Some(pixel) = pixel {
+                Bounds::COORDINATE.check_all(&at.key(key), &<[f64; 2]>::from(pixel))?;
+            }
+        }
+        if let Some(segment) = &seen.segment {
+            pixels(&at.key("segment"), segment, 2)?;
+        }
+    }
+    Ok(())
+}
+
+fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
+    name(&at.key("id"), mark.id.as_ref())?;
+    name(&at.key("name"), mark.name.as_ref())?;
+    Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
+    Bounds::DEGREES.check(&at.key("turn_deg"), mark.turn_deg)?;
+    let names = mark.kind.size_names();
+    let size = at.key("size_m");
+    if mark.size_m.len() != names.len() {
+        let expected = format!("{} of them: {}", names.len(), names.join(", "));
+        return size.expected(format!("{} numbers", mark.size_m.len()), expected);
+    }
+    Bounds::POSITIVE.check_all(&size, &mark.size_m)?;
+    for (i, value) in mark.size_m.iter().enumerate() {
+        if matches!(names[i], "columns" | "rows") && (value.fract() != 0.0 || *value > 1000.0) {
+            return size.index(i).expected(value, format!("a whole number of {} up to 1000", names[i]));
+        }
+    }
+    count(&at.key("seen"), mark.seen.len(), MAX_ITEMS)?;
+    let shape = mark.shape();
+    for (i, seen) in mark.seen.iter().enumerate() {
+        let list = at.key("seen");
+        let at = list.index(i);
+        if !cameras.contains(seen.camera.as_str()) {
+            return at.key("camera").expected(quoted(&seen.camera), "the id of a camera of this site");
+        }
+        if shape.point(&seen.point).is_none() {
+            return at.key("point").expected(quoted(&seen.point), "the name of a point of this kind of mark");
+        }
+        Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(seen.px))?;
+    }
+    Ok(())
+}
+
+fn check_solution(at: &At, solution: &Solution) -> Checked {
+    Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
+    let point = <[f64; 2]>::from(solution.principal_point_px);
+    Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    let pose = [
+        ("position_m", solution.position_m.is_some()),
+        ("yaw_deg", solution.yaw_deg.is_some()),
+        ("pitch_deg", solution.pitch_deg.is_some()),
+        ("roll_deg", solution.roll_deg.is_some()),
+    ];
+    for (key, is_there) in pose {
+        if !is_there && solution.stage != Stage::Lens {
+            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
+        }
+    }
+    if let Some(position) = solution.position_m {
+        Bounds::COORDINATE.check_all(&at.key("position_m"), &<[f64; 3]>::from(position))?;
+    }
+    let angles = [solution.yaw_deg, solution.pitch_deg, solution.roll_deg];
+    for (key, angle) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().zip(angles) {
+        optional(&at.key(key), angle, Bounds::DEGREES)?;
+    }
+    if let Some(distortion) = &solution.distortion {
+        check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
+    }
+    solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
+}
+
+fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
+    let n = covariance.of.len();
+    count(&at.key("of"), n, 100)?;
+    let expected = n * (n + 1) / 2;
+    if covariance.upper.len() != expected {
+        let found = format!("{} numbers", covariance.upper.len());
+        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
+    }
+    for (i, value) in covariance.upper.iter().enumerate().filter(|(_, value)| !value.is_finite()) {
+        return at.key("upper").index(i).expected(value, "a number");
+    }
+    Ok(())
+}
+
+/// An id may repeat when the periods of validity do not overlap.
+fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
+    let mut periods: HashMap<&str, Vec<(Timestamp, Timestamp)>> = HashMap::new();
+    for (i, camera) in cameras.iter().enumerate() {
+        let at = at.index(i);
+        let from = instant(&at.key("valid_from"), camera.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at.key("valid_to"), camera.valid_to.as_ref(), Timestamp::MAX)?;
+        if from >= to {
+            return at.key("valid_to").expected("a period that ends before it begins", "a later time");
+        }
+        let others = periods.entry(&camera.id).or_default();
+        if others.iter().any(|&(start, end)| from < end && start < to) {
+            let expected = "an id that no other camera has at the same time";
+            return at.key("id").expected(quoted(&camera.id), expected);
+        }
+        others.push((from, to));
+    }
+    Ok(())
+}
+
+fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestamp, SiteError> {
+    let Some(text) = text else { return Ok(absent) };
+    match text.parse() {
+        Ok(instant) => Ok(instant),
+        Err(_) => at.expected(quoted(text), "a time such as 2026-05-01T08:00:00Z").map(|()| absent),
+    }
+}
+
+impl SiteCamera {
+    /// Whether this calibration holds at a time (RFC 3339).
+    ///
+    /// # Errors
+    /// When the text is not a time.
+    pub fn is_valid_at(&self, time: &str) -> Result<bool, SiteError> {
+        let at = At::root();
+        let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
+        let from = instant(&at, self.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at, self.valid_to.as_ref(), Timestamp::MAX)?;
+        Ok(from <= when && when < to)
+    }
+}

@@ -1,0 +1,233 @@
+//! Entries of the site file as the types of the geometry, and back.
+
+use crate::camera::Camera;
+use crate::criterion::Held;
+use crate::lens::{BrownConrady, Distortion, Lens};
+use crate::likelihood::{Prior, Priors};
+use crate::placement::{ControlPoint, Placement};
+use crate::scene::Shape3;
+use crate::site::{
+    ControlPointEntry, DistortionEntry, DistortionModel, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera,
+    Solution,
+};
+use crate::space::{Pixel, PlanScale, WorldPoint};
+
+impl Plan {
+    /// How the plan's picture lies in the base system.
+    #[must_use]
+    pub fn scale(&self) -> PlanScale {
+        PlanScale {
+            metres_per_px: self.metres_per_px,
+            origin: self.origin_px,
+            x_axis: self.x_axis_deg.to_radians(),
+        }
+    }
+}
+
+impl Site {
+    /// Where the site lies on the earth, said by itself or by its plan.
+    #[must_use]
+    pub fn georeference(&self) -> Option<&Georeference> {
+        self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
+    }
+
+    /// The first camera of this id.
+    #[must_use]
+    pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
+        self.cameras.iter().find(|camera| camera.id == id)
+    }
+}
+
+impl Mark {
+    /// The mark as a shape in the base system.
+    #[must_use]
+    pub fn shape(&self) -> Shape3 {
+        let (at, turn_deg) = match &self.solution {
+            Some(solution) => (solution.at_m, solution.turn_deg.unwrap_or(self.turn_deg)),
+            None => (self.at_m, self.turn_deg),
+        };
+        Shape3 { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
+    }
+}
+
+impl PlacementEntry {
+    /// The placement in metres and radians.
+    #[must_use]
+    pub fn placement(&self) -> Placement {
+        Placement { by: self.move_m, turn: self.turn_deg.to_radians(), scale: self.scale }
+    }
+}
+
+impl From<Placement> for PlacementEntry {
+    fn from(placement: Placement) -> Self {
+        Self {
+            move_m: placement.by,
+            turn_deg: placement.turn.to_degrees(),
+            scale: placement.scale,
+            fixed: false,
+        }
+    }
+}
+
+impl ControlPointEntry {
+    /// The point with its place in the base system; `None` for a plan pixel without a plan.
+    #[must_use]
+    pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
+        let on_plan = || -> Option<WorldPoint> {
+            let floor = plan?.scale().floor_from_plan(self.plan_px?);
+            Some(floor.at_height(self.height_m.unwrap_or(0.0)))
+        };
+        Some(ControlPoint { pixel: self.px, world: self.world_m.or_else(on_plan)? })
+    }
+}
+
+impl DistortionEntry {
+    /// An entry of this model without coefficients.
+    #[must_use]
+    pub const fn new(model: DistortionModel) -> Self {
+        Self {
+            model,
+            k1: None,
+            k2: None,
+            k3: None,
+            k4: None,
+            p1: None,
+            p2: None,
+            lambda: None,
+            focal_px: None,
+            fit: None,
+        }
+    }
+
+    /// The coefficients, if they are given: those left out are 0.
+    #[must_use]
+    pub fn distortion(&self) -> Option<Distortion> {
+        let given = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2, self.lambda];
+        given.iter().any(Option::is_some).then_some(())?;
+        let value = |coefficient: Option<f64>| coefficient.unwrap_or(0.0);
+        let [k1, k2, k3, k4, p1, p2, lambda] = given.map(value);
+        Some(match self.model {
+            DistortionModel::BrownConrady => Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }),
+            DistortionModel::Division => Distortion::Division { lambda },
+            DistortionModel::KannalaBrandt => Distortion::KannalaBrandt { k: [k1, k2, k3, k4] },
+        })
+    }
+
+    /// The entry of a lens as a camera of this focal has it; `None` without distortion.
+    ///
+    /// Coefficients are expressed for `focal`, or keep a focal of their own where the model cannot.
+    #[must_use]
+    pub fn of(lens: &Lens, focal: f64) -> Option<Self> {
+        let (distortion, focal_px) = match lens.distortion.rescaled(focal / lens.focal) {
+            Some(distortion) => (distortion, None),
+            None => (lens.distortion, Some(lens.focal)),
+        };
+        match distortion {
+            Distortion::None => None,
+            Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => Some(Self {
+                k1: Some(k1),
+                k2: Some(k2),
+                k3: Some(k3),
+                p1: Some(p1),
+                p2: Some(p2),
+                focal_px,
+                ..Self::new(DistortionModel::BrownConrady)
+            }),
+            Distortion::Division { lambda } => {
+                Some(Self { lambda: Some(lambda), focal_px, ..Self::new(DistortionModel::Division) })
+            }
+            Distortion::KannalaBrandt { k: [k1, k2, k3, k4] } => Some(Self {
+                k1: Some(k1),
+                k2: Some(k2),
+                k3: Some(k3),
+                k4: Some(k4),
+                focal_px,
+                ..Self::new(DistortionModel::KannalaBrandt)
+            }),
+        }
+    }
+}
+
+impl SiteCamera {
+    /// The principal point: the one given, or the image centre.
+    #[must_use]
+    pub fn principal_point(&self) -> Pixel {
+        let [width, height] = self.size();
+        let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        given.unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+    }
+
+    /// The lens as far as it is given: distortion held at its coefficients, or none.
+    #[must_use]
+    pub fn lens(&self) -> Lens {
+        let pinhole = Lens::pinhole(self.principal_point());
+        let given = || {
+            let entry = self.lens.as_ref()?;
+            let coefficients = entry.distortion.as_ref()?;
+            let focal = coefficients.focal_px.or(entry.focal_px.map(|focal| focal.value))?;
+            Some(Lens { focal, distortion: coefficients.distortion()?, ..pinhole })
+        };
+        given().unwrap_or(pinhole)
+    }
+
+    /// What of the orientation is held.
+    #[must_use]
+    pub fn held(&self) -> Held {
+        let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
+        let Some(lens) = &self.lens else { return Held::default() };
+        Held {
+            roll: fixed(lens.roll_deg).map(f64::to_radians),
+            pitch: fixed(lens.pitch_deg).map(f64::to_radians),
+            focal: fixed(lens.focal_px),
+        }
+    }
+
+    /// What is believed of the orientation and the height.
+    #[must_use]
+    pub fn priors(&self) -> Priors {
+        let prior = |known: Option<crate::Known>| {
+            known.and_then(|known| Some(Prior { value: known.value, sigma: known.sigma? }))
+        };
+        let radians = |known: Option<crate::Known>| {
+            prior(known).map(|p| Prior { value: p.value.to_radians(), sigma: p.sigma.to_radians() })
+        };
+        let lens = self.lens.as_ref();
+        Priors {
+            roll: radians(lens.and_then(|lens| lens.roll_deg)),
+            pitch: radians(lens.and_then(|lens| lens.pitch_deg)),
+            focal: prior(lens.and_then(|lens| lens.focal_px)),
+            height: prior(self.height_m),
+            weak_log_focal: None,
+        }
+    }
+
+    /// The calibrated camera, if it was solved beyond its lens.
+    #[must_use]
+    pub fn camera(&self) -> Option<Camera> {
+        self.solution.as_ref()?.camera()
+    }
+}
+
+impl Solution {
+    /// The calibrated camera; `None` when only the lens is known.
+    #[must_use]
+    pub fn camera(&self) -> Option<Camera> {
+        Some(Camera {
+            position: self.position_m?,
+            yaw: self.yaw_deg?.to_radians(),
+            pitch: self.pitch_deg?.to_radians(),
+            roll: self.roll_deg?.to_radians(),
+            focal: self.focal_px,
+            lens: self.lens(),
+        })
+    }
+
+    /// Principal point and distortion.
+    #[must_use]
+    pub fn lens(&self) -> Lens {
+        let pinhole = Lens { focal: self.focal_px, ..Lens::pinhole(self.principal_point_px) };
+        let Some(entry) = &self.distortion else { return pinhole };
+        let focal = entry.focal_px.unwrap_or(self.focal_px);
+        Lens { focal, distortion: entry.distortion().unwrap_or_default(), ..pinhole }
+    }
+}

@@ -1,0 +1,477 @@
+//! Lens distortion: models, both directions, and the domain in which a lens can be inverted.
+
+use crate::space::{Pixel, UndistortedPixel};
+
+/// A lens: where its axis meets the image and how it bends lines.
+///
+/// The map is one of pixels: [`Lens::focal`] is the focal that the coefficients refer to, and it
+/// stays as it is when the focal of the [`Camera`](crate::Camera) changes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Principal point, in pixels.
+    pub principal_point: Pixel,
+    /// Focal that normalises the coordinates the coefficients apply to, in pixels.
+    pub focal: f64,
+    /// Distortion of the normalised coordinates.
+    pub distortion: Distortion,
+}
+
+/// Distortion of coordinates divided by the focal, in the terms of OpenCV.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Distortion {
+    /// A perfect pinhole.
+    #[default]
+    None,
+    /// Radial k1, k2, k3 and tangential p1, p2; OpenCV's order of a vector is k1, k2, p1, p2, k3.
+    BrownConrady(BrownConrady),
+    /// `x_undistorted = x_distorted / (1 + lambda r_distorted^2)` (Fitzgibbon 2001).
+    Division {
+        /// The one coefficient; negative for barrel distortion.
+        lambda: f64,
+    },
+    /// OpenCV's fisheye: `theta_distorted = theta (1 + k1 theta^2 + ... + k4 theta^8)`.
+    KannalaBrandt {
+        /// k1 to k4.
+        k: [f64; 4],
+    },
+}
+
+/// Coefficients of the Brown-Conrady model, as OpenCV names them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BrownConrady {
+    /// Radial, with r^2.
+    pub k1: f64,
+    /// Radial, with r^4.
+    pub k2: f64,
+    /// Radial, with r^6.
+    pub k3: f64,
+    /// Tangential: vertical decentring.
+    pub p1: f64,
+    /// Tangential: horizontal decentring.
+    pub p2: f64,
+}
+
+impl Lens {
+    /// A lens that does not bend lines.
+    #[must_use]
+    pub const fn pinhole(principal_point: Pixel) -> Self {
+        Self { principal_point, focal: 1.0, distortion: Distortion::None }
+    }
+
+    /// Where a pinhole would show what this lens shows at `pixel`.
+    ///
+    /// `None` outside the domain in which the lens can be inverted: no ray of the scene leads there.
+    #[must_use]
+    pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
+        if self.distortion == Distortion::None {
+            return Some(UndistortedPixel { u: pixel.u, v: pixel.v });
+        }
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        let [x, y] = self.distortion.undistort([(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal])?;
+        Some(UndistortedPixel { u: cu + self.focal * x, v: cv + self.focal * y })
+    }
+
+    /// Where this lens shows what a pinhole would show at `pixel`.
+    ///
+    /// `None` beyond [`Distortion::max_radius`], where the model folds back on itself.
+    #[must_use]
+    pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
+        if self.distortion == Distortion::None {
+            return Some(Pixel { u: pixel.u, v: pixel.v });
+        }
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        let [x, y] = self.distortion.distort([(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal])?;
+        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
+    }
+
+    /// The same map of pixels with coefficients that refer to another focal.
+    ///
+    /// `None` for the Kannala-Brandt model, whose coefficients have a focal of their own.
+    #[must_use]
+    pub fn at_focal(&self, focal: f64) -> Option<Self> {
+        let ratio = focal / self.focal;
+        Some(Self { focal, distortion: self.distortion.rescaled(ratio)?, ..*self })
+    }
+
+    /// `d undistorted / d raw` at `pixel`, by central differences of a hundredth of a pixel, rows u and v.
+    #[must_use]
+    pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
+        // Truncation 1e-4 px^2 times the third derivative, rounding 1e-11: both far below a drawn pixel.
+        const STEP: f64 = 0.01;
+        if self.distortion == Distortion::None {
+            return Some([[1.0, 0.0], [0.0, 1.0]]);
+        }
+        let at = |du: f64, dv: f64| self.undistort(Pixel { u: pixel.u + du, v: pixel.v + dv });
+        let (right, left) = (at(STEP, 0.0)?, at(-STEP, 0.0)?);
+        let (down, up) = (at(0.0, STEP)?, at(0.0, -STEP)?);
+        let half = 0.5 / STEP;
+        Some([
+            [(right.u - left.u) * half, (down.u - up.u) * half],
+            [(right.v - left.v) * half, (down.v - up.v) * half],
+        ])
+    }
+}
+
+impl Distortion {
+    /// Radius of the largest disc of undistorted, focal-normalised coordinates on which the radial
+    /// part grows; infinite where it always does. Beyond it the model is not a lens.
+    #[must_use]
+    pub fn max_radius(&self) -> f64 {
+        match *self {
+            Self::None => f64::INFINITY,
+            Self::BrownConrady(b) => b.radial().first_turn(),
+            Self::Division { lambda } if lambda > 0.0 => 0.5 / lambda.sqrt(),
+            Self::Division { .. } => f64::INFINITY,
+            Self::KannalaBrandt { k } => {
+                let theta = OddPolynomial(k).first_turn();
+                if theta < std::f64::consts::FRAC_PI_2 { theta.tan() } else { f64::INFINITY }
+            }
+        }
+    }
+
+    /// Distorted from undistorted, both divided by the focal. `None` beyond [`Self::max_radius`].
+    #[must_use]
+    pub fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let scale = match *self {
+            Self::None => 1.0,
+            Self::BrownConrady(b) => return b.is_regular([x, y]).then(|| b.distort([x, y])),
+            Self::Division { lambda } => {
+                let root = 1.0 - 4.0 * lambda * (x * x + y * y);
+                if root < 0.0 {
+                    return None;
+                }
+                2.0 / (1.0 + root.sqrt())
+            }
+            Self::KannalaBrandt { k } => {
+                let radius = x.hypot(y);
+                let theta = radius.atan();
+                if theta > OddPolynomial(k).first_turn() {
+                    return None;
+                }
+                if radius < 1e-9 { 1.0 } else { OddPolynomial(k).value(theta) / radius }
+            }
+        };
+        let bent = [scale * x, scale * y];
+        bent.iter().all(|value| value.is_finite()).then_some(bent)
+    }
+
+    /// Undistorted from distorted, both divided by the focal, to 1e-12.
+    ///
+    /// `None` where no undistorted point inside [`Self::max_radius`] leads here.
+    #[must_use]
+    pub fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let scale = match *self {
+            Self::None => 1.0,
+            Self::BrownConrady(b) => return b.undistort([x, y]),
+            Self::Division { lambda } => {
+                let square = x * x + y * y;
+                if lambda > 0.0 && square > 1.0 / lambda {
+                    return None;
+                }
+                let divisor = 1.0 + lambda * square;
+                if divisor <= 0.0 {
+                    return None;
+                }
+                divisor.recip()
+            }
+            Self::KannalaBrandt { k } => {
+                let radius = x.hypot(y);
+                let theta = OddPolynomial(k).inverse(radius)?;
+                if theta >= std::f64::consts::FRAC_PI_2 {
+                    return None;
+                }
+                if radius < 1e-9 { 1.0 } else { theta.tan() / radius }
+            }
+        };
+        let straight = [scale * x, scale * y];
+        straight.iter().all(|value| value.is_finite()).then_some(straight)
+    }
+
+    /// The coefficients of the same map of pixels when the focal is multiplied by `ratio`.
+    ///
+    /// `None` for Kannala-Brandt: its map of pixels exists at one focal only.
+    #[must_use]
+    pub fn rescaled(&self, ratio: f64) -> Option<Self> {
+        let square = ratio * ratio;
+        match *self {
+            Self::None => Some(Self::None),
+            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => Some(Self::BrownConrady(BrownConrady {
+                k1: k1 * square,
+                k2: k2 * square.powi(2),
+                k3: k3 * square.powi(3),
+                p1: p1 * ratio,
+                p2: p2 * ratio,
+            })),
+            Self::Division { lambda } => Some(Self::Division { lambda: lambda * square }),
+            Self::KannalaBrandt { .. } => (ratio == 1.0).then_some(*self),
+        }
+    }
+}
+
+impl BrownConrady {
+    /// The radial part, as a polynomial of the radius.
+    pub(crate) fn radial(&self) -> OddPolynomial {
+        OddPolynomial([self.k1, self.k2, self.k3, 0.0])
+    }
+
+    /// `x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)`, and
+    /// `y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y`.
+    #[inline]
+    pub(crate) fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let square = x * x + y * y;
+        let radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3));
+        [
+            x * radial + 2.0 * self.p1 * x * y + self.p2 * (square + 2.0 * x * x),
+            y * radial + self.p1 * (square + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+        ]
+    }
+
+    /// Derivative of [`Self::distort`], which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
+    #[inline]
+    pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        let square = x * x + y * y;
+        let radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3));
+        let slope = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
+        [
+            radial + 2.0 * x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
+            2.0 * x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y,
+            radial + 2.0 * y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
+        ]
+    }
+
+    /// Whether the map can be inverted around this undistorted point.
+    fn is_regular(&self, point: [f64; 2]) -> bool {
+        let [a, b, d] = self.jacobian(point);
+        point[0].hypot(point[1]) <= self.radial().first_turn() && a * d - b * b > 0.0 && a + d > 0.0
+    }
+
+    /// Newton's method from the solution of the radial part, which a bracket guards.
+    fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        /// Newton doubles its digits: the tangential part is small, five steps are many.
+        const ROUNDS: usize = 20;
+        /// Of the focal-normalised coordinates; a millionth of a millionth of the focal.
+        const TOLERANCE: f64 = 1e-13;
+        let radius = x.hypot(y);
+        let tangential = self.p1 != 0.0 || self.p2 != 0.0;
+        let straight = match self.radial().inverse(radius) {
+            Some(straight) => straight,
+            None if tangential => self.radial().first_turn() * 0.999,
+            None => return None,
+        };
+        let scale = if radius > 0.0 { straight / radius } else { 1.0 };
+        let mut point = [scale * x, scale * y];
+        if !tangential {
+            return point.iter().all(|value| value.is_finite()).then_some(point);
+        }
+        for _ in 0..ROUNDS {
+            let bent = self.distort(point);
+            let (ex, ey) = (bent[0] - x, bent[1] - y);
+            let [a, b, d] = self.jacobian(point);
+            let determinant = a * d - b * b;
+            let step = [(d * ex - b * ey) / determinant, (a * ey - b * ex) / determinant];
+            point = [point[0] - step[0], point[1] - step[1]];
+            if step[0].abs().max(step[1].abs()) < TOLERANCE * (1.0 + radius) {
+                let bent = self.distort(point);
+                let close = (bent[0] - x).hypot(bent[1] - y) < 1e-12 * (1.0 + radius);
+                return (close && self.is_regular(point)).then_some(point);
+            }
+        }
+        None
+    }
+}
+
+/// `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)`: what a radial lens does to a radius or an angle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OddPolynomial(pub(crate) [f64; 4]);
+
+impl OddPolynomial {
+    pub(crate) fn value(&self, r: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        let s = r * r;
+        r * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    }
+
+    fn slope(&self, r: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        let s = r * r;
+        1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
+    }
+
+    /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.
+    pub(crate) fn first_turn(&self) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        if k3 == 0.0 && k4 == 0.0 {
+            return first_turn_of_two(3.0 * k1, 5.0 * k2);
+        }
+        let roots = positive_roots(&[1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4]);
+        roots.first().map_or(f64::INFINITY, |s| s.sqrt())
+    }
+
+    /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method
+    /// kept inside a bracket, so that it always ends.
+    pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
+        let turn = self.first_turn();
+        let mut high = if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? };
+        if value.is_nan() || value > self.value(high) {
+            return None;
+        }
+        let mut low = 0.0;
+        let mut r = value.min(0.5 * (low + high) + 0.5 * value.min(high)).min(high);
+        // Every round halves the bracket or doubles the digits.
+        for _ in 0..200 {
+            let error = self.value(r) - value;
+            if error > 0.0 {
+                high = r;
+            } else {
+                low = r;
+            }
+            let newton = r - error / self.slope(r);
+            if (newton - r).abs() <= 2.0 * f64::EPSILON * (1.0 + r) {
+                return Some(newton.clamp(low.min(r), high.max(r)));
+            }
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            r = next;
+        }
+        Some(r)
+    }
+}
+
+/// The smallest positive `r` with `1 + a r^2 + b r^4 = 0`; infinite if there is none.
+fn first_turn_of_two(a: f64, b: f64) -> f64 {
+    let discriminant = a * a - 4.0 * b;
+    if discriminant < 0.0 {
+        return f64::INFINITY;
+    }
+    // 2 c / (-b -+ sqrt(...)) form: no cancellation, and right for b = 0.
+    let divisor = -a + discriminant.sqrt();
+    if divisor > 0.0 { (2.0 / divisor).sqrt() } else { f64::INFINITY }
+}
+
+/// A radius at which a growing function exceeds `value`; `None` if there is none below a million.
+fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
+    let mut radius = value.abs().max(1.0);
+    while radius < 1e6 {
+        if function(radius) >= value {
+            return Some(radius);
+        }
+        radius *= 2.0;
+    }
+    None
+}
+
+/// The positive roots of a polynomial, ascending; coefficients from the constant upwards.
+///
+/// Between two neighbouring roots of the derivative there is at most one root: bisect there.
+fn positive_roots(coefficients: &[f64]) -> Vec<f64> {
+    let degree = coefficients.iter().rposition(|&c| c != 0.0).unwrap_or(0);
+    if degree == 0 {
+        return Vec::new();
+    }
+    let coefficients = &coefficients[..=degree];
+    let value = |s: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c);
+    let derivative: Vec<f64> = coefficients.iter().enumerate().skip(1).map(|(i, c)| i as f64 * c).collect();
+    let leading = coefficients[degree];
+    let bound = 1.0 + coefficients.iter().fold(0.0_f64, |most, c| most.max((c / leading).abs()));
+    let mut knots = vec![0.0];
+    knots.extend(positive_roots(&derivative).into_iter().filter(|&s| s < bound));
+    knots.push(bound);
+    let mut roots = Vec::new();
+    for pair in knots.windows(2) {
+        let (mut low, mut high) = (pair[0], pair[1]);
+        let positive_at_low = value(low) > 0.0;
+        if positive_at_low == (value(high) > 0.0) {
+            continue;
+        }
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            if (value(middle) > 0.0) == positive_at_low { low = middle } else { high = middle }
+        }
+        roots.push(low);
+    }
+    roots
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn any_distortion() -> impl Strategy<Value = Distortion> {
+        let brown = (-0.4..0.3_f64, -0.2..0.2_f64, -0.05..0.05_f64, -0.003..0.003_f64, -0.003..0.003_f64)
+            .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
+        let fisheye = [-0.1..0.1_f64, -0.05..0.05_f64, -0.02..0.02_f64, -0.005..0.005_f64]
+            .prop_map(|k| Distortion::KannalaBrandt { k });
+        prop_oneof![brown, (-1.0..0.5_f64).prop_map(|lambda| Distortion::Division { lambda }), fisheye]
+    }
+
+    proptest! {
+        #[test]
+        fn undistorting_a_distorted_point_gives_it_back(
+            distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
+        ) {
+            if let Some(bent) = distortion.distort([x, y]) {
+                // At the very fold the slope vanishes, and digits with it.
+                prop_assume!(x.hypot(y) < 0.98 * distortion.max_radius());
+                let back = distortion.undistort(bent);
+                if let Some(back) = back {
+                    prop_assert!((back[0] - x).hypot(back[1] - y) < 1e-10, "{back:?} {x} {y}");
+                } else {
+                    let radial = matches!(distortion, Distortion::BrownConrady(b) if b.p1 != 0.0);
+                    prop_assert!(radial && x.hypot(y) > 0.8 * distortion.max_radius(), "lost inside the domain");
+                }
+            }
+        }
+
+        #[test]
+        fn distorting_an_undistorted_point_gives_it_back(
+            distortion in any_distortion(), x in -1.0..1.0_f64, y in -1.0..1.0_f64,
+        ) {
+            if let Some(straight) = distortion.undistort([x, y]) {
+                prop_assume!(straight[0].hypot(straight[1]) < 100.0);
+                let back = distortion.distort(straight);
+                prop_assert!(back.is_some(), "undistorted out of the domain: {straight:?}");
+                if let Some(back) = back {
+                    prop_assert!((back[0] - x).hypot(back[1] - y) < 1e-11, "{back:?} {x} {y}");
+                }
+            }
+        }
+
+        #[test]
+        fn a_rescaled_lens_is_the_same_map_of_pixels(
+            distortion in any_distortion(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, focal in 600.0..3000.0_f64,
+        ) {
+            let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion };
+            if let (Some(other), Some(straight)) = (lens.at_focal(focal), lens.undistort(Pixel { u, v })) {
+                let again = other.undistort(Pixel { u, v });
+                prop_assert!(again.is_some_and(|p| p.distance(straight) < 1e-7 * (1.0 + straight.u.abs())));
+            }
+        }
+
+        #[test]
+        fn the_first_turn_is_where_the_slope_vanishes_first(
+            k in [-0.5..0.5_f64, -0.3..0.3_f64, -0.1..0.1_f64, -0.05..0.05_f64],
+        ) {
+            let polynomial = OddPolynomial(k);
+            let turn = polynomial.first_turn();
+            for i in 1..200 {
+                let r = f64::from(i) / 200.0 * turn.min(20.0) * 0.9999;
+                prop_assert!(polynomial.slope(r) > 0.0, "slope {} at {r} before {turn}", polynomial.slope(r));
+            }
+            if turn.is_finite() {
+                prop_assert!(polynomial.slope(turn * 1.0001) < 1e-6 * (1.0 + turn.powi(8)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_barrel_lens_says_where_it_folds() {
+        let b = BrownConrady { k1: -0.35, ..BrownConrady::default() };
+        let turn = Distortion::BrownConrady(b).max_radius();
+        assert!((1.0 - 3.0 * 0.35 * turn * turn).abs() < 1e-12);
+        assert_eq!(Distortion::BrownConrady(b).distort([turn * 1.01, 0.0]), None);
+        assert_eq!(Distortion::BrownConrady(b).undistort([b.radial().value(turn) * 1.01, 0.0]), None);
+    }
+}

@@ -1,0 +1,95 @@
+//! Two-stage calibration of the cameras of a site from scene geometry, one still image each.
+//!
+//! The method is that of A. Abramov, "Two-Stage Camera Calibration Method for Multi-Camera Systems
+//! Using Scene Geometry":
+//!
+//! 1. [`Lens`]: distortion, before all else.
+//! 2. Stage 1, one camera: lines the operator draws ([`Annotation`]) give roll, pitch and focal;
+//!    the polygon of the effective field of view is projected on the floor ([`efov_on_floor`]),
+//!    right in shape, with the camera 3 m above (0, 0).
+//! 3. Stage 2, the site: moving, turning and scaling that polygon ([`Placement`]), or control
+//!    points, give x0, y0, yaw and z0.
+//! 4. The result: a [`Camera`] maps pixels to the floor and points of space to pixels.
+//!
+//! # Conventions
+//!
+//! - Base system: right-handed, metres, z up, floor at z = 0; the camera is at (x0, y0, z0).
+//! - With yaw = pitch = roll = 0 the optical axis looks along +y, image right is +x, image down is -z.
+//! - yaw turns about world z, counter-clockwise seen from above; pitch is positive looking down; roll
+//!   is about the optical axis, positive when the camera is turned clockwise seen from behind; applied
+//!   in the order yaw, pitch, roll. Radians in code, degrees in files and on screen (`_deg`).
+//! - Pixels: x right, y down, the image spans `[0, width] x [0, height]`, so the centre of the first
+//!   pixel is (0.5, 0.5). OpenCV's pixel is ours minus 0.5.
+//! - Square pixels, one focal in pixels; the principal point defaults to the image centre.
+//! - Distortion in OpenCV's terms, on focal-normalised coordinates.
+//!
+//! # Example
+//!
+//! ```
+//! use calib_core::{Camera, Lens, Pixel, WorldPoint};
+//!
+//! let camera = Camera {
+//!     position: WorldPoint::new(0.0, 0.0, 3.0),
+//!     yaw: 0.0,
+//!     pitch: 30_f64.to_radians(),
+//!     roll: 0.0,
+//!     focal: 1400.0,
+//!     lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+//! };
+//! let foot = camera.pixel_to_floor(Pixel::new(960.0, 540.0), 0.0).unwrap();
+//! assert!((foot.y - 3.0 / 30_f64.to_radians().tan()).abs() < 1e-12);
+//! assert_eq!(camera.pixel_to_floor(Pixel::new(960.0, -600.0), 0.0), None, "above the horizon");
+//! ```
+
+// A module uses only those above it; a test holds this order.
+mod minimize;
+mod report;
+mod space;
+mod lens;
+mod camera;
+mod annotation;
+mod evidence;
+mod vanishing;
+mod criterion;
+mod placement;
+mod dual;
+mod likelihood;
+mod efov;
+mod scene;
+mod projector;
+mod remap;
+#[cfg(feature = "serde")]
+mod site;
+#[cfg(feature = "serde")]
+mod entry;
+#[cfg(feature = "serde")]
+mod check;
+#[cfg(feature = "serde")]
+mod calibrate;
+
+pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape};
+pub use camera::{Camera, Ray, angles_from_rotation, camera_from_world};
+pub use criterion::{Held, Orientation, minimum as paper_minimum};
+pub use efov::{Efov, default_efov, efov_on_floor};
+pub use evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
+pub use lens::{BrownConrady, Distortion, Lens};
+pub use likelihood::{Prior, Priors};
+pub use placement::{ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points};
+pub use projector::FloorProjector;
+pub use remap::{Crop, Remap};
+pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
+pub use scene::{
+    MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical,
+};
+pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+
+#[cfg(feature = "serde")]
+pub use calibrate::{Options, Report};
+#[cfg(feature = "serde")]
+pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, SiteError};
+#[cfg(feature = "serde")]
+pub use site::{
+    Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
+    ElementSolution, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen, Method, Overlap,
+    PlacementEntry, Plan, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteSolution, Solution, Stage,
+};

@@ -1,0 +1,659 @@
+//! Stage 1 by maximum likelihood: roll, pitch, focal and height together, every constraint one
+//! residual in pixels, so that nothing needs a weight set by hand.
+//!
+//! Core unknowns are roll, pitch, log focal and log height; beside them every floor direction has an
+//! angle and every group of equal segments a log length. A residual depends on the core and on one
+//! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
+
+use nalgebra::{Matrix4, SymmetricEigen};
+
+use crate::criterion::{Held, Orientation};
+use crate::dual::{Dual, Slope};
+use crate::evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
+use crate::minimize::LeastSquares;
+use crate::placement::STAGE_1_HEIGHT;
+use crate::vanishing::line_through;
+
+/// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
+pub(crate) type Core = [f64; 4];
+
+/// Index of the unknowns in [`Core`].
+pub(crate) const ROLL: usize = 0;
+pub(crate) const PITCH: usize = 1;
+pub(crate) const LOG_FOCAL: usize = 2;
+pub(crate) const LOG_HEIGHT: usize = 3;
+
+/// A value that an unknown is believed to have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// In the unknown's own unit: radians, pixels, metres.
+    pub value: f64,
+    /// Standard deviation, in the same unit.
+    pub sigma: f64,
+}
+
+/// What is believed of roll, pitch, focal and height.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Priors {
+    /// In radians.
+    pub roll: Option<Prior>,
+    /// In radians.
+    pub pitch: Option<Prior>,
+    /// In pixels.
+    pub focal: Option<Prior>,
+    /// In metres.
+    pub height: Option<Prior>,
+    /// Of the log of the focal, where the lines alone do not tell it.
+    pub weak_log_focal: Option<Prior>,
+}
+
+/// The fit of one camera: evidence, what is held and what is believed.
+#[derive(Clone, Debug)]
+pub(crate) struct Problem<'a> {
+    pub(crate) evidence: &'a Evidence,
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub(crate) sigma: f64,
+    pub(crate) priors: Priors,
+    /// Which of the core unknowns are free.
+    pub(crate) free: [bool; 4],
+    /// Pieces of evidence set aside.
+    pub(crate) aside: &'a [Source],
+    /// Width of the image, in pixels: the unit of the possible focals.
+    pub(crate) width: f64,
+}
+
+/// A value for every unknown.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    pub(crate) core: Core,
+    /// Angle of every floor direction in radians, then the log length of every group of lengths
+    /// in units of the camera height.
+    pub(crate) nuisance: Vec<f64>,
+}
+
+impl State {
+    pub(crate) fn orientation(&self) -> Orientation {
+        let [roll, pitch, log_focal, _] = self.core;
+        Orientation { roll, pitch, focal: log_focal.exp() }
+    }
+}
+
+/// Normal equations with one unknown beside the core per block.
+#[derive(Clone, Debug)]
+pub(crate) struct Normal {
+    cost: f64,
+    core: [[f64; 4]; 4],
+    gradient: [f64; 4],
+    blocks: Vec<Block>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Block {
+    square: f64,
+    cross: [f64; 4],
+    gradient: f64,
+}
+
+impl Normal {
+    fn new(nuisances: usize) -> Self {
+        Self { cost: 0.0, core: [[0.0; 4]; 4], gradient: [0.0; 4], blocks: vec![Block::default(); nuisances] }
+    }
+
+    #[inline]
+    fn add(&mut self, residual: f64, slope: &Slope, nuisance: Option<(usize, f64)>) {
+        self.cost += residual * residual;
+        for i in 0..4 {
+            self.gradient[i] += slope[i] * residual;
+            for j in i..4 {
+                self.core[i][j] += slope[i] * slope[j];
+            }
+        }
+        if let Some((index, derivative)) = nuisance {
+            let block = &mut self.blocks[index];
+            block.square += derivative * derivative;
+            block.gradient += derivative * residual;
+            for i in 0..4 {
+                block.cross[i] += derivative * slope[i];
+            }
+        }
+    }
+
+    /// The core's equations with every block eliminated; damping multiplies the diagonal.
+    fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
+        let grow = 1.0 + damping;
+        let mut matrix = [[0.0; 4]; 4];
+        let mut right = self.gradient.map(|g| -g);
+        for i in 0..4 {
+            for j in i..4 {
+                matrix[i][j] = self.core[i][j] * if i == j { grow } else { 1.0 };
+            }
+        }
+        for block in self.blocks.iter().filter(|block| block.square > 0.0) {
+            let pivot = block.square * grow;
+            for i in 0..4 {
+                right[i] += block.cross[i] * block.gradient / pivot;
+                for j in i..4 {
+                    matrix[i][j] -= block.cross[i] * block.cross[j] / pivot;
+                }
+            }
+        }
+        for i in 0..4 {
+            for j in 0..i {
+                matrix[i][j] = matrix[j][i];
+            }
+        }
+        for i in (0..4).filter(|&i| !free[i]) {
+            for j in 0..4 {
+                matrix[i][j] = 0.0;
+                matrix[j][i] = 0.0;
+            }
+            matrix[i][i] = 1.0;
+            right[i] = 0.0;
+        }
+        (matrix, right)
+    }
+
+    /// Information about the core: the inverse of its covariance, held unknowns with rows of zeros.
+    pub(crate) fn information(&self, free: [bool; 4]) -> Matrix4<f64> {
+        let (matrix, _) = self.reduced(0.0, free);
+        let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
+        for i in (0..4).filter(|&i| !free[i]) {
+            information[(i, i)] = 0.0;
+        }
+        information
+    }
+}
+
+/// The covariance of the free unknowns and its weakest direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Uncertainty {
+    /// Of roll, pitch, log focal, log height; zeros for those held. Where the evidence leaves a
+    /// direction open, its variance is large, not infinite.
+    pub(crate) covariance: Matrix4<f64>,
+    /// Whether the evidence leaves a direction open.
+    pub(crate) singular: bool,
+}
+
+impl Uncertainty {
+    /// From information with rows of zeros for what is held.
+    pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
+        /// Relative to the best-known direction: below it the inverse is rounding.
+        const OPEN: f64 = 1e-13;
+        let scale: [f64; 4] = std::array::from_fn(|i| {
+            let diagonal = information[(i, i)];
+            if free[i] && diagonal > 0.0 { diagonal.sqrt().recip() } else { 0.0 }
+        });
+        let untouched = (0..4).any(|i| free[i] && scale[i] == 0.0);
+        let scaled = Matrix4::from_fn(|i, j| {
+            if scale[i] == 0.0 || scale[j] == 0.0 {
+                f64::from(u8::from(i == j))
+            } else {
+                information[(i, j)] * scale[i] * scale[j]
+            }
+        });
+        let eigen = SymmetricEigen::new(scaled);
+        let most = eigen.eigenvalues.max();
+        let least = OPEN * most;
+        let singular = untouched || eigen.eigenvalues.min() < least;
+        let inverse = eigen.eigenvectors
+            * Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(least).recip()))
+            * eigen.eigenvectors.transpose();
+        let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+        for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
+            // Nothing at all is known of it: as uncertain as a factor of e^1000.
+            covariance[(i, i)] = 1e6;
+        }
+        Self { covariance, singular }
+    }
+
+    pub(crate) fn sigma(&self, index: usize) -> f64 {
+        self.covariance[(index, index)].max(0.0).sqrt()
+    }
+}
+
+impl<'a> Problem<'a> {
+    /// The problem of this evidence with what is held, at the start of everything else.
+    pub(crate) fn new(evidence: &'a Evidence, held: Held, priors: Priors, sigma: f64, width: f64) -> Self {
+        let tells_height = priors.height.is_some()
+            || !evidence.uprights.is_empty()
+            || evidence.lengths.iter().any(|length| evidence.length_groups[length.group].is_some());
+        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), tells_height];
+        Self { evidence, sigma, priors, free, aside: &[], width }
+    }
+
+    /// Number of residuals minus number of unknowns.
+    pub(crate) fn dof(&self) -> i64 {
+        let mut used = vec![false; self.nuisances()];
+        let mut count = 0_i64;
+        for line in self.lines() {
+            count += 1;
+            if let Toward::Floor { group, .. } = line.toward {
+                used[group] = true;
+            }
+        }
+        for length in self.lengths() {
+            count += 1;
+            if self.evidence.length_groups[length.group].is_none() {
+                used[self.evidence.groups + length.group] = true;
+            }
+        }
+        count += 2 * self.uprights().count() as i64;
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
+        let unknowns = self.free.iter().filter(|&&free| free).count() + used.iter().filter(|&&u| u).count();
+        count - unknowns as i64
+    }
+
+    fn nuisances(&self) -> usize {
+        self.evidence.groups + self.evidence.length_groups.len()
+    }
+
+    fn in_use(&self, source: Source) -> bool {
+        self.aside.is_empty() || !self.aside.contains(&source)
+    }
+
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line> + '_ {
+        self.evidence.lines.iter().filter(|line| self.in_use(line.source))
+    }
+
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length> + '_ {
+        self.evidence.lengths.iter().filter(|length| self.in_use(length.source))
+    }
+
+    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright> + '_ {
+        self.evidence.uprights.iter().filter(|upright| self.in_use(upright.source))
+    }
+
+    /// A state with this core, directions and lengths in closed form.
+    ///
+    /// `None` when a length lies above the horizon there.
+    pub(crate) fn state_at(&self, core: Core) -> Option<State> {
+        let mut nuisance = vec![0.0; self.nuisances()];
+        let mut sums = vec![[0.0; 2]; self.evidence.groups];
+        let ((sr, cr), (sp, cp), f) = (core[ROLL].sin_cos(), core[PITCH].sin_cos(), core[LOG_FOCAL].exp());
+        for line in self.lines() {
+            let Toward::Floor { group, quarter } = line.toward else { continue };
+            let unroll = |[x, y]: [f64; 2]| [x * cr - y * sr, x * sr + y * cr];
+            let [a, b, c] = line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
+            // Where the viewing plane cuts the floor; doubled, an angle has no sign and adds up.
+            let (x, y) = (cp * c - sp * f * b, -f * a);
+            let square = x * x + y * y;
+            if square > 0.0 {
+                let weight = a.hypot(b) / square * if quarter { -1.0 } else { 1.0 };
+                sums[group][0] += weight * (x * x - y * y);
+                sums[group][1] += weight * 2.0 * x * y;
+            }
+        }
+        for (angle, [cos, sin]) in nuisance.iter_mut().zip(&sums) {
+            *angle = 0.5 * sin.atan2(*cos);
+        }
+        let mut totals = vec![(0.0, 0.0); self.evidence.length_groups.len()];
+        for length in self.lengths() {
+            let (log_length, _) = floor_length(&core, &length.ends)?;
+            totals[length.group].0 += log_length.value;
+            totals[length.group].1 += 1.0;
+        }
+        for (value, (sum, count)) in nuisance[self.evidence.groups..].iter_mut().zip(totals) {
+            *value = if count > 0.0 { sum / count } else { 0.0 };
+        }
+        Some(State { core, nuisance })
+    }
+
+    /// Calls `sink` with every residual in sigmas, its slope, its unknown beside the core, and its source.
+    ///
+    /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
+    fn each_residual(
+        &self,
+        state: &State,
+        mut sink: impl FnMut(f64, &Slope, Option<(usize, f64)>, Option<Source>),
+    ) -> Option<()> {
+        let core = &state.core;
+        let focal = core[LOG_FOCAL].exp();
+        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || core[PITCH].abs() > 3.0 {
+            return None;
+        }
+        let scale = self.sigma.recip();
+        let angles = Angles::new(core);
+        let down = angles.down();
+        let directions: Vec<[Vanishing; 2]> = state.nuisance[..self.evidence.groups]
+            .iter()
+            .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
+            .collect();
+        for line in self.lines() {
+            let (vanishing, group) = match line.toward {
+                Toward::Vertical => (&down, None),
+                Toward::Floor { group, quarter } => (&directions[group][usize::from(quarter)], Some(group)),
+            };
+            let (residual, by_point) = line_residual(&line.ends, vanishing.at);
+            let slope = |change: &[f64; 3]| scale * crate::camera::dot(&by_point, change);
+            let core_slope = [slope(&vanishing.by_roll), slope(&vanishing.by_pitch), slope(&vanishing.by_log_focal), 0.0];
+            let beside = group.map(|group| (group, slope(&vanishing.by_angle)));
+            sink(scale * residual, &core_slope, beside, Some(line.source));
+        }
+        for length in self.lengths() {
+            let (log_length, noise) = floor_length(core, &length.ends)?;
+            let index = self.evidence.groups + length.group;
+            let (expected, beside) = match self.evidence.length_groups[length.group] {
+                Some(metres) => (Dual::constant(metres.ln()) - Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT), false),
+                None => (Dual::constant(state.nuisance[index]), true),
+            };
+            let residual = (log_length - expected) / noise * scale;
+            let beside = beside.then(|| (index, -scale / noise.value));
+            sink(residual.value, &residual.slope, beside, Some(length.source));
+        }
+        for upright in self.uprights() {
+            for residual in upright_residuals(core, upright, self.sigma)? {
+                sink(residual.value, &residual.slope, None, Some(upright.source));
+            }
+        }
+        self.each_prior(core, |residual, slope| sink(residual, &slope, None, None));
+        Some(())
+    }
+
+    /// `(value - believed) / sigma` for every prior.
+    fn each_prior(&self, core: &Core, mut sink: impl FnMut(f64, Slope)) {
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        let mut add = |index: usize, prior: Option<Prior>, value: f64, derivative: f64| {
+            if let Some(Prior { value: believed, sigma }) = prior {
+                let mut slope = [0.0; 4];
+                slope[index] = derivative / sigma;
+                sink((value - believed) / sigma, slope);
+            }
+        };
+        add(ROLL, roll, core[ROLL], 1.0);
+        add(PITCH, pitch, core[PITCH], 1.0);
+        let (f, z) = (core[LOG_FOCAL].exp(), core[LOG_HEIGHT].exp());
+        add(LOG_FOCAL, focal, f, f);
+        add(LOG_FOCAL, weak_log_focal, core[LOG_FOCAL], 1.0);
+        add(LOG_HEIGHT, height, z, z);
+    }
+
+    /// Every piece of evidence with its distance from the prediction in pixels (of an upright, of both
+    /// coordinates of its head together).
+    pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
+        let mut found: Vec<(Source, f64)> = Vec::new();
+        self.each_residual(state, |residual, _, _, source| {
+            let Some(source) = source else { return };
+            match found.last_mut() {
+                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
+                _ => found.push((source, residual * self.sigma)),
+            }
+        })?;
+        Some(found)
+    }
+
+    /// Normal equations at a state; `None` where the geometry is impossible.
+    pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
+        let mut normal = Normal::new(self.nuisances());
+        self.each_residual(state, |residual, slope, beside, _| normal.add(residual, slope, beside))?;
+        normal.cost.is_finite().then_some(normal)
+    }
+
+    /// Covariance of the core at a state.
+    pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
+        Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = State;
+    type Normal = Normal;
+
+    fn linearise(&self, state: &State) -> Option<(f64, Normal)> {
+        let normal = self.normal(state)?;
+        Some((normal.cost, normal))
+    }
+
+    fn step(&self, state: &State, normal: &Normal, damping: f64) -> Option<(State, f64, f64)> {
+        let (matrix, right) = normal.reduced(damping, self.free);
+        let core_step = solve_4(&matrix, &right)?;
+        let grow = 1.0 + damping;
+        let mut next = state.clone();
+        let mut predicted = 0.0;
+        let mut size = 0.0_f64;
+        for i in 0..4 {
+            next.core[i] += core_step[i];
+            // Gain of the linear model under damping: step' (damping D step - gradient).
+            predicted += core_step[i] * (damping * normal.core[i][i] * core_step[i] - normal.gradient[i]);
+            size = size.max(core_step[i].abs());
+        }
+        for (value, block) in next.nuisance.iter_mut().zip(&normal.blocks) {
+            if block.square > 0.0 {
+                let coupled: f64 = block.cross.iter().zip(&core_step).map(|(c, s)| c * s).sum();
+                let step = -(block.gradient + coupled) / (block.square * grow);
+                *value += step;
+                predicted += step * (damping * block.square * step - block.gradient);
+                size = size.max(step.abs());
+            }
+        }
+        Some((next, predicted, size))
+    }
+}
+
+/// Solves a symmetric positive system by Cholesky; `None` when it is not positive.
+fn solve_4(matrix: &[[f64; 4]; 4], right: &[f64; 4]) -> Option<[f64; 4]> {
+    let mut lower = [[0.0; 4]; 4];
+    for i in 0..4 {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+            let rest = matrix[i][j] - sum;
+            if i == j {
+                if rest <= 1e-15 * matrix[i][i] || rest.is_nan() {
+                    return None;
+                }
+                lower[i][i] = rest.sqrt();
+            } else {
+                lower[i][j] = rest / lower[j][j];
+            }
+        }
+    }
+    let mut x = *right;
+    for i in 0..4 {
+        let sum: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
+        x[i] = (x[i] - sum) / lower[i][i];
+    }
+    for i in (0..4).rev() {
+        let sum: f64 = (i + 1..4).map(|k| lower[k][i] * x[k]).sum();
+        x[i] = (x[i] - sum) / lower[i][i];
+    }
+    Some(x)
+}
+
+/// A vanishing point relative to the principal point, homogeneous, with its derivatives.
+struct Vanishing {
+    at: [f64; 3],
+    by_roll: [f64; 3],
+    by_pitch: [f64; 3],
+    by_log_focal: [f64; 3],
+    by_angle: [f64; 3],
+}
+
+struct Angles {
+    roll: (f64, f64),
+    pitch: (f64, f64),
+    focal: f64,
+}
+
+impl Angles {
+    fn new(core: &Core) -> Self {
+        Self { roll: core[ROLL].sin_cos(), pitch: core[PITCH].sin_cos(), focal: core[LOG_FOCAL].exp() }
+    }
+
+    /// `(f cos p sin r, f cos p cos r, sin p)`.
+    fn down(&self) -> Vanishing {
+        let (sp, cp) = self.pitch;
+        self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
+    }
+
+    /// The floor direction at `angle` counter-clockwise from the camera's right, yaw 0.
+    fn floor(&self, angle: f64) -> Vanishing {
+        let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
+        self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
+    }
+
+    /// From the direction in unrolled camera axes and its derivatives by pitch and by the angle.
+    fn vanishing(&self, direction: [f64; 3], by_pitch: [f64; 3], by_angle: [f64; 3]) -> Vanishing {
+        let ((sr, cr), f) = (self.roll, self.focal);
+        let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
+        let at = image(direction);
+        Vanishing {
+            at,
+            by_roll: [at[1], -at[0], 0.0],
+            by_pitch: image(by_pitch),
+            by_log_focal: [at[0], at[1], 0.0],
+            by_angle: image(by_angle),
+        }
+    }
+}
+
+/// How far, in pixels, the ends of a segment must move at least so that its line passes through the
+/// homogeneous point V = (Vxy, Vw); signed, with its derivative by V.
+///
+/// `l = p1 x p2`, `q_i = p_i Vw - Vxy`, `T = w1 |q1|^2 + w2 |q2|^2`, `D = w1 w2 (q1 x q2)^2`,
+/// `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`: the root of the least eigenvalue of
+/// the ends' scatter about V, exact, and finite for V at infinity. The weights `w_i` are the inverse
+/// variances of the ends across the line, 1 without distortion.
+pub(crate) fn line_residual(ends: &[End; 2], v: [f64; 3]) -> (f64, [f64; 3]) {
+    let [p1, p2] = [ends[0].at, ends[1].at];
+    let line = line_through(p1, p2);
+    let [w1, w2] = across(ends, &line);
+    let q1 = [p1[0] * v[2] - v[0], p1[1] * v[2] - v[1]];
+    let q2 = [p2[0] * v[2] - v[0], p2[1] * v[2] - v[1]];
+    let miss = crate::camera::dot(&line, &v);
+    let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
+    let weight = w1 * w2;
+    // q1 x q2 = Vw (l . V).
+    let determinant = weight * (v[2] * miss).powi(2);
+    let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
+    let sum = (trace + root).max(f64::MIN_POSITIVE);
+    let factor = (2.0 * weight / sum).sqrt();
+    let residual = factor * miss;
+    // Where both eigenvalues meet the root has a kink; the mean of its two slopes is 0.
+    let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
+    let derivative = std::array::from_fn(|k| {
+        let by_trace = match k {
+            0 => -2.0 * (w1 * q1[0] + w2 * q2[0]),
+            1 => -2.0 * (w1 * q1[1] + w2 * q2[1]),
+            _ => 2.0 * (w1 * (q1[0] * p1[0] + q1[1] * p1[1]) + w2 * (q2[0] * p2[0] + q2[1] * p2[1])),
+        };
+        let own = if k == 2 { miss } else { 0.0 };
+        let by_determinant = 2.0 * weight * v[2] * miss * (own + v[2] * line[k]);
+        let by_sum = by_trace + (trace * by_trace - 2.0 * by_determinant) * by_root;
+        factor * (line[k] - 0.5 * miss / sum * by_sum)
+    });
+    (residual, derivative)
+}
+
+/// Inverse variances of the two ends across the line.
+fn across(ends: &[End; 2], line: &[f64; 3]) -> [f64; 2] {
+    let [a, b, _] = *line;
+    let square = (a * a + b * b).max(f64::MIN_POSITIVE);
+    ends.map(|end| {
+        let [uu, uv, vv] = end.spread;
+        square / (a * a * uu + 2.0 * a * b * uv + b * b * vv)
+    })
+}
+
+/// Log of the length on the floor of a segment in camera heights, and its standard deviation for
+/// pixels with one of 1 (Sampson's form: the gradient by all four pixel coordinates).
+///
+/// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
+/// `None` when an end is on or above the horizon.
+fn floor_length(core: &Core, ends: &[End; 2]) -> Option<(Dual, Dual)> {
+    let (sr, cr) = Dual::unknown(core[ROLL], ROLL).sin_cos();
+    let (sp, cp) = Dual::unknown(core[PITCH], PITCH).sin_cos();
+    let f = Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp();
+    let on_floor = |end: &End| {
+        let [x, y] = end.at;
+        let (u, v) = (cr * x - sr * y, sr * x + cr * y);
+        let depth = cp * v + sp * f;
+        // A millionth of a radian below the horizon.
+        (depth.value > 1e-6 * f.value).then(|| (u, depth, u / depth, (cp * f - sp * v) / depth))
+    };
+    let (first, second) = (on_floor(&ends[0])?, on_floor(&ends[1])?);
+    let (dx, dy) = (first.2 - second.2, first.3 - second.3);
+    let square = dx * dx + dy * dy;
+    if square.value <= 0.0 {
+        return None;
+    }
+    // d log length / d (u, v) of one end, turned back into image axes.
+    let variance = |(u, depth, _, _): (Dual, Dual, Dual, Dual), end: &End| {
+        let across = dx / (square * depth);
+        let along = -(dx * u * cp + dy * f) / (square * depth * depth);
+        let by_u = cr * across + sr * along;
+        let by_v = cr * along - sr * across;
+        let [uu, uv, vv] = end.spread;
+        by_u * by_u * uu + by_u * by_v * (2.0 * uv) + by_v * by_v * vv
+    };
+    let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
+    Some((square.ln() * 0.5, noise))
+}
+
+/// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
+/// ends and of the height.
+///
+/// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
+/// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
+/// behind the camera.
+fn upright_residuals(core: &Core, upright: &Upright, sigma: f64) -> Option<[Dual; 2]> {
+    let (sr, cr) = Dual::unknown(core[ROLL], ROLL).sin_cos();
+    let (sp, cp) = Dual::unknown(core[PITCH], PITCH).sin_cos();
+    let f = Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp();
+    let per_height = (-Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp();
+    let [x, y] = upright.foot.at;
+    let (u, v) = (cr * x - sr * y, sr * x + cr * y);
+    let depth = cp * v + sp * f;
+    let k = depth * per_height * upright.height.value;
+    let divisor = f - k * sp;
+    if depth.value <= 1e-6 * f.value || divisor.value <= 1e-6 * f.value {
+        return None;
+    }
+    let (a, b) = (f * u / divisor, f * (v - k * cp) / divisor);
+    // Derivatives of the unrolled head by the unrolled foot and by the height.
+    let k_by_v = cp * per_height * upright.height.value;
+    let divide = divisor * divisor;
+    let a_by_u = f / divisor;
+    let a_by_v = f * u * k_by_v * sp / divide;
+    let b_by_v = f * ((-(k_by_v * cp) + 1.0) * divisor + (v - k * cp) * k_by_v * sp) / divide;
+    let k_by_h = depth * per_height;
+    let a_by_h = f * u * k_by_h * sp / divide;
+    let b_by_h = f * ((v - k * cp) * sp - cp * divisor) * k_by_h / divide;
+    let turn = |[uu, uv, vv]: [f64; 3]| {
+        // Into unrolled axes.
+        let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;
+        (cr * cr * uu - cr * sr * (2.0 * uv) + sr * sr * vv, off, sr * sr * uu + cr * sr * (2.0 * uv) + cr * cr * vv)
+    };
+    let (fuu, fuv, fvv) = turn(upright.foot.spread);
+    let (huu, huv, hvv) = turn(upright.head.spread);
+    let spread = upright.height.sigma.unwrap_or(0.0) / sigma;
+    let square = spread * spread;
+    let caa = huu + a_by_u * a_by_u * fuu + a_by_u * a_by_v * fuv * 2.0 + a_by_v * a_by_v * fvv + a_by_h * a_by_h * square;
+    let cab = huv + b_by_v * (a_by_u * fuv + a_by_v * fvv) + a_by_h * b_by_h * square;
+    let cbb = hvv + b_by_v * b_by_v * fvv + b_by_h * b_by_h * square;
+    let [hx, hy] = upright.head.at;
+    let (da, db) = (a - (cr * hx - sr * hy), b - (sr * hx + cr * hy));
+    // Whitened with the lower Cholesky factor of the covariance.
+    let l11 = caa.sqrt();
+    let l21 = cab / l11;
+    let l22 = (cbb - l21 * l21).sqrt();
+    let first = da / l11;
+    let second = (db - l21 * first) / l22;
+    Some([first * sigma.recip(), second * sigma.recip()])
+}
+
+/// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
+/// and lengths taken as the evidence has them there; those without a prediction are left out.
+pub(crate) fn residuals_at(evidence: &Evidence, at: Orientation, height: f64, width: f64) -> Vec<(Source, f64)> {
+    let held = Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal) };
+    let mut evidence = evidence.clone();
+    let core = [at.roll, at.pitch, at.focal.ln(), height.ln()];
+    evidence.lengths.retain(|length| floor_length(&core, &length.ends).is_some());
+    evidence.uprights.retain(|upright| upright_residuals(&core, upright, 1.0).is_some());
+    let problem = Problem::new(&evidence, held, Priors::default(), 1.0, width);
+    problem.state_at(core).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
+}
+
+/// The core of an orientation at the paper's height of stage 1.
+pub(crate) fn core_of(at: Orientation) -> Core {
+    [at.roll, at.pitch, at.focal.ln(), STAGE_1_HEIGHT.ln()]
+}

@@ -1,0 +1,247 @@
+//! Stage 2: move, turn and scale of an EFOV polygon to x0, y0, yaw, z0, and back; and from control points.
+
+use nalgebra::{DMatrix, DVector, SVD};
+
+use crate::camera::{Camera, camera_from_world};
+use crate::space::{FloorPoint, Pixel, WorldPoint};
+
+/// Height of the camera in stage 1, in metres, by the paper's convention.
+pub const STAGE_1_HEIGHT: f64 = 3.0;
+
+/// What the operator did to a polygon that was projected with (0, 0, z0, roll, pitch, 0, focal):
+/// first scaled and turned about the camera's foot (0, 0), then moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// In metres: becomes x0, y0.
+    pub by: FloorPoint,
+    /// Counter-clockwise, in radians: becomes yaw.
+    pub turn: f64,
+    /// Multiplies [`STAGE_1_HEIGHT`] to become z0.
+    pub scale: f64,
+}
+
+impl Placement {
+    /// The polygon as stage 1 left it.
+    pub const NONE: Self = Self { by: FloorPoint { x: 0.0, y: 0.0 }, turn: 0.0, scale: 1.0 };
+
+    /// The camera of stage 1, placed (the paper's stage 2).
+    #[must_use]
+    pub fn apply(&self, camera: &Camera) -> Camera {
+        Camera { position: self.by.at_height(STAGE_1_HEIGHT * self.scale), yaw: self.turn, ..*camera }
+    }
+
+    /// The placement that a camera has.
+    #[must_use]
+    pub fn of(camera: &Camera) -> Self {
+        Self {
+            by: camera.position.on_floor(),
+            turn: camera.yaw,
+            scale: camera.position.z / STAGE_1_HEIGHT,
+        }
+    }
+
+    /// Where a point of the stage 1 floor (camera at height [`STAGE_1_HEIGHT`] over (0, 0), yaw 0) comes to lie.
+    #[must_use]
+    pub fn carry(&self, point: FloorPoint) -> FloorPoint {
+        let (sin, cos) = self.turn.sin_cos();
+        FloorPoint {
+            x: self.by.x + self.scale * (cos * point.x - sin * point.y),
+            y: self.by.y + self.scale * (sin * point.x + cos * point.y),
+        }
+    }
+}
+
+/// A pixel that shows a point with known coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlPoint {
+    /// Raw pixel.
+    pub pixel: Pixel,
+    /// Where it is, in metres.
+    pub world: WorldPoint,
+}
+
+/// The camera with roll, pitch, focal and lens of `camera`, standing where control points say.
+///
+/// Closed form: with the ray `d` of a pixel at yaw 0, drop `z0 - h` to the point at height `h`,
+///
+/// `dz X = dz x0 + (h - z0) (dx cos yaw - dy sin yaw)` and
+/// `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`
+///
+/// are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw` up to a common factor.
+/// Points of one height only know the drop to it. The floor's first answer is then improved to least
+/// squares of the distances in pixels. `None` for fewer than two points that the lens shows.
+#[must_use]
+pub fn from_control_points(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
+    let shown: Vec<ControlPoint> =
+        points.iter().copied().filter(|point| camera.undistort(point.pixel).is_some()).collect();
+    if shown.len() < 2 {
+        return None;
+    }
+    let start = linear(camera, &shown)?;
+    Some(closest_in_pixels(start, &shown))
+}
+
+/// Rays at yaw 0, in world axes.
+fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
+    let unturned = Camera { yaw: 0.0, ..*camera };
+    points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
+}
+
+fn linear(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
+    let rays = rays(camera, points);
+    let count = points.len() as f64;
+    // World coordinates may be of the size of a country: work about their middle.
+    let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
+    let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
+    let spread = points.iter().map(|p| (p.world.z - centre.z).abs()).fold(0.0, f64::max);
+    let drops = if spread > 1e-3 && points.len() > 2 { vec![false, true] } else { vec![true] };
+    drops
+        .into_iter()
+        .filter_map(|level| {
+            let (x0, y0, z0, yaw) = if level { one_height(&rays, points, centre)? } else { all_heights(&rays, points, centre)? };
+            Some(Camera { position: WorldPoint { x: x0, y: y0, z: z0 }, yaw, ..*camera })
+        })
+        .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
+}
+
+/// Unknowns x0, y0, a = (z0 - h) cos, b = (z0 - h) sin, as if all points had the mean height `h`.
+fn one_height(rays: &[[f64; 3]], points: &[ControlPoint], centre: WorldPoint) -> Option<(f64, f64, f64, f64)> {
+    let mut matrix = DMatrix::zeros(2 * rays.len(), 4);
+    let mut right = DVector::zeros(2 * rays.len());
+    for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
+        matrix.row_mut(2 * i).copy_from_slice(&[*dz, 0.0, -dx, *dy]);
+        matrix.row_mut(2 * i + 1).copy_from_slice(&[0.0, *dz, -dy, -dx]);
+        right[2 * i] = dz * (point.world.x - centre.x);
+        right[2 * i + 1] = dz * (point.world.y - centre.y);
+    }
+    let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
+    let drop = x[2].hypot(x[3]);
+    (drop > 0.0).then(|| (centre.x + x[0], centre.y + x[1], centre.z + drop, x[3].atan2(x[2])))
+}
+
+/// Unknowns x0, y0, z0 cos, z0 sin, cos, sin relative to the mean height; the last pair is of length 1.
+fn all_heights(rays: &[[f64; 3]], points: &[ControlPoint], centre: WorldPoint) -> Option<(f64, f64, f64, f64)> {
+    let mut matrix = DMatrix::zeros(2 * rays.len(), 6);
+    let mut right = DVector::zeros(2 * rays.len());
+    for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
+        let h = point.world.z - centre.z;
+        matrix.row_mut(2 * i).copy_from_slice(&[*dz, 0.0, -dx, *dy, h * dx, -h * dy]);
+        matrix.row_mut(2 * i + 1).copy_from_slice(&[0.0, *dz, -dy, -dx, h * dy, h * dx]);
+        right[2 * i] = dz * (point.world.x - centre.x);
+        right[2 * i + 1] = dz * (point.world.y - centre.y);
+    }
+    let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
+    // Both pairs point along the same yaw: the longer one knows it better.
+    let yaw = (x[3] + x[5]).atan2(x[2] + x[4]);
+    let z0 = x[2] * yaw.cos() + x[3] * yaw.sin();
+    Some((centre.x + x[0], centre.y + x[1], centre.z + z0, yaw))
+}
+
+/// Sum of the squared distances of the points from their pixels, in undistorted pixels.
+fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
+    points
+        .iter()
+        .map(|point| match (camera.world_to_undistorted(point.world), camera.undistort(point.pixel)) {
+            (Some(shown), Some(drawn)) => shown.distance(drawn).powi(2),
+            _ => f64::INFINITY,
+        })
+        .sum()
+}
+
+/// Gauss-Newton on position and yaw with the step halved until it helps: never worse than its start.
+fn closest_in_pixels(start: Camera, points: &[ControlPoint]) -> Camera {
+    const ROUNDS: usize = 50;
+    let mut best = (start, square_error(&start, points));
+    for _ in 0..ROUNDS {
+        let Some(step) = newton_step(&best.0, points) else { break };
+        let improved = (0..20).map(|halving| 0.5_f64.powi(halving)).find_map(|share| {
+            let moved = moved(&best.0, step, share);
+            let error = square_error(&moved, points);
+            (error < best.1).then_some((moved, error))
+        });
+        let Some(next) = improved else { break };
+        let gain = best.1 - next.1;
+        best = next;
+        if gain <= 1e-15 * best.1 {
+            break;
+        }
+    }
+    best.0
+}
+
+fn moved(camera: &Camera, step: [f64; 4], share: f64) -> Camera {
+    let WorldPoint { x, y, z } = camera.position;
+    let position = WorldPoint { x: x + share * step[0], y: y + share * step[1], z: z + share * step[2] };
+    Camera { position, yaw: camera.yaw + share * step[3], ..*camera }
+}
+
+/// The least-squares step in x, y, z and yaw. With `(X, Y, Z)` the point in camera axes, its change
+/// with the position is minus the camera's axes, and with the yaw `R (q_y, -q_x, 0)` for `q` the
+/// point relative to the camera in the base system.
+fn newton_step(camera: &Camera, points: &[ControlPoint]) -> Option<[f64; 4]> {
+    let rotation = camera_from_world(camera.roll, camera.pitch, camera.yaw);
+    let mut matrix = DMatrix::zeros(2 * points.len(), 4);
+    let mut right = DVector::zeros(2 * points.len());
+    for (i, point) in points.iter().enumerate() {
+        let [x, y, z] = camera.in_camera(point.world);
+        let drawn = camera.undistort(point.pixel)?;
+        let shown = camera.world_to_undistorted(point.world)?;
+        right[2 * i] = drawn.u - shown.u;
+        right[2 * i + 1] = drawn.v - shown.v;
+        let q = [point.world.x - camera.position.x, point.world.y - camera.position.y];
+        for k in 0..4 {
+            let change: [f64; 3] = match k {
+                3 => rotation.map(|row| row[0] * q[1] - row[1] * q[0]),
+                axis => rotation.map(|row| -row[axis]),
+            };
+            matrix[(2 * i, k)] = camera.focal * (change[0] - x / z * change[2]) / z;
+            matrix[(2 * i + 1, k)] = camera.focal * (change[1] - y / z * change[2]) / z;
+        }
+    }
+    let step = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
+    Some([step[0], step[1], step[2], step[3]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::tests::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn placing_the_camera_carries_its_polygon(
+            camera in any_camera(), x in -9.0..9.0_f64, y in -9.0..9.0_f64,
+            turn in -3.0..3.0_f64, scale in 0.5..2.0_f64, u in 0.0..1920.0_f64, v in 0.0..1080.0_f64,
+        ) {
+            let placement = Placement { by: FloorPoint { x, y }, turn, scale };
+            let stage_1 = Camera { position: WorldPoint::new(0.0, 0.0, STAGE_1_HEIGHT), yaw: 0.0, ..camera };
+            let placed = placement.apply(&stage_1);
+            prop_assert!((placed.position.z - 3.0 * scale).abs() < 1e-12);
+            let back = Placement::of(&placed);
+            prop_assert!((back.scale - scale).abs() < 1e-12 && back.turn == turn && back.by == placement.by);
+            if let (Some(a), Some(b)) = (stage_1.pixel_to_floor(Pixel { u, v }, 0.0), placed.pixel_to_floor(Pixel { u, v }, 0.0)) {
+                prop_assert!(placement.carry(a).distance(b) < 1e-9 * (1.0 + a.distance(FloorPoint::default())));
+            }
+        }
+
+        #[test]
+        fn exact_control_points_give_the_camera_back(
+            camera in any_camera(),
+            at in proptest::collection::vec((0.05..0.95_f64, 0.3..0.95_f64, 0.0..1.5_f64), 3..9),
+        ) {
+            let points: Vec<ControlPoint> = at.iter().filter_map(|&(s, t, height)| {
+                let pixel = Pixel { u: 1920.0 * s, v: 1080.0 * t };
+                let floor = camera.pixel_to_floor(pixel, height)?;
+                let near = floor.distance(camera.position.on_floor()) < 40.0;
+                near.then(|| ControlPoint { pixel, world: floor.at_height(height) })
+            }).collect();
+            prop_assume!(points.len() >= 3);
+            let apart = points.iter().flat_map(|a| points.iter().map(move |b| a.pixel.distance(b.pixel))).fold(0.0, f64::max);
+            prop_assume!(apart > 300.0);
+            let unplaced = Camera { position: WorldPoint::new(0.0, 0.0, 3.0), yaw: 0.0, ..camera };
+            let found = from_control_points(&unplaced, &points).unwrap();
+            prop_assert!(found.position.distance(camera.position) < 1e-5, "{:?} not {:?}", found.position, camera.position);
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! Slices of pixels to the floor and back: a camera prepared once, without allocating.
+
+use pulp::Arch;
+
+use crate::camera::Camera;
+use crate::lens::{BrownConrady, Distortion};
+use crate::space::{FloorPoint, Pixel};
+
+/// A camera prepared for mapping many pixels to one horizontal plane, and points of it to pixels.
+///
+/// Results that do not exist are NaN: a slice has no room for `Option`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorProjector {
+    camera: Camera,
+    height: f64,
+    /// Homogeneous floor coordinates from focal-normalised, undistorted ones (of the lens's focal).
+    floor_from_lens: [[f64; 3]; 3],
+    /// Homogeneous lens coordinates from floor coordinates.
+    lens_from_floor: [[f64; 3]; 3],
+    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    most: f64,
+}
+
+/// Points that are mapped in step, so that the compiler can use vector instructions.
+const LANES: usize = 8;
+
+impl FloorProjector {
+    /// Prepares `camera` for the plane at `height` metres.
+    #[must_use]
+    pub fn new(camera: &Camera, height: f64) -> Self {
+        let h = camera.homography_floor_from_pixel(height);
+        let Pixel { u: cu, v: cv } = camera.lens.principal_point;
+        let f = camera.lens.focal;
+        let floor_from_lens = h.map(|[a, b, c]| [a * f, b * f, a * cu + b * cv + c]);
+        let p = camera.projection_matrix();
+        let on_plane = p.map(|[a, b, c, d]| [a, b, c * height + d]);
+        let [x, y, w] = on_plane;
+        let lens_from_floor = [
+            std::array::from_fn(|j| (x[j] - cu * w[j]) / f),
+            std::array::from_fn(|j| (y[j] - cv * w[j]) / f),
+            w,
+        ];
+        let most = camera.lens.distortion.max_radius().powi(2);
+        Self { camera: *camera, height, floor_from_lens, lens_from_floor, most }
+    }
+
+    /// The camera.
+    #[must_use]
+    pub const fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Height of the plane, in metres.
+    #[must_use]
+    pub const fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// Maps raw pixels `(u, v)` to points `(x, y)` of the plane, in metres.
+    ///
+    /// A pixel on or above the horizon or outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let inverse = self.camera.lens.focal.recip();
+        // A plane above the camera is seen above the horizon: then the third coordinate is negative.
+        let side = (self.camera.position.z - self.height).signum();
+        let h = self.floor_from_lens;
+        let to_floor = |a: f64, b: f64| {
+            let w = h[2][0] * a + h[2][1] * b + h[2][2];
+            let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
+            (
+                (h[0][0] * a + h[0][1] * b + h[0][2]) * scale,
+                (h[1][0] * a + h[1][1] * b + h[1][2]) * scale,
+            )
+        };
+        match self.camera.lens.distortion {
+            Distortion::None => Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
+                        (*x, *y) = to_floor((u - cu) * inverse, (v - cv) * inverse);
+                    }
+                },
+            ),
+            Distortion::BrownConrady(brown) => Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
+                    for start in (0..u.len()).step_by(LANES) {
+                        let count = LANES.min(u.len() - start);
+                        for i in 0..count {
+                            a[i] = (u[start + i] - cu) * inverse;
+                            b[i] = (v[start + i] - cv) * inverse;
+                        }
+                        undistort_in_step(&brown, self.most, &mut a, &mut b, count);
+                        for i in 0..count {
+                            (x[start + i], y[start + i]) = to_floor(a[i], b[i]);
+                        }
+                    }
+                },
+            ),
+            _ => {
+                for i in 0..u.len() {
+                    let floor = self.camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, self.height);
+                    (x[i], y[i]) = floor.map_or((f64::NAN, f64::NAN), |p| (p.x, p.y));
+                }
+            }
+        }
+    }
+
+    /// Maps points `(x, y)` of the plane, in metres, to raw pixels `(u, v)`.
+    ///
+    /// A point behind the camera or outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn floor_to_pixels(&self, x: &[f64], y: &[f64], u: &mut [f64], v: &mut [f64]) {
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        let h = self.lens_from_floor;
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let f = self.camera.lens.focal;
+        let plain = self.camera.lens.distortion == Distortion::None;
+        for i in 0..x.len() {
+            let w = h[2][0] * x[i] + h[2][1] * y[i] + h[2][2];
+            let a = (h[0][0] * x[i] + h[0][1] * y[i] + h[0][2]) / w;
+            let b = (h[1][0] * x[i] + h[1][1] * y[i] + h[1][2]) / w;
+            let bent = if plain { Some([a, b]) } else { self.camera.lens.distortion.distort([a, b]) };
+            let shown = bent.filter(|_| w > 0.0).map(|[a, b]| (cu + f * a, cv + f * b));
+            (u[i], v[i]) = shown.unwrap_or((f64::NAN, f64::NAN));
+        }
+    }
+
+    /// One pixel; see [`Camera::pixel_to_floor`].
+    #[must_use]
+    pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
+        self.camera.pixel_to_floor(pixel, self.height)
+    }
+}
+
+/// Undistorts [`LANES`] points at once by Newton's method, all until the last one has converged.
+///
+/// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
+#[inline(always)]
+fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &mut [f64; LANES], count: usize) {
+    /// In focal-normalised coordinates, squared: Newton's next step is its square.
+    const TOLERANCE: f64 = 1e-14;
+    const ROUNDS: usize = 12;
+    let (bent_x, bent_y) = (*x, *y);
+    let mut step = [0.0; LANES];
+    // Two terms of the series of the inverse: right to 1e-3 at the corner of a usual lens.
+    for i in 0..LANES {
+        let square = bent_x[i] * bent_x[i] + bent_y[i] * bent_y[i];
+        let radial = 1.0 + square * (-brown.k1 + square * (3.0 * brown.k1 * brown.k1 - brown.k2));
+        x[i] = bent_x[i] * radial;
+        y[i] = bent_y[i] * radial;
+    }
+    for _ in 0..ROUNDS {
+        let mut worst = 0.0_f64;
+        for i in 0..LANES {
+            let point = [x[i], y[i]];
+            let bent = brown.distort(point);
+            let [a, b, d] = brown.jacobian(point);
+            let scale = (a * d - b * b).recip();
+            let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
+            let (dx, dy) = ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale);
+            x[i] -= dx;
+            y[i] -= dy;
+            step[i] = dx * dx + dy * dy;
+        }
+        for &s in &step[..count] {
+            // NaN counts as converged here and is looked at below.
+            worst = worst.max(s);
+        }
+        // The step just taken leaves an error of its square: 1e-14 becomes 1e-28 at the worst.
+        if worst < TOLERANCE {
+            break;
+        }
+    }
+    for i in 0..count {
+        let inside = x[i] * x[i] + y[i] * y[i] <= most * (1.0 - 1e-6);
+        if !(step[i] < TOLERANCE && inside) {
+            let solved = Distortion::BrownConrady(*brown).undistort([bent_x[i], bent_y[i]]);
+            [x[i], y[i]] = solved.unwrap_or([f64::NAN; 2]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::tests::any_camera;
+    use crate::lens::Lens;
+    use proptest::prelude::*;
+
+    fn check(camera: &Camera, at: &[(f64, f64)], height: f64) {
+        let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+        let (mut x, mut y) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        FloorProjector::new(camera, height).pixels_to_floor(&u, &v, &mut x, &mut y);
+        for i in 0..u.len() {
+            match camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, height) {
+                Some(floor) => {
+                    let range = floor.distance(camera.position.on_floor());
+                    let off = floor.distance(FloorPoint { x: x[i], y: y[i] });
+                    assert!(range > 1e6 || off < 1e-11 * (1.0 + range).powi(2) * 10.0, "{off} m at {range} m");
+                }
+                None => assert!(x[i].is_nan() && y[i].is_nan()),
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_slice_maps_as_its_pixels_do(
+            camera in any_camera(), lambda in -0.3..0.1_f64, division: bool,
+            at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), height in -1.0..9.0_f64,
+        ) {
+            let bent = Lens { distortion: Distortion::Division { lambda }, ..camera.lens };
+            let camera = if division { Camera { lens: bent, ..camera } } else { camera };
+            prop_assume!((height - camera.position.z).abs() > 0.2);
+            check(&camera, &at, height);
+        }
+
+        #[test]
+        fn the_floor_goes_back_to_the_pixels(
+            camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 0.0..1080.0_f64), 1..20),
+        ) {
+            let projector = FloorProjector::new(&camera, 0.0);
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let mut out = [(); 4].map(|()| vec![0.0; u.len()]);
+            let [x, y, a, b] = &mut out;
+            projector.pixels_to_floor(&u, &v, x, y);
+            projector.floor_to_pixels(x, y, a, b);
+            for i in 0..u.len() {
+                prop_assert!(x[i].is_nan() || x[i].hypot(y[i]) > 1e5 || (a[i] - u[i]).hypot(b[i] - v[i]) < 1e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,672 @@
+//! The site file: cameras, plan, links, marks, and what solving wrote (version 1).
+//!
+//! Degrees, metres, pixels; the unit is in the field's name.
+
+use serde::{Deserialize, Serialize};
+
+use crate::annotation::{Annotation, Known};
+use crate::report::{Failure, Residual, Warning};
+use crate::scene::MarkKind;
+use crate::space::{FloorPoint, Pixel, PlanPixel, WorldPoint};
+
+/// Declares plain structs of the document: strict, with optional fields left out when absent.
+macro_rules! document {
+    ($($(#[$doc:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $($(#[$field_doc])* pub $field: $type,)+
+        }
+    )+};
+}
+
+/// The only value of [`Site::format`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum Format {
+    /// This project's site file.
+    #[default]
+    #[serde(rename = "calib-site")]
+    CalibSite,
+}
+
+document! {
+    /// One site: everything that is calibrated together.
+    struct Site {
+        /// Says that this is a site file.
+        format: Format,
+        /// Version of the format: 1.
+        version: u32,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// The floor plan.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        plan: Option<Plan>,
+        /// Every camera.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        cameras: Vec<SiteCamera>,
+        /// Evidence shared by cameras.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        links: Vec<Link>,
+        /// Virtual elements.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        marks: Vec<Mark>,
+        /// Known distances between links and marks.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        distances: Vec<Distance>,
+        /// Where world (0, 0) lies on the earth.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        georeference: Option<Georeference>,
+        /// What solving found out about the site as a whole.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        solution: Option<SiteSolution>,
+    }
+
+    /// The floor plan's picture and its scale.
+    struct Plan {
+        /// Path relative to the site file, or a `data:` URI.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        image: Option<String>,
+        /// Size of a plan pixel, in metres.
+        metres_per_px: f64,
+        /// The plan pixel of world (0, 0).
+        #[serde(default)]
+        origin_px: PlanPixel,
+        /// Turns world +x counter-clockwise from the plan's right, in degrees.
+        #[serde(default)]
+        x_axis_deg: f64,
+        /// Where world (0, 0) lies on the earth.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        georeference: Option<Georeference>,
+    }
+
+    /// Where world (0, 0) lies on the earth and how world +x points there.
+    struct Georeference {
+        /// WGS84 latitude, in degrees.
+        lat_deg: f64,
+        /// WGS84 longitude, in degrees.
+        lon_deg: f64,
+        /// Azimuth of world +x, clockwise from north, in degrees.
+        x_axis_azimuth_deg: f64,
+    }
+
+    /// One camera: its still, what is known of it, what was drawn on it, and the result.
+    struct SiteCamera {
+        /// By which others refer to it.
+        id: String,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Path relative to the site file, or a `data:` URI.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        image: Option<String>,
+        /// Width and height of the image after EXIF turning, in pixels.
+        size_px: [u32; 2],
+        /// What is known of the lens.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lens: Option<LensEntry>,
+        /// Height above the floor, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        height_m: Option<Known>,
+        /// Standard deviation of a drawn coordinate, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_px: Option<f64>,
+        /// What the operator drew.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        annotations: Vec<Annotation>,
+        /// The polygon of the effective field of view, raw pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        efov_px: Option<Vec<Pixel>>,
+        /// What the operator did to the polygon on the plan.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        placement: Option<PlacementEntry>,
+        /// Pixels that show points with known coordinates.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        control_points: Vec<ControlPointEntry>,
+        /// From when this calibration holds (RFC 3339).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        valid_from: Option<String>,
+        /// Until when this calibration holds (RFC 3339), exclusive.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        valid_to: Option<String>,
+        /// What solving found out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        solution: Option<Solution>,
+        /// Why solving found out nothing.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        error: Option<Failure>,
+    }
+
+    /// What is known of a lens and of the angles of its camera.
+    struct LensEntry {
+        /// Focal length, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_px: Option<Known>,
+        /// Roll, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        roll_deg: Option<Known>,
+        /// Pitch, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pitch_deg: Option<Known>,
+        /// Principal point; the image centre if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        principal_point_px: Option<Pixel>,
+        /// Distortion: given, or to be fitted.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        distortion: Option<DistortionEntry>,
+        /// The camera whose distortion and focal this one shares.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        like: Option<String>,
+    }
+
+    /// Coefficients of a distortion model, or which of them to fit.
+    struct DistortionEntry {
+        /// Which model.
+        model: DistortionModel,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k1: Option<f64>,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k2: Option<f64>,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k3: Option<f64>,
+        /// Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k4: Option<f64>,
+        /// Brown-Conrady.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p1: Option<f64>,
+        /// Brown-Conrady.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p2: Option<f64>,
+        /// Division.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lambda: Option<f64>,
+        /// Focal that the coefficients refer to, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_px: Option<f64>,
+        /// Coefficients to fit.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        fit: Option<Vec<Coefficient>>,
+    }
+
+    /// Move, turn and scale of the polygon projected with (0, 0, 3 m, roll, pitch, 0, focal).
+    struct PlacementEntry {
+        /// Becomes x0, y0, in metres.
+        #[serde(default)]
+        move_m: FloorPoint,
+        /// Becomes yaw, in degrees, counter-clockwise.
+        #[serde(default)]
+        turn_deg: f64,
+        /// Multiplies the height of 3 m.
+        #[serde(default = "one")]
+        scale: f64,
+        /// Holds x0, y0, yaw and z0 in a joint solve.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        fixed: bool,
+    }
+
+    /// A pixel that shows a point with known coordinates: `world_m`, or `plan_px` with `height_m`.
+    struct ControlPointEntry {
+        /// By which others refer to it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<String>,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Not used; its residual is reported all the same.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        off: bool,
+        /// Never set aside as an outlier.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        keep: bool,
+        /// Raw pixel.
+        px: Pixel,
+        /// Where it is, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        world_m: Option<WorldPoint>,
+        /// Where it is on the plan.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        plan_px: Option<PlanPixel>,
+        /// Height above the floor of a point on the plan, in metres; 0 if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        height_m: Option<f64>,
+        /// Standard deviation of the pixel's coordinates, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_px: Option<f64>,
+        /// Standard deviation of the known coordinates, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_m: Option<f64>,
+    }
+
+    /// Evidence shared by cameras: a point, a post, or a line of the floor.
+    struct Link {
+        /// By which others refer to it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<String>,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Not used; its residual is reported all the same.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        off: bool,
+        /// Never set aside as an outlier.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        keep: bool,
+        /// What it is; a point if absent.
+        #[serde(default)]
+        kind: LinkKind,
+        /// Height of a point above the floor, in metres; 0 if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        height_m: Option<f64>,
+        /// Length of a post, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_m: Option<Known>,
+        /// Where every camera shows it.
+        seen: Vec<LinkSeen>,
+        /// What solving found out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        solution: Option<ElementSolution>,
+    }
+
+    /// Where one camera shows a link: `px` of a point, `foot` and `head` of a post, `segment` of a line.
+    struct LinkSeen {
+        /// Id of the camera.
+        camera: String,
+        /// Of a point, raw pixel.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        px: Option<Pixel>,
+        /// Of a post, raw pixel.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        foot: Option<Pixel>,
+        /// Of a post, raw pixel.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        head: Option<Pixel>,
+        /// Of a line, raw pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        segment: Option<Vec<Pixel>>,
+    }
+
+    /// A virtual element of known shape.
+    struct Mark {
+        /// By which others refer to it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<String>,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Not used; its residual is reported all the same.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        off: bool,
+        /// Never set aside as an outlier.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        keep: bool,
+        /// What it looks like.
+        kind: MarkKind,
+        /// Where its foot or centre is, in metres.
+        at_m: WorldPoint,
+        /// Turn about the vertical, counter-clockwise, in degrees.
+        #[serde(default)]
+        turn_deg: f64,
+        /// Its size, in metres; what the numbers mean, the kind says.
+        size_m: Vec<f64>,
+        /// Holds the mark in a joint solve.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        fixed: bool,
+        /// Pixels that show its named points.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        seen: Vec<MarkSeen>,
+        /// What solving found out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        solution: Option<ElementSolution>,
+    }
+
+    /// A pixel that shows a named point of a mark.
+    struct MarkSeen {
+        /// Id of the camera.
+        camera: String,
+        /// Name of the point, as the kind has it.
+        point: String,
+        /// Raw pixel.
+        px: Pixel,
+    }
+
+    /// A known distance between two links or marks.
+    struct Distance {
+        /// By which others refer to it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<String>,
+        /// What the operator calls it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Not used.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        off: bool,
+        /// Never set aside as an outlier.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        keep: bool,
+        /// Ids of two links or marks.
+        between: [String; 2],
+        /// In metres.
+        length_m: Known,
+    }
+
+    /// What solving found out about a camera.
+    struct Solution {
+        /// By which method.
+        method: Method,
+        /// How far it got.
+        stage: Stage,
+        /// x0, y0, z0, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position_m: Option<WorldPoint>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        yaw_deg: Option<f64>,
+        /// In degrees, positive down.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pitch_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        roll_deg: Option<f64>,
+        /// In pixels.
+        focal_px: f64,
+        /// Raw pixel.
+        principal_point_px: Pixel,
+        /// Coefficients for `focal_px`, or for a focal of their own.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        distortion: Option<DistortionEntry>,
+        /// Standard deviations of what was estimated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma: Option<Sigmas>,
+        /// Covariance of everything estimated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        covariance: Option<CovarianceEntry>,
+        /// Standard deviation of a drawn coordinate that the sigmas stand on, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_px: Option<f64>,
+        /// Root mean square of the residuals, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        rms_px: Option<f64>,
+        /// Sum of the squared residuals over their variances.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        chi2: Option<f64>,
+        /// Residuals minus unknowns.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dof: Option<usize>,
+        /// The EFOV on the floor, in metres.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        efov_m: Vec<FloorPoint>,
+        /// One for every piece of evidence.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        residuals: Vec<Residual>,
+        /// Other minima that the data cannot rule out.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        alternatives: Vec<Alternative>,
+        /// What the operator should know.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        warnings: Vec<Warning>,
+    }
+
+    /// Standard deviations of what was estimated; absent where nothing was.
+    struct Sigmas {
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        x_m: Option<f64>,
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        y_m: Option<f64>,
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        z_m: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        yaw_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pitch_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        roll_deg: Option<f64>,
+        /// In pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_px: Option<f64>,
+        /// Relative standard deviation of lengths on the floor inside the EFOV.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_length_rel: Option<f64>,
+    }
+
+    /// A covariance matrix: what its rows are, and its upper triangle row by row.
+    struct CovarianceEntry {
+        /// Names as in the solution, with their units.
+        of: Vec<String>,
+        /// Upper triangle, row by row.
+        upper: Vec<f64>,
+    }
+
+    /// Another minimum that the data cannot rule out.
+    struct Alternative {
+        /// In pixels.
+        focal_px: f64,
+        /// Horizontal field of view, in degrees.
+        hfov_deg: f64,
+        /// In degrees.
+        pitch_deg: f64,
+        /// In degrees.
+        roll_deg: f64,
+        /// Its sum of squared residuals over their variances.
+        chi2: f64,
+    }
+
+    /// What solving found out about a link or a mark.
+    struct ElementSolution {
+        /// Where it is, in metres.
+        at_m: WorldPoint,
+        /// In degrees, where it has a direction.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        turn_deg: Option<f64>,
+        /// Standard deviations.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma: Option<Sigmas>,
+        /// One for every camera that shows it.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        residuals: Vec<SeenResidual>,
+    }
+
+    /// How far a camera's pixel of a link or mark is from the prediction.
+    struct SeenResidual {
+        /// Id of the camera.
+        camera: String,
+        /// In pixels.
+        px: f64,
+        /// Whether it was set aside.
+        outlier: bool,
+    }
+
+    /// What solving found out about the site as a whole.
+    struct SiteSolution {
+        /// Ids of the cameras that hang together, group by group.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        components: Vec<Vec<String>>,
+        /// Whether metres are metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scale: Option<Scale>,
+        /// Gap around the loops of the camera graph, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        loop_closure_m: Option<f64>,
+        /// Pairs of cameras that see the same floor.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        overlaps: Vec<Overlap>,
+        /// What the operator should know.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        warnings: Vec<Warning>,
+    }
+
+    /// Two cameras that see the same floor, and how far they disagree there.
+    struct Overlap {
+        /// Their ids.
+        cameras: [String; 2],
+        /// Root mean square of the distances, in metres.
+        floor_rms_m: f64,
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Names of the distortion models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum DistortionModel {
+    /// k1, k2, k3, p1, p2 in OpenCV's terms.
+    BrownConrady,
+    /// lambda.
+    Division,
+    /// k1 to k4, OpenCV's fisheye.
+    KannalaBrandt,
+}
+
+/// Names of the distortion coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names are those of the coefficients")]
+pub enum Coefficient {
+    K1,
+    K2,
+    K3,
+    K4,
+    P1,
+    P2,
+    Lambda,
+}
+
+/// What a link is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum LinkKind {
+    /// One point of the scene.
+    #[default]
+    Point,
+    /// Something plumb, from foot to head.
+    Post,
+    /// One line of the floor; the views need not overlap.
+    Line,
+}
+
+/// How a solution came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The joint fit in pixels.
+    MaximumLikelihood,
+    /// The paper's criterion.
+    Paper,
+    /// Imported or typed.
+    Given,
+}
+
+/// How far a solution got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// Only the distortion.
+    Lens,
+    /// Roll, pitch and focal: stage 1.
+    Partial,
+    /// Position and yaw, too: stage 2.
+    Placed,
+    /// Improved together with other cameras.
+    Refined,
+}
+
+/// Whether the site's metres are metres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Something gives it.
+    Known,
+    /// The height of 3 m of the first camera stands.
+    Unknown,
+}
+
+impl Site {
+    /// An empty site.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            format: Format::CalibSite,
+            version: 1,
+            name: None,
+            plan: None,
+            cameras: Vec::new(),
+            links: Vec::new(),
+            marks: Vec::new(),
+            distances: Vec::new(),
+            georeference: None,
+            solution: None,
+        }
+    }
+
+    /// The document as text, indented, numbers in the shortest form that reads back the same.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// The JSON Schema of the document.
+    #[cfg(feature = "schema")]
+    #[must_use]
+    pub fn json_schema() -> serde_json::Value {
+        schemars::schema_for!(Self).to_value()
+    }
+}
+
+impl Default for Site {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl SiteCamera {
+    /// A camera of which nothing is known yet.
+    #[must_use]
+    pub fn new(id: impl Into<String>, size_px: [u32; 2]) -> Self {
+        Self {
+            id: id.into(),
+            name: None,
+            image: None,
+            size_px,
+            lens: None,
+            height_m: None,
+            sigma_px: None,
+            annotations: Vec::new(),
+            efov_px: None,
+            placement: None,
+            control_points: Vec::new(),
+            valid_from: None,
+            valid_to: None,
+            solution: None,
+            error: None,
+        }
+    }
+
+    /// Width and height, in pixels.
+    #[must_use]
+    pub fn size(&self) -> [f64; 2] {
+        self.size_px.map(f64::from)
+    }
+}
