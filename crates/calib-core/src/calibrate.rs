@@ -1,16 +1,21 @@
 //! The whole calibration of a site: every camera by itself, then placed.
 
-use crate::annotation::Kind;
+use crate::advice::{draw_next, warnings};
+use crate::annotation::{Annotation, Kind, Shape};
 use crate::camera::Camera;
-use crate::criterion::{self, Held, Orientation};
+use crate::covariance::Covariance;
+use crate::criterion::{self, Held};
 use crate::efov::{default_efov, efov_on_floor};
-use crate::evidence::Evidence;
+use crate::evidence::{Evidence, Source};
+use crate::fit::{Fit, FitOptions, Solved};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
 use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points};
 use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
-use crate::site::{DistortionEntry, Method, Site, SiteCamera, Solution, Stage};
-use crate::space::WorldPoint;
+use crate::site::{
+    Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Site, SiteCamera, Solution, Stage,
+};
+use crate::space::{FloorPoint, WorldPoint};
 
 /// How to calibrate.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +32,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { method: Method::Paper, refine: true, prior: true, cameras: None }
+        Self { method: Method::MaximumLikelihood, refine: true, prior: true, cameras: None }
     }
 }
 
@@ -83,35 +88,27 @@ impl Site {
         {
             return Ok(given.clone());
         }
-        let known = self.known_of(entry, options)?;
-        let evidence = Evidence::new(&entry.annotations, &known.lens, false);
-        let mut warnings = Vec::new();
-        let width = entry.size()[0];
-        let (orientation, _) = criterion::minimum(&evidence, known.held, width)?;
-        unused_by_the_paper(entry, &evidence, &mut warnings);
-        let height = entry.height_m.filter(|height| height.fixed).map_or(STAGE_1_HEIGHT, |height| height.value);
-        let first = Camera {
-            position: WorldPoint::new(0.0, 0.0, height),
-            yaw: 0.0,
-            pitch: orientation.pitch,
-            roll: orientation.roll,
-            focal: orientation.focal,
-            lens: known.lens,
+        let (lens, held) = self.known_of(entry, options)?;
+        let evidence = Evidence::new(&entry.annotations, &lens, false);
+        let mut solution = match options.method {
+            Method::Paper => paper(entry, &evidence, lens, held)?,
+            Method::MaximumLikelihood | Method::Given => likelihood(entry, &evidence, lens, held, options.prior)?,
         };
-        let (camera, stage) = self.place(entry, first, &mut warnings);
-        check_lens(entry, &camera, &mut warnings);
-        let residuals = self.residuals(entry, &camera, orientation);
-        let mut solution = solution_of(&camera, Method::Paper, stage);
-        solution.efov_m = efov(entry, &camera, &mut warnings);
-        solution.rms_px = rms(&residuals);
-        solution.residuals = residuals;
-        solution.warnings = warnings;
+        let Some(first) = solution.camera() else { return Ok(solution) };
+        let (camera, stage) = self.place(entry, first, &mut solution.warnings);
+        solution.position_m = Some(camera.position);
+        solution.yaw_deg = Some(camera.yaw.to_degrees());
+        solution.stage = stage;
+        outside_lens(entry, &evidence, &mut solution.warnings);
+        check_lens(entry, &camera, &mut solution.warnings);
+        solution.efov_m = efov(entry, &camera, &mut solution.warnings);
+        self.add_control_residuals(entry, &camera, &mut solution.residuals);
         Ok(solution)
     }
 
     /// The lens, and what is held of the orientation, its own or that of the camera it is like.
-    fn known_of(&self, entry: &SiteCamera, options: &Options) -> Result<KnownOf, Failure> {
-        let own = KnownOf { lens: entry.lens(), held: entry.held() };
+    fn known_of(&self, entry: &SiteCamera, options: &Options) -> Result<(Lens, Held), Failure> {
+        let own = (entry.lens(), entry.held());
         let Some(like) = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()) else { return Ok(own) };
         let Some(other) = self.camera(like) else { return Ok(own) };
         let focal = match other.held().focal {
@@ -125,7 +122,7 @@ impl Site {
             })?,
         };
         let lens = Lens { principal_point: entry.principal_point(), ..other.lens() };
-        Ok(KnownOf { lens, held: Held { focal: Some(focal), ..own.held } })
+        Ok((lens, Held { focal: Some(focal), ..own.1 }))
     }
 
     /// Stage 2: by control points, by the operator's move, turn and scale, or not at all.
@@ -137,11 +134,9 @@ impl Site {
             .filter(|point| !point.off)
             .filter_map(|point| point.control_point(self.plan.as_ref()))
             .collect();
-        if !fixed && points.len() >= 2 {
-            if let Some(camera) = from_control_points(&first, &points) {
-                scale_conflict(entry, camera.position.z, warnings);
-                return (camera, Stage::Placed);
-            }
+        if !fixed && let Some(camera) = from_control_points(&first, &points) {
+            scale_conflict(entry, &first, camera.position.z, warnings);
+            return (camera, Stage::Placed);
         }
         if !fixed && !points.is_empty() {
             warnings.push(Warning::new(
@@ -153,30 +148,14 @@ impl Site {
         match &entry.placement {
             Some(placement) => {
                 let placed = placement.placement().apply(&first);
-                scale_conflict(entry, placed.position.z, warnings);
+                scale_conflict(entry, &first, placed.position.z, warnings);
                 (placed, Stage::Placed)
             }
             None => (first, Stage::Partial),
         }
     }
 
-    fn residuals(&self, entry: &SiteCamera, camera: &Camera, at: Orientation) -> Vec<Residual> {
-        let mut residuals: Vec<Residual> = [false, true]
-            .into_iter()
-            .flat_map(|off| {
-                let evidence = Evidence::new(&entry.annotations, &camera.lens, off);
-                residuals_at(&evidence, at, camera.position.z, entry.size()[0])
-            })
-            .map(|(source, px)| Residual {
-                of: ResidualOf::Annotation,
-                annotation: Some(source.annotation),
-                segment: Some(source.segment),
-                id: None,
-                px,
-                outlier: false,
-            })
-            .collect();
-        residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
+    fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, residuals: &mut Vec<Residual>) {
         for (index, point) in entry.control_points.iter().enumerate() {
             let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
             let Some(shown) = shown else { continue };
@@ -189,21 +168,104 @@ impl Site {
                 outlier: false,
             });
         }
-        residuals
     }
 }
 
-/// What is known of a camera before its lines are looked at.
-struct KnownOf {
+/// Stage 1 by the joint fit in pixels.
+fn likelihood(
+    entry: &SiteCamera,
+    evidence: &Evidence,
     lens: Lens,
     held: Held,
+    prior: bool,
+) -> Result<Solution, Failure> {
+    let keep: Vec<usize> = (0..entry.annotations.len()).filter(|&i| entry.annotations[i].keep).collect();
+    let options = FitOptions {
+        lens,
+        size: entry.size(),
+        efov: entry.efov_px.as_deref().unwrap_or_default(),
+        held,
+        priors: entry.priors(),
+        sigma: entry.sigma_px,
+        weak_belief: prior,
+        keep: &keep,
+    };
+    let fit = Fit::new(evidence, &options)?;
+    let next = draw_next(&fit, evidence, &options);
+    let mut solution = solution_of(&fit.camera, Method::MaximumLikelihood);
+    solution.sigma = Some(Sigmas::of(&fit.camera.covariance, fit.floor_length_rel));
+    solution.covariance = CovarianceEntry::of(&fit.camera.covariance);
+    solution.sigma_px = Some(fit.sigma);
+    solution.chi2 = Some(fit.chi2);
+    solution.dof = usize::try_from(fit.dof).ok();
+    solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
+    solution.warnings = warnings(&fit, &entry.annotations, next.as_ref());
+    solution.draw_next = next;
+    unused(&entry.annotations, "The fit does not use", |kind| kind == Kind::Straight, &mut solution.warnings);
+    let off = Evidence::new(&entry.annotations, &lens, true);
+    let at = criterion::Orientation { roll: fit.camera.roll, pitch: fit.camera.pitch, focal: fit.camera.focal };
+    let residuals = fit.residuals.iter().copied().chain(residuals_at(&off, at, fit.camera.position.z, entry.size()[0]));
+    solution.residuals = listed(residuals, &fit.outliers);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    Ok(solution)
+}
+
+fn alternative(other: &Solved, entry: &SiteCamera) -> Alternative {
+    let focal = other.orientation.focal;
+    Alternative {
+        focal_px: focal,
+        hfov_deg: 2.0 * (0.5 * entry.size()[0] / focal).atan().to_degrees(),
+        pitch_deg: other.orientation.pitch.to_degrees(),
+        roll_deg: other.orientation.roll.to_degrees(),
+        chi2: other.chi2,
+    }
+}
+
+/// Stage 1 as the paper has it.
+fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Result<Solution, Failure> {
+    let width = entry.size()[0];
+    let (at, _) = criterion::minimum(evidence, held, width)?;
+    let height = held.height.unwrap_or(STAGE_1_HEIGHT);
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, height),
+        yaw: 0.0,
+        pitch: at.pitch,
+        roll: at.roll,
+        focal: at.focal,
+        lens,
+        covariance: Covariance::EXACT,
+    };
+    let mut solution = solution_of(&camera, Method::Paper);
+    let off = Evidence::new(&entry.annotations, &lens, true);
+    let both = [evidence, &off].into_iter().flat_map(|evidence| residuals_at(evidence, at, height, width));
+    solution.residuals = listed(both, &[]);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright | Kind::Straight);
+    unused(&entry.annotations, "The paper's method does not use", unknown, &mut solution.warnings);
+    priors_unused(entry, &mut solution.warnings);
+    Ok(solution)
+}
+
+fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -> Vec<Residual> {
+    let mut list: Vec<Residual> = residuals
+        .map(|(source, px)| Residual {
+            of: ResidualOf::Annotation,
+            annotation: Some(source.annotation),
+            segment: Some(source.segment),
+            id: None,
+            px,
+            outlier: outliers.contains(&source),
+        })
+        .collect();
+    list.sort_by_key(|residual| (residual.annotation, residual.segment));
+    list
 }
 
 /// The bare solution of a camera: pose and lens.
-fn solution_of(camera: &Camera, method: Method, stage: Stage) -> Solution {
+fn solution_of(camera: &Camera, method: Method) -> Solution {
     Solution {
         method,
-        stage,
+        stage: Stage::Partial,
         position_m: Some(camera.position),
         yaw_deg: Some(camera.yaw.to_degrees()),
         pitch_deg: Some(camera.pitch.to_degrees()),
@@ -221,10 +283,11 @@ fn solution_of(camera: &Camera, method: Method, stage: Stage) -> Solution {
         residuals: Vec::new(),
         alternatives: Vec::new(),
         warnings: Vec::new(),
+        draw_next: None,
     }
 }
 
-fn efov(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) -> Vec<crate::space::FloorPoint> {
+fn efov(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) -> Vec<FloorPoint> {
     let Some(corners) = &entry.efov_px else { return default_efov(camera, entry.size()).polygon };
     let efov = efov_on_floor(camera, corners);
     if efov.clipped {
@@ -239,22 +302,28 @@ fn efov(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) -> Vec
     efov.polygon
 }
 
-fn rms(residuals: &[Residual]) -> Option<f64> {
-    let used: Vec<f64> = residuals.iter().filter(|r| r.of == ResidualOf::Annotation).map(|r| r.px * r.px).collect();
-    (!used.is_empty()).then(|| (used.iter().sum::<f64>() / used.len() as f64).sqrt())
+/// Root mean square of the residuals of what was used.
+fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<f64> {
+    let is_used = |r: &&Residual| !r.outlier && r.annotation.is_some_and(|index| !annotations[index].off);
+    let squares: Vec<f64> = residuals.iter().filter(is_used).map(|r| r.px * r.px).collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// A height that was entered and the one that placement gave must be of one opinion.
-fn scale_conflict(entry: &SiteCamera, placed: f64, warnings: &mut Vec<Warning>) {
+/// A height that was entered or told by lines and the one that placement gave must be of one opinion.
+fn scale_conflict(entry: &SiteCamera, first: &Camera, placed: f64, warnings: &mut Vec<Warning>) {
     /// Relative: what a hand can tell by dragging a polygon over a plan.
     const HAND: f64 = 0.02;
-    let Some(height) = entry.height_m else { return };
-    let sigma = height.sigma.unwrap_or(0.0).hypot(HAND * placed);
-    if (height.value - placed).abs() > 3.0 * sigma {
+    let told = first.covariance.sigma(Covariance::Z);
+    if told.is_none() && entry.height_m.is_none() {
+        return;
+    }
+    let sigma = told.unwrap_or(0.0).hypot(HAND * placed);
+    let height = first.position.z;
+    if (height - placed).abs() > 3.0 * sigma {
         warnings.push(Warning::new(
             Code::ScaleConflict,
-            format!("The camera was entered as {} m high and is placed {placed:.2} m high.", height.value),
-            "Check the scale of the plan, the height, and the size of the EFOV polygon.",
+            format!("The camera is {height:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."),
+            "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon.",
         ));
     }
 }
@@ -265,10 +334,8 @@ fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) 
         return;
     }
     let [w, h] = entry.size();
-    let lost = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]]
-        .iter()
-        .filter(|&&corner| camera.undistort(corner.into()).is_none())
-        .count();
+    let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
+    let lost = corners.iter().filter(|&&corner| camera.undistort(corner.into()).is_none()).count();
     if lost > 0 {
         warnings.push(Warning::new(
             Code::DistortionNotInvertible,
@@ -278,29 +345,42 @@ fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) 
     }
 }
 
-/// What the paper's criterion cannot use is named, never dropped in silence.
-fn unused_by_the_paper(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
-    let mut unused = |what: String, advice: &str| {
-        let message = format!("The paper's method does not use {what}.");
-        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
-    };
-    for (index, annotation) in entry.annotations.iter().enumerate().filter(|(_, a)| !a.off) {
-        let speaks = match annotation.kind {
-            Kind::KnownLength | Kind::Upright | Kind::Straight => false,
-            Kind::Vertical => true,
-            kind => annotation.segments.as_ref().map_or(0, Vec::len) >= kind.row().least,
+/// What a method cannot use is named, never dropped in silence.
+fn unused(
+    annotations: &[Annotation],
+    who: &str,
+    unknown: impl Fn(Kind) -> bool,
+    warnings: &mut Vec<Warning>,
+) {
+    for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| !a.off) {
+        let row = annotation.kind.row();
+        let drawn = annotation.segments.as_ref().map_or(0, Vec::len);
+        let tied = annotation.at_right_angles_to.is_some()
+            || annotation.id.is_some() && annotations.iter().any(|a| a.at_right_angles_to == annotation.id);
+        let (why, advice) = if unknown(annotation.kind) {
+            (String::new(), "Switch it off, or use a method that does.")
+        } else if row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0) {
+            (format!(": it has {drawn} segment(s) and needs {}", row.least), "Draw the missing segments.")
+        } else {
+            continue;
         };
-        if !speaks {
-            unused(annotation.label(index), "Use --method ml, or switch it off.");
-        }
+        let message = format!("{who} {}{why}.", annotation.label(index));
+        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
     }
+}
+
+fn outside_lens(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
     for source in &evidence.outside_lens {
         let label = entry.annotations[source.annotation].label(source.annotation);
-        unused(
-            format!("segment {} of {label}: a point of it lies where the lens shows nothing", source.segment),
+        warnings.push(Warning::new(
+            Code::UnusedAnnotation,
+            format!("Segment {} of {label} has a point where the lens shows nothing.", source.segment),
             "Move the point inward, or correct the distortion.",
-        );
+        ));
     }
+}
+
+fn priors_unused(entry: &SiteCamera, warnings: &mut Vec<Warning>) {
     let lens = entry.lens.as_ref();
     let priors = [
         ("lens.focal_px", lens.and_then(|l| l.focal_px)),
@@ -308,9 +388,11 @@ fn unused_by_the_paper(entry: &SiteCamera, evidence: &Evidence, warnings: &mut V
         ("lens.roll_deg", lens.and_then(|l| l.roll_deg)),
         ("height_m", entry.height_m),
     ];
-    for (field, known) in priors {
-        if known.is_some_and(|known| !known.fixed) {
-            unused(format!("the prior {field}"), "Hold it with \"fixed\": true, or use --method ml.");
-        }
+    for (field, _) in priors.iter().filter(|(_, known)| known.is_some_and(|known| !known.fixed)) {
+        warnings.push(Warning::new(
+            Code::UnusedAnnotation,
+            format!("The paper's method does not use the prior {field}."),
+            "Hold it with \"fixed\": true, or use --method ml.",
+        ));
     }
 }

@@ -1,5 +1,6 @@
 //! The pinhole camera of the paper with a lens in front: both maps, the rays, the matrices.
 
+use crate::covariance::Covariance;
 use crate::lens::Lens;
 use crate::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
@@ -21,6 +22,32 @@ pub struct Camera {
     pub focal: f64,
     /// Principal point and distortion.
     pub lens: Lens,
+    /// How well pose and focal are known.
+    pub covariance: Covariance,
+}
+
+/// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorCovariance {
+    /// From the noise of the pixel: independent from detection to detection.
+    pub pixel: [[f64; 2]; 2],
+    /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
+    pub calibration: [[f64; 2]; 2],
+}
+
+impl FloorCovariance {
+    /// Both parts together.
+    #[must_use]
+    pub fn total(&self) -> [[f64; 2]; 2] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + self.calibration[i][j]))
+    }
+
+    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in metres.
+    #[must_use]
+    pub fn worst_sigma(&self) -> f64 {
+        let [[a, b], [_, d]] = self.total();
+        (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt()
+    }
 }
 
 /// A half line of the base system.
@@ -192,6 +219,58 @@ impl Camera {
         ]
     }
 
+    /// How uncertain the point of the floor is that the camera shows at `pixel`, for a standard
+    /// deviation of `pixel_sigma` pixels of each coordinate.
+    ///
+    /// `None` where there is no floor point.
+    #[must_use]
+    pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
+        /// Of a pixel, of a radian, of the focal's share: small against what bends, large against rounding.
+        const STEP: f64 = 1e-4;
+        let difference = |ahead: Option<FloorPoint>, behind: Option<FloorPoint>, step: f64| {
+            let (a, b) = (ahead?, behind?);
+            Some([(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)])
+        };
+        let by_pixel = |du: f64, dv: f64| {
+            let at = |sign: f64| {
+                let nudged = Pixel { u: pixel.u + sign * STEP * du, v: pixel.v + sign * STEP * dv };
+                self.pixel_to_floor(nudged, 0.0)
+            };
+            difference(at(1.0), at(-1.0), STEP)
+        };
+        let by_unknown = |index: usize| {
+            let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
+            let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, 0.0);
+            difference(at(1.0), at(-1.0), step)
+        };
+        let columns = [by_pixel(1.0, 0.0)?, by_pixel(0.0, 1.0)?];
+        let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
+        let pixel_part =
+            std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
+        let mut slopes = [[0.0; 2]; Covariance::SIZE];
+        for (index, slope) in slopes.iter_mut().enumerate() {
+            if self.covariance.0[index][index] > 0.0 {
+                *slope = by_unknown(index)?;
+            }
+        }
+        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
+    }
+
+    /// The camera with one of the unknowns of [`Covariance`] changed.
+    fn nudged(&self, index: usize, by: f64) -> Self {
+        let mut camera = *self;
+        match index {
+            Covariance::X => camera.position.x += by,
+            Covariance::Y => camera.position.y += by,
+            Covariance::Z => camera.position.z += by,
+            Covariance::YAW => camera.yaw += by,
+            Covariance::PITCH => camera.pitch += by,
+            Covariance::ROLL => camera.roll += by,
+            _ => camera.focal += by,
+        }
+        camera
+    }
+
     /// Horizontal and vertical field of view of an image of this size, in radians, without distortion.
     #[must_use]
     pub fn field_of_view(&self, size: [f64; 2]) -> [f64; 2] {
@@ -229,7 +308,8 @@ pub(crate) mod tests {
                 let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
                 let distortion = if bent { brown } else { Distortion::None };
                 let lens = Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion };
-                Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens }
+                let covariance = Covariance::EXACT;
+                Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens, covariance }
             },
         )
     }
@@ -242,6 +322,7 @@ pub(crate) mod tests {
             roll: 0.0,
             focal: 1000.0,
             lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
         }
     }
 
@@ -294,6 +375,29 @@ pub(crate) mod tests {
                 prop_assert!(h[2] > 0.0, "the floor lies in front");
                 prop_assert!((h[0] / h[2] - x).hypot(h[1] / h[2] - y) < 1e-6 * (1.0 + camera.position.distance(point).powi(2)));
             }
+        }
+
+        #[test]
+        fn a_floor_point_is_as_uncertain_as_its_pixel_times_the_map(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let pixel = Pixel { u, v };
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
+            prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
+            prop_assert_eq!(covariance.calibration, [[0.0; 2]; 2]);
+            // A nudge of half a pixel moves the floor point by no more than its worst direction says.
+            for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
+                let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
+                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma()));
+            }
+        }
+
+        #[test]
+        fn a_height_that_is_uncertain_scales_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let mut camera = camera;
+            camera.covariance.0[Covariance::Z][Covariance::Z] = 0.01_f64.powi(2);
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };
+            let range = floor.distance(camera.position.on_floor());
+            prop_assume!(range < 50.0);
+            prop_assert!((covariance.worst_sigma() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
         }
 
         #[test]

@@ -33,6 +33,8 @@ pub struct Held {
     pub pitch: Option<f64>,
     /// In pixels.
     pub focal: Option<f64>,
+    /// In metres; the paper's method takes it as it is.
+    pub height: Option<f64>,
 }
 
 /// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.

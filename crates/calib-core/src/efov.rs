@@ -115,6 +115,7 @@ mod tests {
             roll: 0.05,
             focal: 1000.0,
             lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: crate::covariance::Covariance::EXACT,
         }
     }
 

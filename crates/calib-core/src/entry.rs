@@ -1,14 +1,15 @@
 //! Entries of the site file as the types of the geometry, and back.
 
 use crate::camera::Camera;
+use crate::covariance::Covariance;
 use crate::criterion::Held;
 use crate::lens::{BrownConrady, Distortion, Lens};
 use crate::likelihood::{Prior, Priors};
 use crate::placement::{ControlPoint, Placement};
 use crate::scene::Shape3;
 use crate::site::{
-    ControlPointEntry, DistortionEntry, DistortionModel, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera,
-    Solution,
+    ControlPointEntry, CovarianceEntry, DistortionEntry, DistortionModel, Georeference, Mark, PlacementEntry, Plan, Sigmas, Site,
+    SiteCamera, Solution,
 };
 use crate::space::{Pixel, PlanScale, WorldPoint};
 
@@ -174,11 +175,12 @@ impl SiteCamera {
     #[must_use]
     pub fn held(&self) -> Held {
         let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
-        let Some(lens) = &self.lens else { return Held::default() };
+        let Some(lens) = &self.lens else { return Held { height: fixed(self.height_m), ..Held::default() } };
         Held {
             roll: fixed(lens.roll_deg).map(f64::to_radians),
             pitch: fixed(lens.pitch_deg).map(f64::to_radians),
             focal: fixed(lens.focal_px),
+            height: fixed(self.height_m),
         }
     }
 
@@ -219,6 +221,7 @@ impl Solution {
             roll: self.roll_deg?.to_radians(),
             focal: self.focal_px,
             lens: self.lens(),
+            covariance: self.covariance.as_ref().map_or(Covariance::EXACT, CovarianceEntry::covariance),
         })
     }
 
@@ -229,5 +232,60 @@ impl Solution {
         let Some(entry) = &self.distortion else { return pinhole };
         let focal = entry.focal_px.unwrap_or(self.focal_px);
         Lens { focal, distortion: entry.distortion().unwrap_or_default(), ..pinhole }
+    }
+}
+
+/// Files have degrees where the code has radians.
+fn unit_in_file(index: usize) -> f64 {
+    if matches!(index, Covariance::YAW | Covariance::PITCH | Covariance::ROLL) { 1_f64.to_degrees() } else { 1.0 }
+}
+
+impl CovarianceEntry {
+    /// The matrix in metres, radians and pixels; names that are not of the camera are left out.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        let index = |name: &String| Covariance::NAMES.iter().position(|known| known == name);
+        let rows: Vec<Option<usize>> = self.of.iter().map(index).collect();
+        let mut covariance = Covariance::EXACT;
+        let mut upper = self.upper.iter();
+        for (i, &a) in rows.iter().enumerate() {
+            for &b in &rows[i..] {
+                let value = upper.next().copied().unwrap_or(0.0);
+                if let (Some(a), Some(b)) = (a, b) {
+                    covariance.0[a][b] = value / unit_in_file(a) / unit_in_file(b);
+                    covariance.0[b][a] = covariance.0[a][b];
+                }
+            }
+        }
+        covariance
+    }
+
+    /// The entry of everything that was estimated; `None` when nothing was.
+    #[must_use]
+    pub fn of(covariance: &Covariance) -> Option<Self> {
+        let rows: Vec<usize> = (0..Covariance::SIZE).filter(|&i| covariance.sigma(i).is_some()).collect();
+        let value = |a: usize, b: usize| covariance.0[a][b] * unit_in_file(a) * unit_in_file(b);
+        (!rows.is_empty()).then(|| Self {
+            of: rows.iter().map(|&i| Covariance::NAMES[i].to_owned()).collect(),
+            upper: rows.iter().enumerate().flat_map(|(k, &a)| rows[k..].iter().map(move |&b| value(a, b))).collect(),
+        })
+    }
+}
+
+impl Sigmas {
+    /// The diagonal of a covariance, and the error of floor lengths.
+    #[must_use]
+    pub fn of(covariance: &Covariance, floor_length_rel: Option<f64>) -> Self {
+        let sigma = |index: usize| covariance.sigma(index).map(|sigma| sigma * unit_in_file(index));
+        Self {
+            x_m: sigma(Covariance::X),
+            y_m: sigma(Covariance::Y),
+            z_m: sigma(Covariance::Z),
+            yaw_deg: sigma(Covariance::YAW),
+            pitch_deg: sigma(Covariance::PITCH),
+            roll_deg: sigma(Covariance::ROLL),
+            focal_px: sigma(Covariance::FOCAL),
+            floor_length_rel,
+        }
     }
 }

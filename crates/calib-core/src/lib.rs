@@ -26,7 +26,7 @@
 //! # Example
 //!
 //! ```
-//! use calib_core::{Camera, Lens, Pixel, WorldPoint};
+//! use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
 //!
 //! let camera = Camera {
 //!     position: WorldPoint::new(0.0, 0.0, 3.0),
@@ -35,6 +35,7 @@
 //!     roll: 0.0,
 //!     focal: 1400.0,
 //!     lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+//!     covariance: Covariance::EXACT,
 //! };
 //! let foot = camera.pixel_to_floor(Pixel::new(960.0, 540.0), 0.0).unwrap();
 //! assert!((foot.y - 3.0 / 30_f64.to_radians().tan()).abs() < 1e-12);
@@ -46,6 +47,7 @@ mod minimize;
 mod report;
 mod space;
 mod lens;
+mod covariance;
 mod camera;
 mod annotation;
 mod evidence;
@@ -54,7 +56,12 @@ mod criterion;
 mod placement;
 mod dual;
 mod likelihood;
+mod minima;
+mod outliers;
 mod efov;
+mod accuracy;
+mod fit;
+mod advice;
 mod scene;
 mod projector;
 mod remap;
@@ -67,10 +74,13 @@ mod check;
 #[cfg(feature = "serde")]
 mod calibrate;
 
+pub use advice::{DrawNext, draw_next, warnings};
 pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape};
-pub use camera::{Camera, Ray, angles_from_rotation, camera_from_world};
+pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
+pub use covariance::Covariance;
 pub use criterion::{Held, Orientation, minimum as paper_minimum};
 pub use efov::{Efov, default_efov, efov_on_floor};
+pub use fit::{Fit, FitOptions, Solved};
 pub use evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};

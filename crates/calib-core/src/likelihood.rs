@@ -11,7 +11,6 @@ use crate::criterion::{Held, Orientation};
 use crate::dual::{Dual, Slope};
 use crate::evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
 use crate::minimize::LeastSquares;
-use crate::placement::STAGE_1_HEIGHT;
 use crate::vanishing::line_through;
 
 /// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
@@ -217,7 +216,8 @@ impl<'a> Problem<'a> {
         let tells_height = priors.height.is_some()
             || !evidence.uprights.is_empty()
             || evidence.lengths.iter().any(|length| evidence.length_groups[length.group].is_some());
-        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), tells_height];
+        let free_height = tells_height && held.height.is_none();
+        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), free_height];
         Self { evidence, sigma, priors, free, aside: &[], width }
     }
 
@@ -387,6 +387,13 @@ impl<'a> Problem<'a> {
         let mut normal = Normal::new(self.nuisances());
         self.each_residual(state, |residual, slope, beside, _| normal.add(residual, slope, beside))?;
         normal.cost.is_finite().then_some(normal)
+    }
+
+    /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
+    pub(crate) fn cost(&self, state: &State) -> Option<f64> {
+        let mut cost = 0.0;
+        self.each_residual(state, |residual, _, _, _| cost += residual * residual)?;
+        cost.is_finite().then_some(cost)
     }
 
     /// Covariance of the core at a state.
@@ -644,7 +651,7 @@ fn upright_residuals(core: &Core, upright: &Upright, sigma: f64) -> Option<[Dual
 /// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
 /// and lengths taken as the evidence has them there; those without a prediction are left out.
 pub(crate) fn residuals_at(evidence: &Evidence, at: Orientation, height: f64, width: f64) -> Vec<(Source, f64)> {
-    let held = Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal) };
+    let held = Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal), height: Some(height) };
     let mut evidence = evidence.clone();
     let core = [at.roll, at.pitch, at.focal.ln(), height.ln()];
     evidence.lengths.retain(|length| floor_length(&core, &length.ends).is_some());
@@ -653,7 +660,235 @@ pub(crate) fn residuals_at(evidence: &Evidence, at: Orientation, height: f64, wi
     problem.state_at(core).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
-/// The core of an orientation at the paper's height of stage 1.
-pub(crate) fn core_of(at: Orientation) -> Core {
-    [at.roll, at.pitch, at.focal.ln(), STAGE_1_HEIGHT.ln()]
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::annotation::Known;
+    use crate::minimize::{Ending, LevenbergMarquardt, least_squares};
+    use proptest::prelude::*;
+
+    fn any_end() -> impl Strategy<Value = End> {
+        ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64)
+            .prop_map(|(at, a, b, d)| End { at, spread: [a * a + b * b, b * (a + d), d * d + b * b] })
+    }
+
+    fn source(segment: usize) -> Source {
+        Source { annotation: 0, segment }
+    }
+
+    /// Evidence that agrees with nothing: derivatives do not care.
+    fn any_evidence() -> impl Strategy<Value = Evidence> {
+        let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
+        let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
+        let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
+        (lines, lengths, uprights).prop_map(|(lines, lengths, uprights)| {
+            let toward = |group: usize, quarter| match group {
+                0 => Toward::Vertical,
+                _ => Toward::Floor { group: group - 1, quarter },
+            };
+            Evidence {
+                lines: lines.into_iter().enumerate()
+                    .map(|(i, (ends, group, quarter))| Line { ends, toward: toward(group, quarter), source: source(i) })
+                    .collect(),
+                groups: 2,
+                lengths: lengths.into_iter().enumerate()
+                    .map(|(i, (ends, group))| Length { ends, group, source: source(100 + i) })
+                    .collect(),
+                length_groups: vec![None, Some(2.0)],
+                uprights: uprights.into_iter().enumerate()
+                    .map(|(i, (foot, head, height))| {
+                        let height = Known::prior(height, 0.05);
+                        Upright { foot, head, height, source: source(200 + i) }
+                    })
+                    .collect(),
+                outside_lens: Vec::new(),
+            }
+        })
+    }
+
+    fn any_core() -> impl Strategy<Value = Core> {
+        (-0.3..0.3_f64, 0.3..1.5_f64, 600.0..2500.0_f64, 1.5..6.0_f64).prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
+    }
+
+    fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
+        let mut rows = Vec::new();
+        problem.each_residual(state, |residual, slope, beside, _| {
+            let mut row = slope.to_vec();
+            row.resize(4 + state.nuisance.len(), 0.0);
+            if let Some((index, derivative)) = beside {
+                row[4 + index] = derivative;
+            }
+            rows.push((residual, row));
+        })?;
+        Some(rows)
+    }
+
+    fn nudged(state: &State, index: usize, by: f64) -> State {
+        let mut state = state.clone();
+        match index {
+            0..4 => state.core[index] += by,
+            _ => state.nuisance[index - 4] += by,
+        }
+        state
+    }
+
+    fn priors() -> Priors {
+        let prior = |value, sigma| Some(Prior { value, sigma });
+        Priors {
+            roll: prior(0.1, 0.02),
+            pitch: prior(0.5, 0.1),
+            focal: prior(1200.0, 50.0),
+            height: prior(3.0, 0.2),
+            weak_log_focal: prior(7.0, 0.35),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_is_that_of_differences(evidence in any_evidence(), core in any_core()) {
+            const STEP: f64 = 1e-6;
+            let problem = Problem::new(&evidence, Held::default(), priors(), 0.7, 1920.0);
+            let state = problem.state_at(core);
+            prop_assume!(state.is_some());
+            let Some(state) = state else { return Ok(()) };
+            let rows = residuals(&problem, &state);
+            prop_assume!(rows.is_some());
+            let rows = rows.unwrap_or_default();
+            for index in 0..4 + state.nuisance.len() {
+                let ahead = residuals(&problem, &nudged(&state, index, STEP));
+                let behind = residuals(&problem, &nudged(&state, index, -STEP));
+                let (Some(ahead), Some(behind)) = (ahead, behind) else { continue };
+                for (k, (residual, row)) in rows.iter().enumerate() {
+                    let numeric = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
+                    let scale = 1.0 + row[index].abs() + residual.abs();
+                    // Central differences: rounding 1e-10 of the value, truncation 1e-12 of the third derivative.
+                    prop_assert!((numeric - row[index]).abs() < 2e-4 * scale, "residual {k} by {index}: {numeric} {}", row[index]);
+                }
+            }
+        }
+
+        #[test]
+        fn a_line_through_the_point_has_no_residual(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], v in [-3e3..3e3_f64, -3e3..3e3_f64], t in 0.05..0.9_f64,
+            weights in [0.5..2.0_f64, 0.5..2.0_f64],
+        ) {
+            let b = [a[0] + t * (v[0] - a[0]), a[1] + t * (v[1] - a[1])];
+            let end = |at, w: f64| End { at, spread: [w, 0.0, w] };
+            let (residual, _) = line_residual(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]);
+            prop_assert!(residual.abs() < 1e-8, "{residual}");
+        }
+
+        #[test]
+        fn the_residual_is_the_least_movement_of_the_ends(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], b in [-900.0..900.0_f64, -500.0..500.0_f64],
+            v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
+        ) {
+            let end = |at, w: f64| End { at, spread: [1.0 / w, 0.0, 1.0 / w] };
+            let (residual, _) = line_residual(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]);
+            // Every line through v, by its angle: the weighted squares of the distances of the ends.
+            let cost = |angle: f64| {
+                let (sin, cos) = angle.sin_cos();
+                let distance = |p: [f64; 2]| (p[0] - v[0]) * sin - (p[1] - v[1]) * cos;
+                weights[0] * distance(a).powi(2) + weights[1] * distance(b).powi(2)
+            };
+            let least = (0..20_000).map(|i| cost(std::f64::consts::PI * f64::from(i) / 20_000.0)).fold(f64::INFINITY, f64::min);
+            let reach = weights[0] * (a[0] - v[0]).hypot(a[1] - v[1]).powi(2) + weights[1] * (b[0] - v[0]).hypot(b[1] - v[1]).powi(2);
+            prop_assert!(residual * residual <= least + 1e-6, "{} above {least}", residual * residual);
+            prop_assert!(least - residual * residual < 1e-7 * reach, "{} below {least}", residual * residual);
+        }
+
+        #[test]
+        fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
+            core in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
+            drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
+        ) {
+            let evidence = drawn_toward(&core, &drawn);
+            let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
+            let start = [core[0] + nudge[0], core[1] + nudge[1], core[2] + nudge[2], core[3]];
+            let Some(start) = problem.state_at(start) else { return Ok(()) };
+            let (_, cost, ending) = least_squares(&problem, start.clone(), 200).unwrap();
+            prop_assert!(ending != Ending::OutOfRounds);
+            let oracle = levenberg_marquardt::LevenbergMarquardt::new();
+            let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
+            let theirs = 2.0 * report.objective_function;
+            prop_assert!((theirs - cost).abs() < 1e-7 * cost + 1e-12, "{theirs} there, {cost} here");
+        }
+    }
+
+    /// Lines toward the vertical and two floor directions, drawn with noise across them.
+    fn drawn_toward(core: &Core, drawn: &[([f64; 2], f64, f64)]) -> Evidence {
+        let angles = Angles::new(core);
+        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
+            let (toward, v) = match i % 3 {
+                0 => (Toward::Vertical, angles.down().at),
+                1 => (Toward::Floor { group: 0, quarter: false }, angles.floor(0.7).at),
+                _ => (Toward::Floor { group: 0, quarter: true }, angles.floor(0.7 + std::f64::consts::FRAC_PI_2).at),
+            };
+            let way = [v[0] - a[0] * v[2], v[1] - a[1] * v[2]];
+            let length = way[0].hypot(way[1]);
+            let step = 700.0 * share / length;
+            let b = [a[0] + step * way[0] - noise * way[1] / length, a[1] + step * way[1] + noise * way[0] / length];
+            Line { ends: [end(a), end(b)], toward, source: source(i) }
+        });
+        Evidence { lines: lines.collect(), groups: 1, ..Evidence::default() }
+    }
+
+    /// The problem as the levenberg-marquardt crate wants it.
+    struct Oracle<'a> {
+        problem: &'a Problem<'a>,
+        state: State,
+    }
+
+    impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn> for Oracle<'_> {
+        type ParameterStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
+        type ResidualStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
+        type JacobianStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::Dyn>;
+
+        fn set_params(&mut self, x: &nalgebra::DVector<f64>) {
+            self.state.core.copy_from_slice(&x.as_slice()[..4]);
+            self.state.nuisance.copy_from_slice(&x.as_slice()[4..]);
+        }
+        fn params(&self) -> nalgebra::DVector<f64> {
+            nalgebra::DVector::from_iterator(
+                4 + self.state.nuisance.len(),
+                self.state.core.iter().chain(&self.state.nuisance).copied(),
+            )
+        }
+        fn residuals(&self) -> Option<nalgebra::DVector<f64>> {
+            let rows = residuals(self.problem, &self.state)?;
+            Some(nalgebra::DVector::from_iterator(rows.len(), rows.iter().map(|(residual, _)| *residual)))
+        }
+        fn jacobian(&self) -> Option<nalgebra::DMatrix<f64>> {
+            let rows = residuals(self.problem, &self.state)?;
+            Some(nalgebra::DMatrix::from_fn(rows.len(), 4 + self.state.nuisance.len(), |i, j| rows[i].1[j]))
+        }
+    }
+
+    #[test]
+    fn the_executor_of_argmin_walks_the_same_way() {
+        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        let line = |a, b, toward, i| Line { ends: [end(a), end(b)], toward, source: source(i) };
+        let floor = Toward::Floor { group: 0, quarter: false };
+        let evidence = Evidence {
+            lines: vec![
+                line([-500.0, -200.0], [-430.0, 200.0], Toward::Vertical, 0),
+                line([480.0, -210.0], [400.0, 220.0], Toward::Vertical, 1),
+                line([-300.0, 400.0], [-100.0, 0.0], floor, 2),
+                line([500.0, 390.0], [120.0, 10.0], floor, 3),
+            ],
+            groups: 1,
+            ..Evidence::default()
+        };
+        let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
+        let start = problem.state_at([0.0, 0.5, 1500_f64.ln(), 3_f64.ln()]).unwrap();
+        let (direct, cost, _) = least_squares(&problem, start.clone(), 100).unwrap();
+        let solver = LevenbergMarquardt::new(&problem, start.clone()).unwrap();
+        let run = argmin::core::Executor::new(problem.clone(), solver)
+            .configure(|state| state.param(start).max_iters(100))
+            .run()
+            .unwrap();
+        assert!((run.state.best_cost - cost).abs() < 1e-9 * cost);
+        assert!((run.state.best_param.unwrap().core[PITCH] - direct.core[PITCH]).abs() < 1e-9);
+    }
 }

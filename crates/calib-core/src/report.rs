@@ -63,10 +63,6 @@ codes! {
         ScaleConflict = "scale-conflict",
         /// Nothing ties the camera to the rest of the site.
         NotConnected = "not-connected",
-        /// Nothing says where on the plan the camera stands.
-        NotPlaced = "not-placed",
-        /// What the operator could draw next to gain most.
-        DrawNext = "draw-next",
     }
 }
 

@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::advice::DrawNext;
 use crate::annotation::{Annotation, Known};
 use crate::report::{Failure, Residual, Warning};
 use crate::scene::MarkKind;
@@ -411,6 +412,9 @@ document! {
         /// What the operator should know.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         warnings: Vec<Warning>,
+        /// The drawing that would help most.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        draw_next: Option<DrawNext>,
     }
 
     /// Standard deviations of what was estimated; absent where nothing was.

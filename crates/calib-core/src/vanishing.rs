@@ -13,17 +13,17 @@ pub(crate) fn line_through([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> [f64; 3] {
 ///
 /// Distances are those of lines of unit normal in coordinates of the size of 1. The point may be at
 /// infinity (third coordinate 0). `None` for fewer than two lines or for lines that coincide.
-pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line> + Clone) -> Option<[f64; 3]> {
-    let count = lines.clone().count();
-    if count < 2 {
+pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
+    let lines: Vec<&Line> = lines.collect();
+    if lines.len() < 2 {
         return None;
     }
     // Coordinates of the size of 1 keep the eigenvalues comparable.
     let size = lines
-        .clone()
+        .iter()
         .flat_map(|line| line.ends)
         .fold(0.0_f64, |most, end| most.max(end.at[0].abs()).max(end.at[1].abs()));
-    let scatter = lines.fold(Matrix3::zeros(), |sum, line| {
+    let scatter = lines.iter().fold(Matrix3::zeros(), |sum, line| {
         let [a, b] = line.ends.map(|end| end.at.map(|c| c / size));
         let line = Vector3::from(line_through(a, b));
         sum + line * line.transpose() / line.xy().norm_squared().max(f64::MIN_POSITIVE)

@@ -1,0 +1,54 @@
+//! How well a camera is known, and how that carries over to what is computed from it.
+
+/// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians) and focal (pixels); rows and
+/// columns of zeros for what was not estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
+
+impl Covariance {
+    /// Number of unknowns.
+    pub const SIZE: usize = 7;
+    /// Index of x0.
+    pub const X: usize = 0;
+    /// Index of y0.
+    pub const Y: usize = 1;
+    /// Index of z0.
+    pub const Z: usize = 2;
+    /// Index of yaw.
+    pub const YAW: usize = 3;
+    /// Index of pitch.
+    pub const PITCH: usize = 4;
+    /// Index of roll.
+    pub const ROLL: usize = 5;
+    /// Index of the focal.
+    pub const FOCAL: usize = 6;
+    /// Names of the unknowns in files, with their units there.
+    pub const NAMES: [&str; Self::SIZE] =
+        ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];
+    /// Everything is known for certain.
+    pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
+
+    /// Standard deviation of one unknown; `None` if it was not estimated.
+    #[must_use]
+    pub fn sigma(&self, index: usize) -> Option<f64> {
+        let variance = self.0[index][index];
+        (variance > 0.0).then(|| variance.sqrt())
+    }
+
+    /// Covariance of a pair of quantities with these slopes by the unknowns.
+    #[must_use]
+    pub fn carried(&self, slopes: &[[f64; 2]; Self::SIZE]) -> [[f64; 2]; 2] {
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * slopes[b][j]).sum::<f64>();
+                (0..Self::SIZE).map(|a| slopes[a][i] * row(a)).sum()
+            })
+        })
+    }
+}
+
+impl Default for Covariance {
+    fn default() -> Self {
+        Self::EXACT
+    }
+}

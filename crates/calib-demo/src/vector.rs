@@ -1,0 +1,130 @@
+//! Three numbers at once: points, directions and colours of the renderer, in single precision.
+
+use std::ops::{Add, AddAssign, Mul, Neg, Sub};
+
+use calib_core::WorldPoint;
+
+/// A point or direction (world axes, metres) or a linear colour (red, green, blue).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Vec3 {
+    pub(crate) x: f32,
+    pub(crate) y: f32,
+    pub(crate) z: f32,
+}
+
+/// The vector with these coordinates.
+pub(crate) const fn vec3(x: f32, y: f32, z: f32) -> Vec3 {
+    Vec3 { x, y, z }
+}
+
+impl Vec3 {
+    pub(crate) const ZERO: Self = vec3(0.0, 0.0, 0.0);
+    pub(crate) const UP: Self = vec3(0.0, 0.0, 1.0);
+
+    pub(crate) const fn grey(value: f32) -> Self {
+        vec3(value, value, value)
+    }
+
+    #[inline]
+    pub(crate) fn dot(self, other: Self) -> f32 {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    pub(crate) fn cross(self, o: Self) -> Self {
+        vec3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
+    }
+
+    pub(crate) fn length(self) -> f32 {
+        self.dot(self).sqrt()
+    }
+
+    pub(crate) fn unit(self) -> Self {
+        self * self.length().recip()
+    }
+
+    #[inline]
+    pub(crate) fn min(self, o: Self) -> Self {
+        vec3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
+    }
+
+    #[inline]
+    pub(crate) fn max(self, o: Self) -> Self {
+        vec3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
+    }
+
+    pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        vec3(f(self.x), f(self.y), f(self.z))
+    }
+
+    /// Coordinate 0, 1 or 2.
+    #[inline]
+    pub(crate) const fn axis(self, index: usize) -> f32 {
+        match index {
+            0 => self.x,
+            1 => self.y,
+            _ => self.z,
+        }
+    }
+
+    /// From here (`t` = 0) to there (`t` = 1).
+    pub(crate) fn towards(self, there: Self, t: f32) -> Self {
+        self + (there - self) * t
+    }
+
+    /// How bright a colour is to the eye.
+    pub(crate) fn luminance(self) -> f32 {
+        0.2126 * self.x + 0.7152 * self.y + 0.0722 * self.z
+    }
+}
+
+impl From<WorldPoint> for Vec3 {
+    fn from(point: WorldPoint) -> Self {
+        vec3(point.x as f32, point.y as f32, point.z as f32)
+    }
+}
+
+impl Add for Vec3 {
+    type Output = Self;
+    #[inline]
+    fn add(self, o: Self) -> Self {
+        vec3(self.x + o.x, self.y + o.y, self.z + o.z)
+    }
+}
+
+impl AddAssign for Vec3 {
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+
+impl Sub for Vec3 {
+    type Output = Self;
+    #[inline]
+    fn sub(self, o: Self) -> Self {
+        vec3(self.x - o.x, self.y - o.y, self.z - o.z)
+    }
+}
+
+impl Neg for Vec3 {
+    type Output = Self;
+    fn neg(self) -> Self {
+        vec3(-self.x, -self.y, -self.z)
+    }
+}
+
+impl Mul<f32> for Vec3 {
+    type Output = Self;
+    #[inline]
+    fn mul(self, s: f32) -> Self {
+        vec3(self.x * s, self.y * s, self.z * s)
+    }
+}
+
+/// Coordinate by coordinate: light times reflectance.
+impl Mul for Vec3 {
+    type Output = Self;
+    #[inline]
+    fn mul(self, o: Self) -> Self {
+        vec3(self.x * o.x, self.y * o.y, self.z * o.z)
+    }
+}
