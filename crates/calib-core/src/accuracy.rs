@@ -1,7 +1,7 @@
 //! How good the floor is: the predicted error of lengths on it.
 
 use crate::camera::Camera;
-use crate::likelihood::{Core, LOG_FOCAL, PITCH, ROLL};
+use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
 use crate::space::{FloorPoint, Pixel, UndistortedPixel};
 use nalgebra::Matrix4;
 
@@ -21,7 +21,8 @@ impl Grid {
         let points = (0..SIDE * SIDE).filter_map(|k| {
             let (s, t) = ((k % SIDE) as f64 / (SIDE - 1) as f64, (k / SIDE) as f64 / (SIDE - 1) as f64);
             let mix = |value: fn(&Pixel) -> f64| {
-                (1.0 - t) * ((1.0 - s) * value(&a) + s * value(&b)) + t * ((1.0 - s) * value(&d) + s * value(&c))
+                (1.0 - t) * ((1.0 - s) * value(&a) + s * value(&b))
+                    + t * ((1.0 - s) * value(&d) + s * value(&c))
             };
             let straight = camera.undistort(Pixel { u: mix(|p| p.u), v: mix(|p| p.v) })?;
             Some([straight.u - cu, straight.v - cv])
@@ -32,8 +33,11 @@ impl Grid {
     /// Between the corners of the floor that counts as seen where no EFOV was drawn.
     pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
         let shown = |p: &FloorPoint| camera.world_to_undistorted(p.at_height(0.0));
-        let pixels: Vec<Pixel> =
-            polygon.iter().filter_map(shown).filter_map(|UndistortedPixel { u, v }| camera.distort(UndistortedPixel { u, v })).collect();
+        let pixels: Vec<Pixel> = polygon
+            .iter()
+            .filter_map(shown)
+            .filter_map(|UndistortedPixel { u, v }| camera.distort(UndistortedPixel { u, v }))
+            .collect();
         if pixels.len() < 3 { Self(Vec::new()) } else { Self::of_polygon(camera, &pixels) }
     }
 }
@@ -56,7 +60,12 @@ fn four(corners: &[Pixel]) -> [Pixel; 4] {
 /// With `g` the slope of a log length by the unknowns, a length has the variance `g' C g`; where the
 /// height is unknown the common scale, the mean of `g` over all lengths, is taken out. `None` when
 /// fewer than three points of the grid lie on the floor.
-pub(crate) fn floor_length_rel(core: &Core, grid: &Grid, covariance: &Matrix4<f64>, height_known: bool) -> Option<f64> {
+pub(crate) fn floor_length_rel(
+    core: &Core,
+    grid: &Grid,
+    covariance: &Matrix4<f64>,
+    height_known: bool,
+) -> Option<f64> {
     let points: Vec<FloorSlope> = grid.0.iter().filter_map(|&pixel| FloorSlope::new(core, pixel)).collect();
     if points.len() < 3 {
         return None;

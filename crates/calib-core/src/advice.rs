@@ -1,9 +1,9 @@
 //! What the operator should know of a fit, and what to draw next.
 
+use crate::accuracy::floor_length_rel;
 use crate::annotation::{Annotation, Kind};
 use crate::evidence::{End, Evidence, Length, Line, Source, Toward};
 use crate::fit::{Fit, FitOptions, grid};
-use crate::accuracy::floor_length_rel;
 use crate::likelihood::{Problem, State, Uncertainty};
 use crate::minima::OPEN_FOCAL;
 use crate::report::{Code, Warning};
@@ -32,8 +32,10 @@ pub struct DrawNext {
 #[must_use]
 pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    let mut warn = |code: Code, message: String, advice: String| warnings.push(Warning { code, message, advice });
-    let next = next.map_or_else(|| "Draw lines elsewhere and in other directions.".into(), |next| next.message.clone());
+    let mut warn =
+        |code: Code, message: String, advice: String| warnings.push(Warning { code, message, advice });
+    let next = next
+        .map_or_else(|| "Draw lines elsewhere and in other directions.".into(), |next| next.message.clone());
     if let Some(sigma) = fit.log_focal_sigma.filter(|&sigma| sigma > OPEN_FOCAL) {
         warn(Code::FocalUnobservable, open_focal(fit, sigma), format!("{} {next}", open_focal_advice(fit)));
         let narrowed = fit.log_focal_sigma_of_answer();
@@ -43,14 +45,24 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
                 fit.camera.focal,
                 100.0 * narrowed
             );
-            warn(Code::PriorDominates, message, "Enter the focal if you know it, or draw what tells it.".into());
+            warn(
+                Code::PriorDominates,
+                message,
+                "Enter the focal if you know it, or draw what tells it.".into(),
+            );
         }
     }
     if fit.two_solutions {
         let list: Vec<String> = fit
             .alternatives
             .iter()
-            .map(|other| format!("focal {:.0} px with pitch {:.1}\u{b0}", other.orientation.focal, other.orientation.pitch.to_degrees()))
+            .map(|other| {
+                format!(
+                    "focal {:.0} px with pitch {:.1}\u{b0}",
+                    other.orientation.focal,
+                    other.orientation.pitch.to_degrees()
+                )
+            })
             .collect();
         let message = format!("The lines fit another camera as well: {}.", list.join("; "));
         warn(Code::TwoSolutions, message, format!("One more line decides. {next}"));
@@ -60,7 +72,9 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
         Some(rel) if rel > UNUSABLE => warn(Code::Unusable, percent(rel), next.clone()),
         Some(rel) if rel > WEAK => warn(Code::Weak, percent(rel), next.clone()),
         Some(_) => {}
-        None => warn(Code::Unusable, "No floor is seen in the EFOV.".into(), "Draw the EFOV on the floor.".into()),
+        None => {
+            warn(Code::Unusable, "No floor is seen in the EFOV.".into(), "Draw the EFOV on the floor.".into())
+        }
     }
     for source in &fit.outliers {
         let (label, pixels) = named(fit, annotations, *source);
@@ -75,13 +89,16 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
 }
 
 fn open_focal(fit: &Fit, sigma: f64) -> String {
-    let spread = if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
+    let spread =
+        if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
     match fit.floor_length_rel {
         Some(rel) if rel <= WEAK && fit.camera.pitch > 1.2 => format!(
             "Looking down, the lines do not tell the focal {spread}; the floor is good to {:.1} %, heights above it are not.",
             100.0 * rel
         ),
-        _ => format!("Focal length and pitch cannot be told apart: the lines do not tell the focal {spread}."),
+        _ => {
+            format!("Focal length and pitch cannot be told apart: the lines do not tell the focal {spread}.")
+        }
     }
 }
 
@@ -94,7 +111,8 @@ fn open_focal_advice(fit: &Fit) -> &'static str {
 }
 
 fn named(fit: &Fit, annotations: &[Annotation], source: Source) -> (String, f64) {
-    let pixels = fit.residuals.iter().find(|(s, _)| *s == source).map_or(f64::NAN, |(_, pixels)| pixels.abs());
+    let pixels =
+        fit.residuals.iter().find(|(s, _)| *s == source).map_or(f64::NAN, |(_, pixels)| pixels.abs());
     let label = annotations.get(source.annotation).map_or_else(String::new, |a| a.label(source.annotation));
     (format!("Segment {} of {label}", source.segment), pixels)
 }
@@ -134,7 +152,12 @@ pub fn draw_next(fit: &Fit, evidence: &Evidence, options: &FitOptions) -> Option
     let (then, candidate) = best;
     (then < WORTH * now).then(|| DrawNext {
         kind: candidate.kind,
-        message: format!("{} would {} (then floor \u{b1} {:.1} %).", candidate.what, gain(then / now), 100.0 * then),
+        message: format!(
+            "{} would {} (then floor \u{b1} {:.1} %).",
+            candidate.what,
+            gain(then / now),
+            100.0 * then
+        ),
         segments_px: candidate.pixels(fit),
         floor_length_rel: then,
     })
@@ -180,7 +203,8 @@ impl Candidate {
         for (i, segment) in self.segments.iter().enumerate() {
             let ends = segment.map(end);
             let quarter = self.kind == Kind::Perpendicular && i > 0;
-            let toward = if self.kind == Kind::Vertical { Toward::Vertical } else { Toward::Floor { group, quarter } };
+            let toward =
+                if self.kind == Kind::Vertical { Toward::Vertical } else { Toward::Floor { group, quarter } };
             match self.kind {
                 Kind::EqualLength => {
                     let group = joined.length_groups.len() - 1;
@@ -190,7 +214,13 @@ impl Candidate {
             }
         }
         // Directions and lengths of what is there keep their values: the new one is exact there.
-        let problem = Problem::new(&joined, crate::criterion::Held::default(), crate::likelihood::Priors::default(), 1.0, 1e3);
+        let problem = Problem::new(
+            &joined,
+            crate::criterion::Held::default(),
+            crate::likelihood::Priors::default(),
+            1.0,
+            1e3,
+        );
         let mut at = problem.state_at(state.core)?;
         let old = evidence.groups;
         at.nuisance[..old].copy_from_slice(&state.nuisance[..old]);
@@ -261,7 +291,8 @@ fn vertical_at(fit: &Fit, [x, y]: [f64; 2], length: f64) -> Option<[[f64; 2]; 2]
 fn floor_at(fit: &Fit, [x, y]: [f64; 2], azimuth: f64, length: f64) -> Option<[[f64; 2]; 2]> {
     let camera = fit.camera;
     let centre = camera.lens.principal_point;
-    let middle = camera.undistorted_to_floor(crate::space::UndistortedPixel { u: centre.u + x, v: centre.v + y }, 0.0)?;
+    let middle = camera
+        .undistorted_to_floor(crate::space::UndistortedPixel { u: centre.u + x, v: centre.v + y }, 0.0)?;
     let (sin, cos) = azimuth.sin_cos();
     let end = |sign: f64| {
         let reach = 0.5 * sign * length * camera.position.z;

@@ -12,9 +12,8 @@ use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
 use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points};
 use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
-use crate::site::{
-    Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Site, SiteCamera, Solution, Stage,
-};
+use crate::site::{Site, SiteCamera};
+use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 use crate::space::{FloorPoint, WorldPoint};
 
 /// How to calibrate.
@@ -92,7 +91,9 @@ impl Site {
         let evidence = Evidence::new(&entry.annotations, &lens, false);
         let mut solution = match options.method {
             Method::Paper => paper(entry, &evidence, lens, held)?,
-            Method::MaximumLikelihood | Method::Given => likelihood(entry, &evidence, lens, held, options.prior)?,
+            Method::MaximumLikelihood | Method::Given => {
+                likelihood(entry, &evidence, lens, held, options.prior)?
+            }
         };
         let Some(first) = solution.camera() else { return Ok(solution) };
         let (camera, stage) = self.place(entry, first, &mut solution.warnings);
@@ -113,13 +114,18 @@ impl Site {
         let Some(other) = self.camera(like) else { return Ok(own) };
         let focal = match other.held().focal {
             Some(focal) => focal,
-            None => self.calibrate_camera(other, options).map(|solution| solution.focal_px).map_err(|failure| {
-                Failure::new(
-                    FailureCode::MissingValue,
-                    format!("The lens is that of camera \"{like}\", which has no result: {}", failure.message),
-                    format!("Complete camera \"{like}\" first, or give this camera a lens of its own."),
-                )
-            })?,
+            None => self.calibrate_camera(other, options).map(|solution| solution.focal_px).map_err(
+                |failure| {
+                    Failure::new(
+                        FailureCode::MissingValue,
+                        format!(
+                            "The lens is that of camera \"{like}\", which has no result: {}",
+                            failure.message
+                        ),
+                        format!("Complete camera \"{like}\" first, or give this camera a lens of its own."),
+                    )
+                },
+            )?,
         };
         let lens = Lens { principal_point: entry.principal_point(), ..other.lens() };
         Ok((lens, Held { focal: Some(focal), ..own.1 }))
@@ -203,8 +209,10 @@ fn likelihood(
     solution.draw_next = next;
     unused(&entry.annotations, "The fit does not use", |kind| kind == Kind::Straight, &mut solution.warnings);
     let off = Evidence::new(&entry.annotations, &lens, true);
-    let at = criterion::Orientation { roll: fit.camera.roll, pitch: fit.camera.pitch, focal: fit.camera.focal };
-    let residuals = fit.residuals.iter().copied().chain(residuals_at(&off, at, fit.camera.position.z, entry.size()[0]));
+    let at =
+        criterion::Orientation { roll: fit.camera.roll, pitch: fit.camera.pitch, focal: fit.camera.focal };
+    let residuals =
+        fit.residuals.iter().copied().chain(residuals_at(&off, at, fit.camera.position.z, entry.size()[0]));
     solution.residuals = listed(residuals, &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     Ok(solution)

@@ -110,8 +110,7 @@ impl Camera {
     /// Coordinates of a point in camera axes (right, down, forward), in metres.
     #[must_use]
     pub fn in_camera(&self, point: WorldPoint) -> [f64; 3] {
-        let from_centre =
-            [point.x - self.position.x, point.y - self.position.y, point.z - self.position.z];
+        let from_centre = [point.x - self.position.x, point.y - self.position.y, point.z - self.position.z];
         self.rotation().map(|row| dot(&row, &from_centre))
     }
 
@@ -206,9 +205,8 @@ impl Camera {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         let [right, down, forward] = self.rotation();
         // Ray direction as a linear function of (u, v, 1).
-        let direction = |i: usize| {
-            [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]]
-        };
+        let direction =
+            |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
         let (dx, dy, dz) = (direction(0), direction(1), direction(2));
         let drop = self.position.z - height;
         let WorldPoint { x: x0, y: y0, .. } = self.position;
@@ -301,7 +299,8 @@ pub(crate) mod tests {
     use proptest::prelude::*;
 
     pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
-        let pose = (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, -0.2..1.5_f64, -0.6..0.6_f64);
+        let pose =
+            (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, -0.2..1.5_f64, -0.6..0.6_f64);
         let brown = (-0.3..0.1_f64, -0.05..0.1_f64, -0.01..0.01_f64, -0.002..0.002_f64, -0.002..0.002_f64);
         (pose, 600.0..2500.0_f64, brown, any::<bool>()).prop_map(
             |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), bent)| {
@@ -334,7 +333,10 @@ pub(crate) mod tests {
         assert!(at(level(), 0.0, 5.0, 2.0).v > 540.0, "below is down");
         assert!(at(Camera { yaw: 0.2, ..level() }, 0.0, 5.0, 3.0).u > 960.0, "yaw turns the camera left");
         assert!(at(Camera { pitch: 0.2, ..level() }, 0.0, 5.0, 3.0).v < 540.0, "pitch looks down");
-        assert!(at(Camera { roll: 0.2, ..level() }, 1.0, 5.0, 3.0).v < 540.0, "roll turns the camera clockwise");
+        assert!(
+            at(Camera { roll: 0.2, ..level() }, 1.0, 5.0, 3.0).v < 540.0,
+            "roll turns the camera clockwise"
+        );
     }
 
     #[test]

@@ -1,15 +1,13 @@
 //! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
 
 use std::collections::{HashMap, HashSet};
-use std::fmt;
 
 use jiff::Timestamp;
 
-use crate::annotation::{Annotation, Kind, Known, Shape};
-use crate::site::{
-    ControlPointEntry, CovarianceEntry, DistortionEntry, DistortionModel, Georeference, Link, LinkKind, Mark,
-    Plan, Site, SiteCamera, Solution, Stage,
-};
+use crate::annotation::{Annotation, Kind, Shape};
+use crate::bounds::{At, Bounds, Checked, SiteError, count, known, name, optional, pointer_of, quoted};
+use crate::site::{ControlPointEntry, Georeference, Link, LinkKind, Mark, Plan, Site, SiteCamera};
+use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Solution, Stage};
 
 /// Longest text of a site that is read, in bytes; `data:` images included.
 pub const MAX_BYTES: usize = 1 << 30;
@@ -21,31 +19,6 @@ pub const MAX_CAMERAS: usize = 10_000;
 pub const MAX_ITEMS: usize = 100_000;
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
-/// Longest id or name, in bytes.
-const MAX_NAME: usize = 256;
-/// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
-const MAX_COORDINATE: f64 = 1e9;
-
-/// What is wrong with a site file, and where.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SiteError {
-    /// JSON pointer (RFC 6901) of the value that is wrong.
-    pub pointer: String,
-    /// What was found and what is expected.
-    pub message: String,
-}
-
-impl fmt::Display for SiteError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let pointer = if self.pointer.is_empty() { "the document" } else { &self.pointer };
-        write!(f, "{pointer}: {}", self.message)
-    }
-}
-
-impl std::error::Error for SiteError {}
-
-type Checked = Result<(), SiteError>;
-
 impl Site {
     /// Reads and checks a site file.
     ///
@@ -149,124 +122,6 @@ fn count_values(text: &str) -> usize {
         }
     }
     values
-}
-
-fn pointer_of(path: &serde_path_to_error::Path) -> String {
-    use serde_path_to_error::Segment;
-    path.iter().fold(String::new(), |pointer, segment| match segment {
-        Segment::Seq { index } => format!("{pointer}/{index}"),
-        Segment::Map { key } => format!("{pointer}/{}", escape(key)),
-        Segment::Enum { .. } | Segment::Unknown => pointer,
-    })
-}
-
-fn escape(key: &str) -> String {
-    key.replace('~', "~0").replace('/', "~1")
-}
-
-fn quoted(text: &str) -> String {
-    /// A hostile name does not fill the screen.
-    const MOST: usize = 60;
-    let short: String = text.chars().take(MOST).collect();
-    if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
-}
-
-/// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
-#[derive(Clone, Copy)]
-struct At<'a> {
-    parent: Option<&'a At<'a>>,
-    step: Step<'a>,
-}
-
-#[derive(Clone, Copy)]
-enum Step<'a> {
-    Root,
-    Key(&'a str),
-    Index(usize),
-}
-
-impl<'a> At<'a> {
-    const fn root() -> Self {
-        Self { parent: None, step: Step::Root }
-    }
-
-    const fn key(&'a self, key: &'a str) -> At<'a> {
-        At { parent: Some(self), step: Step::Key(key) }
-    }
-
-    const fn index(&'a self, index: usize) -> At<'a> {
-        At { parent: Some(self), step: Step::Index(index) }
-    }
-
-    fn pointer(&self) -> String {
-        let parent = self.parent.map(At::pointer).unwrap_or_default();
-        match self.step {
-            Step::Root => parent,
-            Step::Key(key) => format!("{parent}/{}", escape(key)),
-            Step::Index(index) => format!("{parent}/{index}"),
-        }
-    }
-
-    fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
-        let message = format!("found {found}, expected {expected}");
-        Err(SiteError { pointer: self.pointer(), message })
-    }
-}
-
-/// The values that a number may have.
-#[derive(Clone, Copy)]
-struct Bounds {
-    low: f64,
-    high: f64,
-    what: &'static str,
-}
-
-impl Bounds {
-    const COORDINATE: Self =
-        Self { low: -MAX_COORDINATE, high: MAX_COORDINATE, what: "a number between -1e9 and 1e9" };
-    const POSITIVE: Self =
-        Self { low: f64::MIN_POSITIVE, high: MAX_COORDINATE, what: "a number above 0 and up to 1e9" };
-    const DEGREES: Self = Self { low: -360.0, high: 360.0, what: "degrees between -360 and 360" };
-    const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
-    const COEFFICIENT: Self = Self { low: -1e6, high: 1e6, what: "a number between -1e6 and 1e6" };
-
-    fn check(self, at: &At, value: f64) -> Checked {
-        if value >= self.low && value <= self.high { Ok(()) } else { at.expected(value, self.what) }
-    }
-
-    fn check_all(self, at: &At, values: &[f64]) -> Checked {
-        values.iter().enumerate().try_for_each(|(i, &value)| self.check(&at.index(i), value))
-    }
-}
-
-fn count(at: &At, found: usize, most: usize) -> Checked {
-    if found <= most { Ok(()) } else { at.expected(format!("{found} items"), format!("at most {most}")) }
-}
-
-fn name(at: &At, text: Option<&String>) -> Checked {
-    let Some(text) = text else { return Ok(()) };
-    if text.is_empty() {
-        return at.expected("an empty text", "at least one character");
-    }
-    if text.len() > MAX_NAME {
-        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME}"));
-    }
-    Ok(())
-}
-
-fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {
-    value.map_or(Ok(()), |value| bounds.check(at, value))
-}
-
-fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
-    let Some(known) = known else { return Ok(()) };
-    bounds.check(&at.key("value"), known.value)?;
-    optional(&at.key("sigma"), known.sigma, Bounds::POSITIVE)?;
-    match (known.fixed, known.sigma) {
-        (true, Some(_)) => at.expected("both \"fixed\": true and a sigma", "one of them: held, or a prior"),
-        (false, None) => at.expected("a value alone", "\"fixed\": true to hold it, or a \"sigma\" for a prior"),
-        _ => Ok(()),
-    }
 }
 
 fn check_plan(at: &At, plan: &Plan) -> Checked {
@@ -376,9 +231,13 @@ fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Che
         for (i, wanted) in fit.iter().enumerate() {
             let name = serde_json::to_value(wanted).unwrap_or_default();
             let name = name.as_str().unwrap_or_default();
-            let known = coefficients(entry).iter().any(|(key, _, m)| *key == name && m.contains(&entry.model));
+            let known =
+                coefficients(entry).iter().any(|(key, _, m)| *key == name && m.contains(&entry.model));
             if !known || fit[..i].contains(wanted) {
-                return at.key("fit").index(i).expected(quoted(name), "coefficients of this model, each once");
+                return at
+                    .key("fit")
+                    .index(i)
+                    .expected(quoted(name), "coefficients of this model, each once");
             }
         }
     }
@@ -408,13 +267,28 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     name(&at.key("name"), annotation.name.as_ref())?;
     let row = annotation.kind.row();
     let belongs = [
-        ("segments", annotation.segments.is_some(), row.shape == Shape::Segments, row.shape == Shape::Segments),
+        (
+            "segments",
+            annotation.segments.is_some(),
+            row.shape == Shape::Segments,
+            row.shape == Shape::Segments,
+        ),
         ("points", annotation.points.is_some(), row.shape == Shape::Polyline, row.shape == Shape::Polyline),
         ("foot", annotation.foot.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
         ("head", annotation.head.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
-        ("height_m", annotation.height_m.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        (
+            "height_m",
+            annotation.height_m.is_some(),
+            row.shape == Shape::FootAndHead,
+            row.shape == Shape::FootAndHead,
+        ),
         ("length_m", annotation.length_m.is_some(), row.has_length, row.has_length),
-        ("at_right_angles_to", annotation.at_right_angles_to.is_some(), annotation.kind == Kind::Parallel, false),
+        (
+            "at_right_angles_to",
+            annotation.at_right_angles_to.is_some(),
+            annotation.kind == Kind::Parallel,
+            false,
+        ),
     ];
     for (key, is_there, may, must) in belongs {
         if is_there && !may {
@@ -492,11 +366,15 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
         (None, Some(plan)) => {
             Bounds::COORDINATE.check_all(&at.key("plan_px"), &<[f64; 2]>::from(plan))?;
             if site.plan.is_none() {
-                return at.key("plan_px").expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
+                return at
+                    .key("plan_px")
+                    .expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
             }
         }
         (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "one of them"),
-        (None, None) => return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\""),
+        (None, None) => {
+            return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\"");
+        }
     }
     optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
     optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;

@@ -75,6 +75,42 @@ pub fn minimum(evidence: &Evidence, held: Held, width: f64) -> Result<(Orientati
     Ok((Orientation { roll, pitch, focal: log_focal.exp() }, c))
 }
 
+/// Roll, pitch and focal from two vanishing points: that of the verticals, `v`, and that of a group
+/// of parallel floor lines, `h`, by `f^2 = -v . h`; the group with the widest fan of lines counts.
+///
+/// `None` when no group gives a focal.
+#[must_use]
+pub fn closed_form(evidence: &Evidence) -> Option<Orientation> {
+    let nadir = vanishing_point(evidence.lines.iter().filter(|line| line.toward == Toward::Vertical))?;
+    let [x, y, w] = if nadir[1] < 0.0 { nadir.map(|c| -c) } else { nadir };
+    let focal = (0..2 * evidence.groups)
+        .filter_map(|class| {
+            let toward = Toward::Floor { group: class / 2, quarter: class % 2 == 1 };
+            let lines = || evidence.lines.iter().filter(move |line| line.toward == toward);
+            let h = vanishing_point(lines())?;
+            let square = -(x * h[0] + y * h[1]) / (w * h[2]);
+            (square > 0.0 && square.is_finite()).then(|| (fan(lines()), square.sqrt()))
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))?
+        .1;
+    Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
+}
+
+/// How far apart the image directions of lines are, times their mean length.
+fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
+    let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for line in lines {
+        let [a, b] = line.ends.map(|end| end.at);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let (length, angle) = (dx.hypot(dy), 2.0 * dy.atan2(dx));
+        cos += length * angle.cos();
+        sin += length * angle.sin();
+        total += length;
+        count += 1.0;
+    }
+    (total - cos.hypot(sin)) / count
+}
+
 fn roll_of(evidence: &Evidence) -> Result<f64, Failure> {
     let verticals = evidence.lines.iter().filter(|line| line.toward == Toward::Vertical);
     let count = verticals.clone().count();
@@ -108,7 +144,8 @@ fn starts(criterion: &Criterion, held: Held, width: f64) -> Vec<[f64; 2]> {
     for i in 0..pitches.len() {
         for j in 0..focals.len() {
             let rows = i.saturating_sub(1)..(i + 2).min(pitches.len());
-            let is_lowest = rows.flat_map(|a| cost[a][j.saturating_sub(1)..(j + 2).min(focals.len())].iter())
+            let is_lowest = rows
+                .flat_map(|a| cost[a][j.saturating_sub(1)..(j + 2).min(focals.len())].iter())
                 .all(|&neighbour| cost[i][j] <= neighbour);
             if is_lowest && cost[i][j].is_finite() {
                 lowest.push((cost[i][j], [pitches[i], focals[j].ln()]));
@@ -231,7 +268,12 @@ impl Criterion {
                 parallel[class].1 += 1.0;
             }
         }
-        parallel.iter().chain([&square]).filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / count).sum()
+        parallel
+            .iter()
+            .chain([&square])
+            .filter(|(_, count)| *count > 0.0)
+            .map(|(sum, count)| sum / count)
+            .sum()
     }
 
     /// Standard deviation over mean of the lengths of every group: free of the scale of the floor.
@@ -248,7 +290,8 @@ impl Criterion {
                 lengths.push((a[0] - b[0]).hypot(a[1] - b[1]));
             }
             let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
-            let variance = lengths.iter().map(|l| (l - mean) * (l - mean)).sum::<f64>() / lengths.len() as f64;
+            let variance =
+                lengths.iter().map(|l| (l - mean) * (l - mean)).sum::<f64>() / lengths.len() as f64;
             sum += variance.sqrt() / mean;
         }
         sum

@@ -7,10 +7,8 @@ use crate::lens::{BrownConrady, Distortion, Lens};
 use crate::likelihood::{Prior, Priors};
 use crate::placement::{ControlPoint, Placement};
 use crate::scene::Shape3;
-use crate::site::{
-    ControlPointEntry, CovarianceEntry, DistortionEntry, DistortionModel, Georeference, Mark, PlacementEntry, Plan, Sigmas, Site,
-    SiteCamera, Solution,
-};
+use crate::site::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
+use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Sigmas, Solution};
 use crate::space::{Pixel, PlanScale, WorldPoint};
 
 impl Plan {
@@ -237,7 +235,11 @@ impl Solution {
 
 /// Files have degrees where the code has radians.
 fn unit_in_file(index: usize) -> f64 {
-    if matches!(index, Covariance::YAW | Covariance::PITCH | Covariance::ROLL) { 1_f64.to_degrees() } else { 1.0 }
+    if matches!(index, Covariance::YAW | Covariance::PITCH | Covariance::ROLL) {
+        1_f64.to_degrees()
+    } else {
+        1.0
+    }
 }
 
 impl CovarianceEntry {
@@ -267,7 +269,11 @@ impl CovarianceEntry {
         let value = |a: usize, b: usize| covariance.0[a][b] * unit_in_file(a) * unit_in_file(b);
         (!rows.is_empty()).then(|| Self {
             of: rows.iter().map(|&i| Covariance::NAMES[i].to_owned()).collect(),
-            upper: rows.iter().enumerate().flat_map(|(k, &a)| rows[k..].iter().map(move |&b| value(a, b))).collect(),
+            upper: rows
+                .iter()
+                .enumerate()
+                .flat_map(|(k, &a)| rows[k..].iter().map(move |&b| value(a, b)))
+                .collect(),
         })
     }
 }

@@ -156,7 +156,8 @@ impl Evidence {
         self.length_groups.push(annotation.length_m);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
-            let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a, lens)?, end(b, lens)?]));
+            let ends =
+                points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a, lens)?, end(b, lens)?]));
             match ends {
                 Some(ends) => self.lengths.push(Length { ends, group, source }),
                 None => self.outside_lens.push(source),
@@ -243,11 +244,9 @@ fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[End; 2]> {
     let (sin, cos) = angle.sin_cos();
     let along = (uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin).max(0.0);
     let reach = (along / count).sqrt();
-    let spread = [mean(|e| e.spread[0]), mean(|e| e.spread[1]), mean(|e| e.spread[2])].map(|s| s * 2.0 / count);
-    let at = |sign: f64| End {
-        at: [centre[0] + sign * reach * cos, centre[1] + sign * reach * sin],
-        spread,
-    };
+    let spread =
+        [mean(|e| e.spread[0]), mean(|e| e.spread[1]), mean(|e| e.spread[2])].map(|s| s * 2.0 / count);
+    let at = |sign: f64| End { at: [centre[0] + sign * reach * cos, centre[1] + sign * reach * sin], spread };
     Some([at(-1.0), at(1.0)])
 }
 

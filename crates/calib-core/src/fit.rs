@@ -9,11 +9,12 @@ use crate::criterion::{Held, Orientation};
 use crate::efov::default_efov;
 use crate::evidence::{Evidence, Source};
 use crate::lens::Lens;
-use crate::likelihood::{LOG_FOCAL, LOG_HEIGHT, PITCH, Priors, Problem, ROLL, State};
+use crate::likelihood::{Priors, Problem, State};
 use crate::minima::{Minimum, weak_belief};
-use crate::outliers::{is_misfit, solve_without_outliers};
+use crate::outliers::{Search, is_misfit, solve_without_outliers};
 use crate::placement::STAGE_1_HEIGHT;
 use crate::report::{Failure, FailureCode};
+use crate::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::space::{Pixel, WorldPoint};
 
 /// What the fit of one camera starts from, beside its evidence.
@@ -94,7 +95,13 @@ impl Fit {
         let problem = Problem::new(evidence, options.held, options.priors, sigma, options.size[0]);
         check_any(&problem)?;
         let keep = |source: Source| options.keep.contains(&source.annotation);
-        let (found, aside) = solve_without_outliers(&problem, options.held, options.weak_belief, &keep);
+        let search = Search {
+            held: options.held,
+            belief: options.weak_belief,
+            noise_is_known: options.sigma.is_some(),
+            keep: &keep,
+        };
+        let (found, aside) = solve_without_outliers(&problem, search);
         let mut problem = Problem { aside: &aside, ..problem.clone() };
         let log_focal_sigma = problem.free[LOG_FOCAL].then(|| {
             let alone = found.without_belief.as_ref().or(found.minima.first());
@@ -118,7 +125,11 @@ impl Fit {
         let rel = floor_length_rel(&best.state.core, &grid, &core_covariance, height_known);
         check_open(best, rel, &problem)?;
         let plain = problem.priors.weak_log_focal.is_none();
-        let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < found.minima[0].chi2 + RULED_OUT);
+        let others = found
+            .minima
+            .iter()
+            .enumerate()
+            .filter(|&(i, minimum)| i != chosen && minimum.chi2 < found.minima[0].chi2 + RULED_OUT);
         let mut alternatives: Vec<Solved> = others.map(|(_, minimum)| solved(minimum)).collect();
         let two_solutions = !alternatives.is_empty();
         if let Some(alone) = found.without_belief.as_ref().filter(|_| !plain) {
@@ -195,7 +206,15 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
             covariance.0[a][b] = minimum.uncertainty.covariance[(i, j)] * by_i * by_j * inflation;
         }
     }
-    Camera { position: WorldPoint::new(0.0, 0.0, height), yaw: 0.0, pitch, roll, focal, lens: options.lens, covariance }
+    Camera {
+        position: WorldPoint::new(0.0, 0.0, height),
+        yaw: 0.0,
+        pitch,
+        roll,
+        focal,
+        lens: options.lens,
+        covariance,
+    }
 }
 
 fn check_any(problem: &Problem) -> Result<(), Failure> {

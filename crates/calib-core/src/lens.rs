@@ -195,13 +195,15 @@ impl Distortion {
         let square = ratio * ratio;
         match *self {
             Self::None => Some(Self::None),
-            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => Some(Self::BrownConrady(BrownConrady {
-                k1: k1 * square,
-                k2: k2 * square.powi(2),
-                k3: k3 * square.powi(3),
-                p1: p1 * ratio,
-                p2: p2 * ratio,
-            })),
+            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => {
+                Some(Self::BrownConrady(BrownConrady {
+                    k1: k1 * square,
+                    k2: k2 * square.powi(2),
+                    k3: k3 * square.powi(3),
+                    p1: p1 * ratio,
+                    p2: p2 * ratio,
+                }))
+            }
             Self::Division { lambda } => Some(Self::Division { lambda: lambda * square }),
             Self::KannalaBrandt { .. } => (ratio == 1.0).then_some(*self),
         }

@@ -55,6 +55,7 @@ mod vanishing;
 mod criterion;
 mod placement;
 mod dual;
+mod residual;
 mod likelihood;
 mod minima;
 mod outliers;
@@ -66,9 +67,13 @@ mod scene;
 mod projector;
 mod remap;
 #[cfg(feature = "serde")]
+mod solution;
+#[cfg(feature = "serde")]
 mod site;
 #[cfg(feature = "serde")]
 mod entry;
+#[cfg(feature = "serde")]
+mod bounds;
 #[cfg(feature = "serde")]
 mod check;
 #[cfg(feature = "serde")]
@@ -78,28 +83,32 @@ pub use advice::{DrawNext, draw_next, warnings};
 pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape};
 pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
 pub use covariance::Covariance;
-pub use criterion::{Held, Orientation, minimum as paper_minimum};
+pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
 pub use efov::{Efov, default_efov, efov_on_floor};
-pub use fit::{Fit, FitOptions, Solved};
 pub use evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
+pub use fit::{Fit, FitOptions, Solved};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};
 pub use placement::{ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points};
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
-pub use scene::{
-    MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical,
-};
+pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical};
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
 #[cfg(feature = "serde")]
+pub use bounds::SiteError;
+#[cfg(feature = "serde")]
 pub use calibrate::{Options, Report};
 #[cfg(feature = "serde")]
-pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, SiteError};
+pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES};
 #[cfg(feature = "serde")]
 pub use site::{
-    Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
-    ElementSolution, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen, Method, Overlap,
-    PlacementEntry, Plan, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteSolution, Solution, Stage,
+    ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
+    PlacementEntry, Plan, Site, SiteCamera,
+};
+#[cfg(feature = "serde")]
+pub use solution::{
+    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, ElementSolution, Method,
+    Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage,
 };

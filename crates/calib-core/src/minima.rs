@@ -3,9 +3,10 @@
 
 use crate::criterion::Held;
 use crate::evidence::Toward;
-use crate::likelihood::{Core, LOG_FOCAL, PITCH, Prior, Problem, ROLL, State, Uncertainty};
+use crate::likelihood::{Prior, Problem, State, Uncertainty};
 use crate::minimize::least_squares;
 use crate::placement::STAGE_1_HEIGHT;
+use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
 use crate::vanishing::{roll_from_verticals, vanishing_point};
 
 /// Horizontal fields of view, in degrees, from which the focal is started.
@@ -82,9 +83,10 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
         return true;
     }
     let far = |minimum: &Minimum| {
-        [ROLL, PITCH, LOG_FOCAL].into_iter().filter(|&i| problem.free[i]).any(|i| {
-            difference[i].abs() > NEAR && difference[i].abs() > minimum.uncertainty.sigma(i)
-        })
+        [ROLL, PITCH, LOG_FOCAL]
+            .into_iter()
+            .filter(|&i| problem.free[i])
+            .any(|i| difference[i].abs() > NEAR && difference[i].abs() > minimum.uncertainty.sigma(i))
     };
     !(far(a) && far(b))
 }
@@ -110,7 +112,9 @@ fn starts(problem: &Problem, held: Held) -> Vec<State> {
         }
         (None, None) => {
             let pitch = |degrees: f64| degrees.to_radians();
-            rows.extend(PITCHES.map(|p| focals.iter().map(|f| [roll, pitch(p), f.ln(), log_height]).collect()));
+            rows.extend(
+                PITCHES.map(|p| focals.iter().map(|f| [roll, pitch(p), f.ln(), log_height]).collect()),
+            );
         }
     }
     lowest(problem, &rows, MOST)
@@ -154,7 +158,11 @@ fn lowest(problem: &Problem, rows: &[Vec<Core>], most: usize) -> Vec<State> {
         }
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.iter().take(most).filter_map(|&(_, i, j)| states[i][j].as_ref().map(|(_, state)| state.clone())).collect()
+    found
+        .iter()
+        .take(most)
+        .filter_map(|&(_, i, j)| states[i][j].as_ref().map(|(_, state)| state.clone()))
+        .collect()
 }
 
 /// Minima with the belief about the focal in it, if the lines alone leave the focal open.

@@ -1,7 +1,8 @@
 //! Minimisers: the only module that knows `argmin`.
 
 use argmin::core::{
-    CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus,
+    CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason,
+    TerminationStatus,
 };
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::Vector2;
@@ -93,7 +94,12 @@ pub(crate) trait LeastSquares {
 
     /// The state after a step with `damping` times the diagonal added, the gain that the linear
     /// model promises for it, and the largest change of an unknown; `None` when it has no solution.
-    fn step(&self, state: &Self::State, normal: &Self::Normal, damping: f64) -> Option<(Self::State, f64, f64)>;
+    fn step(
+        &self,
+        state: &Self::State,
+        normal: &Self::Normal,
+        damping: f64,
+    ) -> Option<(Self::State, f64, f64)>;
 }
 
 /// How a Levenberg-Marquardt run ended.

@@ -22,71 +22,92 @@ pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
     chi2_score(chi2, dof) > LEVEL
 }
 
+/// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
+/// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
+/// fit without it, at 1 % for the worst of `count` pieces.
+fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
+    /// Normal quantile of 0.005: two sides of 1 %.
+    const ONE: f64 = 2.576;
+    if dof_without < 3 {
+        return false;
+    }
+    let nu = dof_without as f64;
+    // The quantile for the worst of many, and Student's from the normal one (Fisher's expansion).
+    let z = (ONE * ONE + 2.0 * (count as f64).ln()).sqrt();
+    let student = z
+        + (z.powi(3) + z) / (4.0 * nu)
+        + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
+        + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * nu.powi(3));
+    chi2 - chi2_without > student * student * chi2_without / nu
+}
+
+/// What is asked of a search for wrong lines.
+#[derive(Clone, Copy)]
+pub(crate) struct Search<'a> {
+    pub(crate) held: Held,
+    pub(crate) belief: bool,
+    /// The drawing noise was given, so that a chi-square is a judgement; else it may be the noise
+    /// that is larger than thought, and more than one line must stand out from the others' scatter.
+    pub(crate) noise_is_known: bool,
+    /// Pieces of evidence that are never set aside.
+    pub(crate) keep: &'a dyn Fn(Source) -> bool,
+}
+
 /// The result with wrong lines set aside, and which they are.
 ///
 /// At most a third of the redundancy is spent on it; where nothing explains the misfit, nothing is set aside.
-pub(crate) fn solve_without_outliers(
-    problem: &Problem,
-    held: Held,
-    belief: bool,
-    keep: &dyn Fn(Source) -> bool,
-) -> (Found, Vec<Source>) {
-    let all = solve(problem, held, belief);
+pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Found, Vec<Source>) {
     let mut aside: Vec<Source> = Vec::new();
-    let mut current = all.clone();
+    let mut results = vec![solve(problem, search.held, search.belief)];
+    // How many of the first ones set aside stand out from the rest's own scatter.
+    let mut stark = 0;
     let most = (problem.dof() / 3).clamp(1, 4);
-    for _ in 0..most {
+    for round in 0..=most {
         let without = Problem { aside: &aside, ..problem.clone() };
-        let Some(best) = current.minima.first() else { break };
+        let Some(best) = results.last().and_then(|found| found.minima.first()) else { break };
         if !is_misfit(best.chi2, without.dof()) {
-            return (current, aside);
-        }
-        let Some((culprit, found, explains)) = culprit(&without, best, held, belief, keep) else { break };
-        aside.push(culprit);
-        current = found;
-        if explains {
-            let done = Problem { aside: &aside, ..problem.clone() };
-            let fits = current.minima.first().is_some_and(|best| !is_misfit(best.chi2, done.dof()));
-            if fits {
-                return (current, aside);
+            if search.noise_is_known || aside.len() < 2 || stark == aside.len() {
+                stark = aside.len();
             }
+            break;
         }
+        if round == most {
+            break;
+        }
+        let Some((culprit, chi2)) = culprit(&without, best, search) else { break };
+        let count = sources(&without).len();
+        let chi2_before = best.chi2;
+        aside.push(culprit);
+        let fewer = Problem { aside: &aside, ..problem.clone() };
+        if stark + 1 == aside.len() && stands_out(chi2_before, chi2, fewer.dof(), count) {
+            stark = aside.len();
+        }
+        results.push(solve(&fewer, search.held, search.belief));
     }
-    (all, Vec::new())
+    aside.truncate(stark);
+    (results.swap_remove(stark), aside)
 }
 
-/// The piece of evidence without which the rest agrees best, the result without it, and whether
-/// leaving it out makes a difference that chance does not.
-fn culprit(
-    problem: &Problem,
-    best: &Minimum,
-    held: Held,
-    belief: bool,
-    keep: &dyn Fn(Source) -> bool,
-) -> Option<(Source, Found, bool)> {
-    let sources = sources(problem);
-    let mut lowest: Option<(f64, Source)> = None;
-    for source in sources.into_iter().filter(|&source| !keep(source)) {
+/// The piece of evidence without which the rest agrees best, and the chi-square without it.
+fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
+    let mut lowest: Option<(f64, Source, f64)> = None;
+    for source in sources(problem).into_iter().filter(|&source| !(search.keep)(source)) {
         let aside: Vec<Source> = problem.aside.iter().copied().chain([source]).collect();
         let without = Problem { aside: &aside, ..problem.clone() };
         // Without redundancy everything agrees, whatever is left out.
         if without.dof() < 1 {
             continue;
         }
+        // Far from the truth a gross error hides it: look everywhere, not only near.
         let near = minimum_near(&without, &best.state);
-        let anywhere = solve(&without, held, belief).minima.into_iter().next();
+        let anywhere = solve(&without, search.held, search.belief).minima.into_iter().next();
         let chi2 = near.iter().chain(&anywhere).map(|m| m.chi2).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
-        if lowest.is_none_or(|(least, _)| score < least) {
-            lowest = Some((score, source));
+        if lowest.is_none_or(|(least, _, _)| score < least) {
+            lowest = Some((score, source, chi2));
         }
     }
-    let (_, source) = lowest?;
-    let aside: Vec<Source> = problem.aside.iter().copied().chain([source]).collect();
-    let without = Problem { aside: &aside, ..problem.clone() };
-    let found = solve(&without, held, belief);
-    let explains = found.minima.first().is_some_and(|m| m.chi2 < best.chi2);
-    Some((source, found, explains))
+    lowest.map(|(_, source, chi2)| (source, chi2))
 }
 
 fn sources(problem: &Problem) -> Vec<Source> {

@@ -33,11 +33,7 @@ impl Placement {
     /// The placement that a camera has.
     #[must_use]
     pub fn of(camera: &Camera) -> Self {
-        Self {
-            by: camera.position.on_floor(),
-            turn: camera.yaw,
-            scale: camera.position.z / STAGE_1_HEIGHT,
-        }
+        Self { by: camera.position.on_floor(), turn: camera.yaw, scale: camera.position.z / STAGE_1_HEIGHT }
     }
 
     /// Where a point of the stage 1 floor (camera at height [`STAGE_1_HEIGHT`] over (0, 0), yaw 0) comes to lie.
@@ -98,14 +94,19 @@ fn linear(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
     drops
         .into_iter()
         .filter_map(|level| {
-            let (x0, y0, z0, yaw) = if level { one_height(&rays, points, centre)? } else { all_heights(&rays, points, centre)? };
+            let (x0, y0, z0, yaw) =
+                if level { one_height(&rays, points, centre)? } else { all_heights(&rays, points, centre)? };
             Some(Camera { position: WorldPoint { x: x0, y: y0, z: z0 }, yaw, ..*camera })
         })
         .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
 }
 
 /// Unknowns x0, y0, a = (z0 - h) cos, b = (z0 - h) sin, as if all points had the mean height `h`.
-fn one_height(rays: &[[f64; 3]], points: &[ControlPoint], centre: WorldPoint) -> Option<(f64, f64, f64, f64)> {
+fn one_height(
+    rays: &[[f64; 3]],
+    points: &[ControlPoint],
+    centre: WorldPoint,
+) -> Option<(f64, f64, f64, f64)> {
     let mut matrix = DMatrix::zeros(2 * rays.len(), 4);
     let mut right = DVector::zeros(2 * rays.len());
     for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
@@ -120,7 +121,11 @@ fn one_height(rays: &[[f64; 3]], points: &[ControlPoint], centre: WorldPoint) ->
 }
 
 /// Unknowns x0, y0, z0 cos, z0 sin, cos, sin relative to the mean height; the last pair is of length 1.
-fn all_heights(rays: &[[f64; 3]], points: &[ControlPoint], centre: WorldPoint) -> Option<(f64, f64, f64, f64)> {
+fn all_heights(
+    rays: &[[f64; 3]],
+    points: &[ControlPoint],
+    centre: WorldPoint,
+) -> Option<(f64, f64, f64, f64)> {
     let mut matrix = DMatrix::zeros(2 * rays.len(), 6);
     let mut right = DVector::zeros(2 * rays.len());
     for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {

@@ -72,10 +72,7 @@ impl FloorProjector {
         let to_floor = |a: f64, b: f64| {
             let w = h[2][0] * a + h[2][1] * b + h[2][2];
             let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
-            (
-                (h[0][0] * a + h[0][1] * b + h[0][2]) * scale,
-                (h[1][0] * a + h[1][1] * b + h[1][2]) * scale,
-            )
+            ((h[0][0] * a + h[0][1] * b + h[0][2]) * scale, (h[1][0] * a + h[1][1] * b + h[1][2]) * scale)
         };
         match self.camera.lens.distortion {
             Distortion::None => Arch::new().dispatch(
@@ -145,7 +142,13 @@ impl FloorProjector {
 ///
 /// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
 #[inline(always)]
-fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &mut [f64; LANES], count: usize) {
+fn undistort_in_step(
+    brown: &BrownConrady,
+    most: f64,
+    x: &mut [f64; LANES],
+    y: &mut [f64; LANES],
+    count: usize,
+) {
     /// In focal-normalised coordinates, squared: Newton's next step is its square.
     const TOLERANCE: f64 = 1e-14;
     const ROUNDS: usize = 12;
@@ -205,7 +208,10 @@ mod tests {
                 Some(floor) => {
                     let range = floor.distance(camera.position.on_floor());
                     let off = floor.distance(FloorPoint { x: x[i], y: y[i] });
-                    assert!(range > 1e6 || off < 1e-11 * (1.0 + range).powi(2) * 10.0, "{off} m at {range} m");
+                    assert!(
+                        range > 1e6 || off < 1e-11 * (1.0 + range).powi(2) * 10.0,
+                        "{off} m at {range} m"
+                    );
                 }
                 None => assert!(x[i].is_nan() && y[i].is_nan()),
             }

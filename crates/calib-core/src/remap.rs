@@ -126,7 +126,8 @@ impl Remap {
                 for ((&index, &fraction), pixel) in
                     self.index.iter().zip(&self.fraction).zip(out.as_chunks_mut::<3>().0)
                 {
-                    *pixel = if index == BLANK { [0; 3] } else { bilinear(raw, index as usize, stride, fraction) };
+                    *pixel =
+                        if index == BLANK { [0; 3] } else { bilinear(raw, index as usize, stride, fraction) };
                 }
             },
         );
@@ -162,7 +163,8 @@ fn pack(width: usize, height: usize, u: &[f64], v: &[f64], index: &mut [u32], fr
                 let (x, y) = (x.max(0.0).min(most_x) + 0.5, y.max(0.0).min(most_y) + 0.5);
                 let (x, y) = (x as u32, y as u32);
                 // The last column and row are shown from the pixel before with full weight.
-                let (column, line) = ((x >> STEP_BITS).min(width as u32 - 2), (y >> STEP_BITS).min(height as u32 - 2));
+                let (column, line) =
+                    ((x >> STEP_BITS).min(width as u32 - 2), (y >> STEP_BITS).min(height as u32 - 2));
                 let packed = (line * width as u32 + column) * 3;
                 *index = if inside { packed } else { BLANK };
                 *fraction = [(x - (column << STEP_BITS)) as u8, (y - (line << STEP_BITS)) as u8];
@@ -213,7 +215,11 @@ mod tests {
 
     fn barrel() -> Lens {
         let brown = BrownConrady { k1: -0.25, k2: 0.05, p1: 0.001, ..BrownConrady::default() };
-        Lens { principal_point: Pixel::new(160.0, 90.0), focal: 220.0, distortion: Distortion::BrownConrady(brown) }
+        Lens {
+            principal_point: Pixel::new(160.0, 90.0),
+            focal: 220.0,
+            distortion: Distortion::BrownConrady(brown),
+        }
     }
 
     /// An image whose colours say where they are: red 0.5 u, green v, blue a mix of both.
@@ -240,7 +246,9 @@ mod tests {
                     let raw = lens.distort(straight);
                     let seen = raw.filter(|p| p.u > 1.0 && p.v > 1.0 && p.u < 319.0 && p.v < 179.0);
                     match seen {
-                        Some(raw) => assert!((f64::from(colour[1]) - (raw.v - 0.5)).abs() < 0.6, "{raw:?} {colour:?}"),
+                        Some(raw) => {
+                            assert!((f64::from(colour[1]) - (raw.v - 0.5)).abs() < 0.6, "{raw:?} {colour:?}")
+                        }
                         None => blank += usize::from(colour == [0; 3]),
                     }
                 }

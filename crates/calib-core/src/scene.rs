@@ -75,11 +75,7 @@ impl Shape3 {
     /// A point given in the element's own axes.
     fn place(&self, [x, y, z]: [f64; 3]) -> WorldPoint {
         let (sin, cos) = self.turn.sin_cos();
-        WorldPoint {
-            x: self.at.x + cos * x - sin * y,
-            y: self.at.y + sin * x + cos * y,
-            z: self.at.z + z,
-        }
+        WorldPoint { x: self.at.x + cos * x - sin * y, y: self.at.y + sin * x + cos * y, z: self.at.z + z }
     }
 
     /// A named point of the element, as the site file's `seen` refers to it.
@@ -161,9 +157,10 @@ fn box_edges(x: f64, y: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
 
 fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     let mut edges = vec![circle(radius, 0.0), circle(radius, height)];
-    edges.extend([[radius, 0.0], [0.0, radius], [-radius, 0.0], [0.0, -radius]].map(|[x, y]| {
-        vec![[x, y, 0.0], [x, y, height]]
-    }));
+    edges.extend(
+        [[radius, 0.0], [0.0, radius], [-radius, 0.0], [0.0, -radius]]
+            .map(|[x, y]| vec![[x, y, 0.0], [x, y, height]]),
+    );
     edges
 }
 
@@ -171,8 +168,16 @@ fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
 fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     let h = height;
     let outline = [
-        (0.0, 0.0), (0.10, 0.0), (0.09, 0.47), (0.13, 0.48), (0.15, 0.80), (0.05, 0.83), (0.06, 0.87),
-        (0.075, 0.93), (0.05, 0.985), (0.0, 1.0),
+        (0.0, 0.0),
+        (0.10, 0.0),
+        (0.09, 0.47),
+        (0.13, 0.48),
+        (0.15, 0.80),
+        (0.05, 0.83),
+        (0.06, 0.87),
+        (0.075, 0.93),
+        (0.05, 0.985),
+        (0.0, 1.0),
     ];
     let side = |sign: f64| outline.map(|(x, z)| [sign * x * h, 0.0, z * h]).to_vec();
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
@@ -326,9 +331,8 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
         })
         .collect();
     let margin = 0.5 * (size[0] + size[1]);
-    let near_image = |p: &Pixel| {
-        p.u > -margin && p.u < size[0] + margin && p.v > -margin && p.v < size[1] + margin
-    };
+    let near_image =
+        |p: &Pixel| p.u > -margin && p.u < size[0] + margin && p.v > -margin && p.v < size[1] + margin;
     on_image(camera, &ring).into_iter().filter(|piece| piece.iter().any(near_image)).collect()
 }
 

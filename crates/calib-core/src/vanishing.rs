@@ -53,7 +53,11 @@ mod tests {
 
     fn line(a: [f64; 2], b: [f64; 2]) -> Line {
         let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
-        Line { ends: [end(a), end(b)], toward: Toward::Vertical, source: Source { annotation: 0, segment: 0 } }
+        Line {
+            ends: [end(a), end(b)],
+            toward: Toward::Vertical,
+            source: Source { annotation: 0, segment: 0 },
+        }
     }
 
     #[test]

@@ -262,13 +262,13 @@ fn ceilings(stage: &mut Stage) {
     stage.block([24.2, 0.0, 4.0], [30.0, 14.4, 4.9], Material::matt(0xd9_d7d2));
     for y in [2.7, 7.2, 11.7] {
         for x in [2.4, 7.2, 12.0, 16.8, 21.6] {
-            lamp(stage, [x, y, CEILING], [0.9, 0.15], 11.0);
+            lamp(stage, [x, y, CEILING], [0.9, 0.15], 16.0);
         }
     }
     for y in [2.2, 6.2] {
         lamp(stage, [27.1, y, 4.0], [0.9, 0.15], 13.0);
     }
-    for x in [5.0, 12.5, 20.0, 27.5] {
+    for x in [7.5, 12.5, 17.5, 22.5] {
         lamp(stage, [x, RIDGE[0], 4.1], [0.7, 0.12], 12.0);
         stage.rod([x, RIDGE[0], 4.2], [x, RIDGE[0], 5.9], 0.012, steel());
     }
@@ -313,14 +313,14 @@ fn roof(stage: &mut Stage) {
 /// What the windows and the gate show: paving, a lawn, a hedge, a house or two.
 fn outside(stage: &mut Stage) {
     let paving = Material::matt(0xa8_a49c).with(Finish::Concrete { pitch: 1.0 });
-    let lawn = Material::matt(0x7f_9a55).with(Finish::Green);
+    let lawn = Material::matt(0xa3_b088).with(Finish::Green);
     stage.block([-0.3, 14.7, -0.3], [30.3, 22.0, -0.02], paving);
     stage.block([30.3, -12.5, -0.3], [36.0, 14.7, -0.02], paving);
     stage.block([-90.0, -90.0, -0.6], [120.0, 120.0, -0.3], lawn);
-    stage.block([-20.0, 26.0, -0.3], [40.0, 27.2, 1.6], Material::matt(0x4f_6b3a).with(Finish::Green));
-    stage.block([48.0, -30.0, -0.3], [49.5, 6.0, 1.8], Material::matt(0x4f_6b3a).with(Finish::Green));
+    stage.block([-20.0, 26.0, -0.3], [40.0, 27.2, 1.6], Material::matt(0x74_8563).with(Finish::Green));
+    stage.block([48.0, -30.0, -0.3], [49.5, 6.0, 1.8], Material::matt(0x74_8563).with(Finish::Green));
     for (x, y, s) in [(3.0, 38.0, 3.2), (14.0, 41.0, 3.8), (27.0, 37.0, 3.0), (62.0, -9.0, 4.0), (70.0, 2.0, 4.5), (58.0, -2.0, 3.0)] {
-        stage.ball([x, y, 1.2 * s], s, Material::matt(0x5c_7d44).with(Finish::Green));
+        stage.ball([x, y, 1.2 * s], s, Material::matt(0x82_9272).with(Finish::Green));
         stage.rod([x, y, -0.3], [x, y, s], 0.12 * s, Material::matt(0x5b_4a3a));
     }
 }

@@ -1,1 +1,47 @@
-//! The demonstration site.
+//! The demonstration site: a farm shop, its store and a barn, of which everything is known.
+//!
+//! A small ray tracer of our own shows the scene as five cameras see it, through their lenses; the
+//! plan and the operator's drawings come from the same lists of walls and things. So a calibration
+//! can be held against the truth:
+//!
+//! ```no_run
+//! let demo = calib_demo::demo_site();
+//! for ((id, camera), entry) in demo.truth.iter().zip(&demo.site.cameras) {
+//!     let picture = calib_demo::render(camera, entry.size_px);
+//!     picture.save(format!("{id}.png")).unwrap();
+//! }
+//! ```
+
+pub mod random;
+
+// A module uses only those above it, but for the parts of the scene, which `world` puts together.
+mod vector;
+mod texture;
+mod material;
+mod shape;
+mod tree;
+mod world;
+mod building;
+mod goods;
+mod shop;
+mod produce;
+mod store;
+mod barn;
+mod figure;
+mod light;
+mod cameras;
+mod rays;
+mod threads;
+mod develop;
+mod picture;
+mod plan;
+mod edge;
+mod hand;
+mod drawing;
+mod landmark;
+mod element;
+mod site;
+
+pub use picture::render;
+pub use site::{DemoSite, KnownLens, demo_site, demo_site_with};
+pub use world::visible;

@@ -1,6 +1,6 @@
 //! The shapes of the scene and where a ray meets them.
 
-use crate::vector::{Vec3, vec3};
+use crate::vector::{Vec3, greater, lesser, vec3};
 
 /// A half line of the renderer.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ impl Bounds {
         let a = (self.min - line.origin) * line.inverse;
         let b = (self.max - line.origin) * line.inverse;
         let (near, far) = (a.min(b), a.max(b));
-        (near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z))
+        (greater(greater(near.x, near.y), near.z), lesser(lesser(far.x, far.y), far.z))
     }
 }
 

@@ -36,7 +36,7 @@ pub(crate) fn noise(p: Vec3) -> f32 {
 
 /// Noise of several sizes, from -1 to 1: the coarsest of `scale` metres, down to what a pixel still shows.
 pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
-    const OCTAVES: usize = 4;
+    const OCTAVES: usize = 3;
     let (mut size, mut weight, mut sum) = (scale, 0.5, 0.0);
     for _ in 0..OCTAVES {
         if size < 2.0 * footprint {

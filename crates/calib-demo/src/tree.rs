@@ -1,6 +1,9 @@
 //! A tree of bounding boxes over the solids: the nearest hit, and whether anything is in the way.
 
+use std::ops::Range;
+
 use crate::shape::{Bounds, Line, Shape};
+use crate::vector::{greater, lesser};
 
 /// A solid that a line meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,12 +14,15 @@ pub(crate) struct Hit {
     pub(crate) solid: u32,
 }
 
-/// An inner node (`count` = 0: children at `first` and `first + 1`) or a leaf of `count` shapes.
+/// Four boxes side by side, coordinate by coordinate, so that one instruction tests all of them.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    bounds: Bounds,
-    first: u32,
-    count: u32,
+    min: [[f32; 4]; 3],
+    max: [[f32; 4]; 3],
+    /// Number of another node, or of the first shape of a leaf.
+    first: [u32; 4],
+    /// Shapes in a leaf; 0 for another node.
+    count: [u32; 4],
 }
 
 /// Bounding boxes in bounding boxes, divided by the surface-area rule.
@@ -30,27 +36,31 @@ pub(crate) struct Tree {
 
 /// Shapes in a leaf: a test of a shape costs about as much as one of a node.
 const LEAF: usize = 3;
-/// Deeper than a tree of a million shapes.
+/// More than a tree of a million shapes leaves open on the way down.
 const DEPTH: usize = 64;
 
 impl Tree {
     pub(crate) fn new(shapes: &[Shape]) -> Self {
         let bounds: Vec<Bounds> = shapes.iter().map(Shape::bounds).collect();
         let mut order: Vec<u32> = (0..shapes.len() as u32).collect();
-        let mut nodes = vec![Node { bounds: Bounds::EMPTY, first: 0, count: 0 }];
-        let mut open = vec![(0, 0, shapes.len())];
-        while let Some((node, from, to)) = open.pop() {
-            let mine = &mut order[from..to];
-            let around = mine.iter().fold(Bounds::EMPTY, |all, &i| all.union(bounds[i as usize]));
-            let middle = if mine.len() > LEAF { divide(mine, &bounds) } else { 0 };
-            if middle == 0 {
-                nodes[node] = Node { bounds: around, first: from as u32, count: mine.len() as u32 };
-                continue;
+        let mut nodes = vec![Node::EMPTY];
+        let mut open = vec![(0, 0..shapes.len())];
+        while let Some((node, range)) = open.pop() {
+            for (slot, part) in quarters(&mut order, range, &bounds).into_iter().enumerate() {
+                let around = order[part.clone()].iter().fold(Bounds::EMPTY, |all, &i| all.union(bounds[i as usize]));
+                for axis in 0..3 {
+                    nodes[node].min[axis][slot] = around.min.axis(axis);
+                    nodes[node].max[axis][slot] = around.max.axis(axis);
+                }
+                if part.len() <= LEAF {
+                    nodes[node].first[slot] = part.start as u32;
+                    nodes[node].count[slot] = part.len() as u32;
+                } else {
+                    nodes[node].first[slot] = nodes.len() as u32;
+                    open.push((nodes.len(), part));
+                    nodes.push(Node::EMPTY);
+                }
             }
-            let first = nodes.len();
-            nodes[node] = Node { bounds: around, first: first as u32, count: 0 };
-            nodes.extend([nodes[node]; 2]);
-            open.extend([(first, from, from + middle), (first + 1, from + middle, to)]);
         }
         let shapes = order.iter().map(|&i| shapes[i as usize]).collect();
         Self { nodes, shapes, order }
@@ -86,51 +96,80 @@ impl Tree {
     #[inline]
     fn walk(&self, line: &Line, limit: f32, mut visit: impl FnMut(usize, usize) -> Option<f32>) {
         let mut limit = limit;
-        let mut stack = [(0_u32, 0.0_f32); DEPTH];
-        let mut depth = 0;
-        let mut here = 0;
-        loop {
-            let node = &self.nodes[here as usize];
-            let mut next = None;
-            if node.count > 0 {
-                match visit(node.first as usize, node.count as usize) {
+        // First, count, distance.
+        let mut open = [(0_u32, 0_u32, 0.0_f32); DEPTH];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let (first, count, distance) = open[depth];
+            if distance >= limit {
+                continue;
+            }
+            if count > 0 {
+                match visit(first as usize, count as usize) {
                     Some(shorter) => limit = shorter,
                     None => return,
                 }
-            } else {
-                let enter = |child: u32| {
-                    let (near, far) = self.nodes[child as usize].bounds.span(line);
-                    (near <= far && far > 0.0 && near < limit).then_some(near)
-                };
-                next = match (enter(node.first), enter(node.first + 1)) {
-                    (Some(a), Some(b)) => {
-                        let swap = b < a;
-                        stack[depth] = (node.first + u32::from(!swap), a.max(b));
-                        depth += 1;
-                        Some(node.first + u32::from(swap))
-                    }
-                    (Some(_), None) => Some(node.first),
-                    (None, Some(_)) => Some(node.first + 1),
-                    (None, None) => None,
-                };
+                continue;
             }
-            here = match next {
-                Some(next) => next,
-                None => loop {
-                    if depth == 0 {
-                        return;
-                    }
-                    depth -= 1;
-                    if stack[depth].1 < limit {
-                        break stack[depth].0;
-                    }
-                },
-            };
+            let node = &self.nodes[first as usize];
+            let (near, far) = node.spans(line, limit);
+            let bottom = depth;
+            for slot in 0..4 {
+                if near[slot] > far[slot] {
+                    continue;
+                }
+                // The nearest comes to lie on top.
+                let mut at = depth;
+                while at > bottom && open[at - 1].2 < near[slot] {
+                    open[at] = open[at - 1];
+                    at -= 1;
+                }
+                open[at] = (node.first[slot], node.count[slot], near[slot]);
+                depth += 1;
+            }
         }
     }
 }
 
-/// Sorts the shapes into two parts and gives the size of the first; 0 where a leaf is as good.
+impl Node {
+    const EMPTY: Self =
+        Self { min: [[f32::INFINITY; 4]; 3], max: [[f32::NEG_INFINITY; 4]; 3], first: [0; 4], count: [0; 4] };
+
+    /// Where the line enters and leaves every box, between 0 and `limit`.
+    #[inline(always)]
+    fn spans(&self, line: &Line, limit: f32) -> ([f32; 4], [f32; 4]) {
+        let (mut near, mut far) = ([0.0; 4], [limit; 4]);
+        for axis in 0..3 {
+            let (origin, inverse) = (line.origin.axis(axis), line.inverse.axis(axis));
+            let (front, back) =
+                if inverse < 0.0 { (&self.max[axis], &self.min[axis]) } else { (&self.min[axis], &self.max[axis]) };
+            for slot in 0..4 {
+                near[slot] = greater((front[slot] - origin) * inverse, near[slot]);
+                far[slot] = lesser((back[slot] - origin) * inverse, far[slot]);
+            }
+        }
+        (near, far)
+    }
+}
+
+/// Divides a range of shapes into up to four, the largest first.
+fn quarters(order: &mut [u32], range: Range<usize>, bounds: &[Bounds]) -> Vec<Range<usize>> {
+    let mut parts = vec![range];
+    while parts.len() < 4 {
+        let Some(largest) = (0..parts.len()).max_by_key(|&i| parts[i].len()) else { break };
+        let part = parts[largest].clone();
+        if part.len() <= LEAF {
+            break;
+        }
+        let middle = part.start + divide(&mut order[part.clone()], bounds);
+        parts[largest] = part.start..middle;
+        parts.push(middle..part.end);
+    }
+    parts
+}
+
+/// Sorts two or more shapes into two parts and gives the size of the first.
 fn divide(order: &mut [u32], bounds: &[Bounds]) -> usize {
     let sorted = |order: &mut [u32], axis: usize| {
         order.sort_by(|&a, &b| {
@@ -138,7 +177,7 @@ fn divide(order: &mut [u32], bounds: &[Bounds]) -> usize {
             at(a).total_cmp(&at(b)).then(a.cmp(&b))
         });
     };
-    let mut best = (f32::INFINITY, 0, 0);
+    let mut best = (f32::INFINITY, 0, 1);
     let mut right = vec![0.0; order.len()];
     for axis in 0..3 {
         sorted(order, axis);

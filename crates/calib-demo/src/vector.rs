@@ -12,6 +12,18 @@ pub(crate) struct Vec3 {
     pub(crate) z: f32,
 }
 
+/// One instruction, where [`f32::min`] needs more to keep numbers from what is none.
+#[inline]
+pub(crate) const fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// As [`lesser`].
+#[inline]
+pub(crate) const fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// The vector with these coordinates.
 pub(crate) const fn vec3(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3 { x, y, z }
@@ -42,14 +54,16 @@ impl Vec3 {
         self * self.length().recip()
     }
 
+    /// The lesser of every coordinate.
     #[inline]
     pub(crate) fn min(self, o: Self) -> Self {
-        vec3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
+        vec3(lesser(self.x, o.x), lesser(self.y, o.y), lesser(self.z, o.z))
     }
 
+    /// The greater of every coordinate.
     #[inline]
     pub(crate) fn max(self, o: Self) -> Self {
-        vec3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
+        vec3(greater(self.x, o.x), greater(self.y, o.y), greater(self.z, o.z))
     }
 
     pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> Self {

@@ -1,0 +1,89 @@
+//! `calib check`: the quality gate.
+
+use calib_core::{Code, SiteCamera, Solution};
+
+use crate::files::{self, SiteFile};
+use crate::solve::Format;
+use crate::stop::Stop;
+
+/// Arguments of `calib check`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Site file, or - for stdin; cameras without a solution are solved
+    site: String,
+    /// Largest predicted relative error of lengths on the floor
+    #[arg(long, value_name = "REL", default_value_t = 0.03)]
+    max_floor_error: f64,
+    /// Largest root mean square of the residuals, in pixels
+    #[arg(long, value_name = "P")]
+    max_rms_px: Option<f64>,
+    /// Calibrations that hold at this time (RFC 3339)
+    #[arg(long, value_name = "TIME")]
+    at: Option<String>,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Checks every camera against the gates.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    let file = SiteFile::read_at(&args.site, args.at.as_deref())?.solved();
+    let verdicts: Vec<(&str, Vec<String>)> =
+        file.site.cameras.iter().map(|camera| (camera.id.as_str(), faults(camera, args))).collect();
+    let failed = verdicts.iter().filter(|(_, faults)| !faults.is_empty()).count();
+    match args.format {
+        Format::Json => {
+            let list: Vec<_> = verdicts
+                .iter()
+                .map(|(id, faults)| serde_json::json!({ "camera": id, "ok": faults.is_empty(), "faults": faults }))
+                .collect();
+            let value = serde_json::json!({ "ok": failed == 0, "cameras": list });
+            files::print(&format!("{value:#}\n"))?;
+        }
+        Format::Text => {
+            for (id, faults) in &verdicts {
+                let verdict = if faults.is_empty() { "ok".into() } else { faults.join("; ") };
+                files::print(&format!("{id}: {verdict}\n"))?;
+            }
+        }
+    }
+    if failed == 0 {
+        Ok(())
+    } else {
+        Err(Stop::Unsolved(format!("{failed} of {} cameras fail", verdicts.len())))
+    }
+}
+
+fn faults(camera: &SiteCamera, args: &Args) -> Vec<String> {
+    match (&camera.solution, &camera.error) {
+        (Some(solution), _) => gate(solution, args),
+        (None, Some(failure)) => vec![format!("not solved: {}", failure.message)],
+        (None, None) => vec!["not solved".into()],
+    }
+}
+
+fn gate(solution: &Solution, args: &Args) -> Vec<String> {
+    let mut faults = Vec::new();
+    let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
+    if let Some(rel) = floor.filter(|&rel| rel > args.max_floor_error) {
+        faults.push(format!(
+            "floor lengths \u{b1} {:.1} %, allowed {:.1} %",
+            100.0 * rel,
+            100.0 * args.max_floor_error
+        ));
+    }
+    if let (Some(rms), Some(most)) = (solution.rms_px, args.max_rms_px)
+        && rms > most
+    {
+        faults.push(format!("residuals {rms:.2} px rms, allowed {most:.2} px"));
+    }
+    let grave = [Code::Unusable, Code::ScaleConflict, Code::DistortionNotInvertible];
+    faults.extend(
+        solution
+            .warnings
+            .iter()
+            .filter(|w| grave.contains(&w.code))
+            .map(|w| format!("{}: {}", w.code, w.message)),
+    );
+    faults
+}

@@ -1,0 +1,241 @@
+//! Reading sites and images with limits, and writing files whole or not at all.
+
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use base64::Engine as _;
+use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
+use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
+
+use crate::stop::Stop;
+
+/// Most memory that decoding one image may take, in bytes.
+const MAX_IMAGE_BYTES: u64 = 1 << 30;
+
+/// A site with the folder that its images are relative to.
+pub(crate) struct SiteFile {
+    pub(crate) site: Site,
+    pub(crate) path: String,
+    folder: PathBuf,
+}
+
+impl SiteFile {
+    /// Reads and checks a site file; `-` is stdin, with images relative to the current folder.
+    pub(crate) fn read(path: &str) -> Result<Self, Stop> {
+        let bytes = if path == "-" {
+            read_limited(std::io::stdin().lock(), "stdin")?
+        } else {
+            let file = File::open(path).map_err(|error| Stop::invalid(path, error))?;
+            read_limited(file, path)?
+        };
+        let text = String::from_utf8(bytes)
+            .map_err(|error| Stop::invalid(path, format!("not UTF-8 text: {error}")))?;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let site = Site::from_json(text).map_err(|error| Stop::invalid(path, error))?;
+        let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
+        Ok(Self { site, path: path.to_owned(), folder })
+    }
+
+    /// As [`Self::read`], with only the cameras whose calibration holds at a time.
+    pub(crate) fn read_at(path: &str, time: Option<&str>) -> Result<Self, Stop> {
+        let mut file = Self::read(path)?;
+        if let Some(time) = time {
+            let mut kept = Vec::new();
+            for camera in file.site.cameras {
+                if camera
+                    .is_valid_at(time)
+                    .map_err(|error| Stop::Usage(format!("--at: {}", error.message)))?
+                {
+                    kept.push(camera);
+                }
+            }
+            file.site.cameras = kept;
+        }
+        Ok(file)
+    }
+
+    /// The one camera of this id.
+    pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, Stop> {
+        let found: Vec<&SiteCamera> = self.site.cameras.iter().filter(|camera| camera.id == id).collect();
+        match found[..] {
+            [camera] => Ok(camera),
+            [] => {
+                let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
+                Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
+            }
+            _ => Err(Stop::Usage(format!(
+                "--camera {id}: several periods have this id; choose one with --at TIME"
+            ))),
+        }
+    }
+
+    /// Solves the cameras that have no solution yet, so that every command works on a fresh site.
+    pub(crate) fn solved(mut self) -> Self {
+        let unsolved: Vec<String> =
+            self.site.cameras.iter().filter(|c| c.solution.is_none()).map(|c| c.id.clone()).collect();
+        if !unsolved.is_empty() {
+            let options = Options { cameras: Some(unsolved), ..Options::default() };
+            let mut report = self.site.calibrate(&options);
+            report.cameras.retain(|(index, _)| self.site.cameras[*index].solution.is_none());
+            self.site = report.write_into(&self.site);
+        }
+        self
+    }
+
+    /// The bytes of an image of this site: a path relative to the site file, or a `data:` URI.
+    pub(crate) fn image_bytes(&self, image: &str) -> Result<Vec<u8>, Stop> {
+        if let Some(data) = image.strip_prefix("data:") {
+            let (_, encoded) = data.split_once(";base64,").ok_or_else(|| {
+                Stop::invalid(&self.path, "an image is a data: URI without \";base64,\", expected base64")
+            })?;
+            return base64::engine::general_purpose::STANDARD
+                .decode(encoded.trim())
+                .map_err(|error| Stop::invalid(&self.path, format!("an image is not base64: {error}")));
+        }
+        let path = self.folder.join(image);
+        let file = File::open(&path).map_err(|error| Stop::invalid(path.display(), error))?;
+        read_limited(file, &path.display().to_string())
+    }
+
+    /// A camera's image, turned as its EXIF data says; its size must be the one in the site file.
+    pub(crate) fn camera_image(&self, camera: &SiteCamera) -> Result<RgbImage, Stop> {
+        let name = camera.image.as_deref().ok_or_else(|| {
+            Stop::invalid(
+                &self.path,
+                format!("camera \"{}\" has no image, and this command needs one", camera.id),
+            )
+        })?;
+        let image = decode(&self.image_bytes(name)?)
+            .map_err(|error| Stop::invalid(shown(name), format!("{error:#}")))?;
+        let found = [image.width(), image.height()];
+        if found != camera.size_px {
+            let [w, h] = camera.size_px;
+            let what = format!(
+                "the image is {} x {} pixels, and size_px of camera \"{}\" in {} says {w} x {h}; correct the one that is wrong",
+                found[0], found[1], camera.id, self.path
+            );
+            return Err(Stop::invalid(shown(name), what));
+        }
+        Ok(image)
+    }
+
+    /// The plan's picture, if the site has one.
+    pub(crate) fn plan_image(&self) -> Result<Option<RgbImage>, Stop> {
+        let Some(name) = self.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) else {
+            return Ok(None);
+        };
+        let bytes = self.image_bytes(name)?;
+        decode(&bytes).map(Some).map_err(|error| Stop::invalid(shown(name), format!("{error:#}")))
+    }
+}
+
+/// A data: URI does not fill the screen.
+fn shown(name: &str) -> &str {
+    if name.starts_with("data:") { "data: image" } else { name }
+}
+
+fn known_ids(ids: &[&str]) -> String {
+    const MOST: usize = 12;
+    if ids.is_empty() {
+        return "no cameras".into();
+    }
+    let more = if ids.len() > MOST { format!(", ... ({} in all)", ids.len()) } else { String::new() };
+    format!("the cameras {}{more}", ids[..ids.len().min(MOST)].join(", "))
+}
+
+fn read_limited(reader: impl std::io::Read, name: &str) -> Result<Vec<u8>, Stop> {
+    let mut bytes = Vec::new();
+    reader.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(|error| Stop::invalid(name, error))?;
+    if bytes.len() > MAX_BYTES {
+        return Err(Stop::invalid(
+            name,
+            format!("larger than {} MiB, the most that is read", MAX_BYTES >> 20),
+        ));
+    }
+    Ok(bytes)
+}
+
+/// Decodes an image within limits and turns it as its EXIF data says.
+pub(crate) fn decode(bytes: &[u8]) -> anyhow::Result<RgbImage> {
+    let mut reader = ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format()?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(calib_core::MAX_SIDE);
+    limits.max_image_height = Some(calib_core::MAX_SIDE);
+    limits.max_alloc = Some(MAX_IMAGE_BYTES);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().context("not a PNG or JPEG image")?;
+    let orientation = decoder.orientation()?;
+    let mut image = DynamicImage::from_decoder(decoder)?;
+    image.apply_orientation(orientation);
+    Ok(image.into_rgb8())
+}
+
+/// An image as PNG bytes.
+pub(crate) fn png(image: &RgbImage) -> Result<Vec<u8>, Stop> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png)?;
+    Ok(bytes.into_inner())
+}
+
+/// An image as JPEG bytes, good enough to judge lines by.
+pub(crate) fn jpeg(image: &RgbImage) -> Result<Vec<u8>, Stop> {
+    const QUALITY: u8 = 88;
+    let mut bytes = Vec::new();
+    image.write_with_encoder(image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
+    Ok(bytes)
+}
+
+/// Writes a file whole or not at all; `-` is stdout. A file that is there needs `force`.
+pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), Stop> {
+    if path == "-" {
+        std::io::stdout().lock().write_all(bytes)?;
+        return Ok(());
+    }
+    check_free(path, force)?;
+    write_atomically(Path::new(path), bytes)
+}
+
+/// Refuses a path that is taken, before any work is done for it.
+pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
+    if path != "-" && !force && Path::new(path).exists() {
+        return Err(Stop::Failed(anyhow::anyhow!("{path} exists; --force overwrites it")));
+    }
+    Ok(())
+}
+
+/// Writes beside the file, then renames over it: a killed run leaves the old one or the new one.
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file =
+        tempfile::NamedTempFile::new_in(folder).with_context(|| format!("writing {}", path.display()))?;
+    file.write_all(bytes)?;
+    open_to_others(file.path());
+    file.persist(path).with_context(|| format!("writing {}", path.display()))?;
+    Ok(())
+}
+
+/// Temporary files are for their owner's eyes only; what they become is an ordinary file.
+fn open_to_others(path: &Path) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // Where the file system refuses, the file stays private: no reason to lose it.
+        let _ = std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644));
+    }
+    #[cfg(not(unix))]
+    let _ = path;
+}
+
+/// Prints data to stdout.
+pub(crate) fn print(text: &str) -> Result<(), Stop> {
+    std::io::stdout().lock().write_all(text.as_bytes())?;
+    Ok(())
+}
+
+/// Tells the operator something that is not data.
+pub(crate) fn say(text: impl std::fmt::Display) {
+    // A closed stderr leaves nobody to tell.
+    let _ = writeln!(std::io::stderr(), "{text}");
+}

@@ -1,0 +1,96 @@
+//! `calib`: calibrate the cameras of a site from one still image each.
+//!
+//! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
+//! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
+
+mod check;
+mod demo;
+mod files;
+mod overlay;
+mod plan_view;
+mod project;
+mod render;
+mod report;
+mod sigma_map;
+mod solve;
+mod stop;
+mod style;
+mod svg;
+mod undistort;
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+
+use crate::stop::Stop;
+
+/// Calibrate the cameras of a site from one still image each: no patterns, no video, no server.
+#[derive(Debug, Parser)]
+#[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// One subcommand a file; the list is the registry.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Write the demonstration site, solve it, render it, and print the errors against the truth
+    Demo(demo::Args),
+    /// Calibrate a site: text report, or the solutions as JSON
+    Solve(solve::Args),
+    /// Map pixels to the floor, or points of space to pixels (CSV)
+    Project(project::Args),
+    /// Write a camera's image without lens distortion
+    Undistort(undistort::Args),
+    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan
+    Render(render::Args),
+    /// Quality gate: exit 4 when a camera is unsolved or worse than asked
+    Check(check::Args),
+    /// One self-contained HTML page to hand over: every overlay, number and warning
+    Report(report::Args),
+    /// Print the JSON Schema of the site file
+    Schema,
+    /// Print completions for a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Solve(args) => solve::run(&args),
+        Command::Project(args) => project::run(&args),
+        Command::Undistort(args) => undistort::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Check(args) => check::run(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Schema => schema(),
+        Command::Completions { shell } => completions(shell),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(stop) => {
+            if let Some(message) = stop.message() {
+                // A closed stderr leaves nobody to tell.
+                let _ = writeln!(std::io::stderr(), "calib: {message}");
+            }
+            ExitCode::from(stop.code())
+        }
+    }
+}
+
+fn schema() -> Result<(), Stop> {
+    let mut text = serde_json::to_string_pretty(&calib_core::Site::json_schema())?;
+    text.push('\n');
+    files::print(&text)
+}
+
+fn completions(shell: clap_complete::Shell) -> Result<(), Stop> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "calib", &mut script);
+    files::print(&String::from_utf8_lossy(&script))
+}

@@ -1,0 +1,166 @@
+//! What `calib render --plan` draws: every camera with its EFOV on the floor plan.
+
+use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera, Solution, Stage};
+use image::{Rgb, RgbImage};
+
+use crate::overlay::{grid_step, metres};
+use crate::style;
+use crate::svg::{Anchor, Stroke, Svg};
+
+/// Longest side of a picture of a site without a plan, in pixels.
+const LONGEST: f64 = 1600.0;
+/// Ink of a plan's labels: plans are light.
+const INK: &str = "#1B1F23";
+const GROUND: Rgb<u8> = Rgb([247, 248, 249]);
+
+/// The ground and the drawing of a site seen from above.
+pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg) {
+    let (ground, scale) = match (&site.plan, image) {
+        (Some(plan), Some(image)) => (lightened(image), plan.scale()),
+        (plan, _) => blank(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default()),
+    };
+    let size = [f64::from(ground.width()), f64::from(ground.height())];
+    let mut svg = Svg::new(size, style::scale(size));
+    let on_plan = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));
+    if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
+        draw_grid(&mut svg, &scale, size);
+    }
+    for (index, camera) in site.cameras.iter().enumerate() {
+        draw_efov(&mut svg, camera, index, &on_plan);
+    }
+    for mark in site.marks.iter().filter(|mark| !mark.off) {
+        for line in mark.shape().polylines() {
+            let points: Vec<[f64; 2]> = line.iter().map(|point| on_plan(point.on_floor())).collect();
+            svg.line(&points, false, Stroke::new(INK, 1.5).faint(0.8));
+        }
+    }
+    for (index, camera) in site.cameras.iter().enumerate() {
+        draw_camera(&mut svg, camera, index, size, &on_plan);
+    }
+    draw_north(&mut svg, site, &scale, size);
+    draw_scale_bar(&mut svg, &scale, size);
+    (ground, svg)
+}
+
+/// A plan recedes so that what is drawn on it stands out.
+fn lightened(mut image: RgbImage) -> RgbImage {
+    for pixel in image.pixels_mut() {
+        pixel.0 = pixel.0.map(|value| (f64::from(value) * 0.55 + 255.0 * 0.45).round() as u8);
+    }
+    image
+}
+
+/// A ground for a site without a plan's picture: all that is seen, with a margin.
+fn blank(site: &Site, x_axis: f64) -> (RgbImage, PlanScale) {
+    let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
+    let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
+    let points: Vec<PlanPixel> = solutions()
+        .flat_map(|solution| solution.efov_m.iter().copied().chain(solution.position_m.map(|p| p.on_floor())))
+        .map(|point| unit.plan_from_floor(point))
+        .filter(|point| point.is_finite())
+        .collect();
+    let range = |value: fn(&PlanPixel) -> f64| {
+        let low = points.iter().map(value).fold(f64::INFINITY, f64::min);
+        let high = points.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+        if low <= high { (low - 1.0, high + 1.0) } else { (-5.0, 5.0) }
+    };
+    let ((left, right), (top, bottom)) = (range(|p| p.x), range(|p| p.y));
+    let metres_per_px = (right - left).max(bottom - top) / LONGEST;
+    let side = |length: f64| (length / metres_per_px).clamp(64.0, LONGEST) as u32;
+    let origin = PlanPixel { x: -left / metres_per_px, y: -top / metres_per_px };
+    let ground = RgbImage::from_pixel(side(right - left), side(bottom - top), GROUND);
+    (ground, PlanScale { metres_per_px, origin, x_axis })
+}
+
+fn draw_grid(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
+    let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|p| scale.floor_from_plan(p.into()));
+    let step = grid_step(&corners);
+    for line in calib_core::floor_grid(&corners, step) {
+        let points: Vec<[f64; 2]> = line.iter().map(|p| scale.plan_from_floor(p.on_floor()).into()).collect();
+        svg.line(&points, false, Stroke::new(INK, 1.0).faint(0.14));
+    }
+}
+
+/// The solution of a camera that stands somewhere.
+fn placed(entry: &SiteCamera) -> Option<&Solution> {
+    entry.solution.as_ref().filter(|solution| solution.stage >= Stage::Placed)
+}
+
+fn draw_efov(svg: &mut Svg, entry: &SiteCamera, index: usize, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) {
+    let Some(solution) = placed(entry) else { return };
+    let polygon: Vec<[f64; 2]> = solution.efov_m.iter().map(|&point| on_plan(point)).collect();
+    let colour = style::camera(index);
+    svg.fill(&polygon, colour, 0.25);
+    svg.line(
+        &polygon,
+        true,
+        Stroke { outlined: false, ..Stroke::new(style::camera_on_light(index), style::FIELD) },
+    );
+}
+
+fn draw_camera(
+    svg: &mut Svg,
+    entry: &SiteCamera,
+    index: usize,
+    [w, h]: [f64; 2],
+    on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
+) {
+    let (Some(_), Some(camera)) = (placed(entry), entry.camera()) else { return };
+    let foot = camera.position.on_floor();
+    let [x, y] = on_plan(foot);
+    // A cone of the horizontal field of view, of a length that is legible at any scale.
+    let half = 0.5 * camera.field_of_view(entry.size())[0];
+    let ahead = on_plan(FloorPoint { x: foot.x - camera.yaw.sin(), y: foot.y + camera.yaw.cos() });
+    let angle = (ahead[1] - y).atan2(ahead[0] - x);
+    let length = 34.0 * svg.scale;
+    let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
+    let cone = [[x, y], tip(-half), tip(half)];
+    svg.fill(&cone, style::camera(index), 0.85);
+    svg.line(&cone, true, Stroke { outlined: false, ..Stroke::new(INK, 1.25) });
+    svg.dot([x, y], 4.5, style::WHITE);
+    let text = format!("{}  {:.2} m", entry.name.as_deref().unwrap_or(&entry.id), camera.position.z);
+    let size = style::TEXT * svg.scale;
+    let width = size * (0.56 * text.chars().count() as f64 + 1.0);
+    let shift = if angle.sin() > 0.0 { -2.4 * size } else { 0.8 * size };
+    let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
+    svg.tag(
+        [inside(x - 0.5 * width, w - width), inside(y + shift, h - 1.6 * size)],
+        &text,
+        style::camera(index),
+    );
+}
+
+/// The arrow to the north of a georeferenced site; else the one of world +y.
+fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
+    let (turn, name) = match site.georeference() {
+        // North lies at the azimuth of +x, counter-clockwise from +x.
+        Some(georeference) => (georeference.x_axis_azimuth_deg.to_radians(), "N"),
+        None => (std::f64::consts::FRAC_PI_2, "y"),
+    };
+    let angle = turn + scale.x_axis;
+    let reach = 26.0 * svg.scale;
+    let centre = [w - 44.0 * svg.scale, 48.0 * svg.scale];
+    let at = |along: f64, across: f64| {
+        let (sin, cos) = angle.sin_cos();
+        [centre[0] + reach * (along * cos - across * sin), centre[1] - reach * (along * sin + across * cos)]
+    };
+    svg.fill(&[at(1.0, 0.0), at(-0.7, 0.5), at(-0.35, 0.0), at(-0.7, -0.5)], INK, 0.9);
+    let [x, y] = at(1.5, 0.0);
+    svg.text([x, y + 0.35 * style::TEXT * svg.scale], name, style::WHITE, Anchor::Middle);
+}
+
+fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
+    let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
+    let length = round.into_iter().rfind(|metres| metres / scale.metres_per_px < 0.22 * w).unwrap_or(0.5);
+    let (x, y, tick) = (24.0 * svg.scale, h - 24.0 * svg.scale, 6.0 * svg.scale);
+    let end = x + length / scale.metres_per_px;
+    let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
+    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(style::WHITE, 5.0) });
+    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(INK, 2.0) });
+    svg.text(
+        [0.5 * (x + end), y - 8.0 * svg.scale],
+        &format!("{} m", metres(length)),
+        style::WHITE,
+        Anchor::Middle,
+    );
+}

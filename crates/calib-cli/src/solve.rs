@@ -1,0 +1,208 @@
+//! `calib solve`: the whole calibration.
+
+use std::fmt::Write as _;
+
+use calib_core::{Failure, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage};
+use clap::ValueEnum;
+
+use crate::files::{self, SiteFile};
+use crate::stop::Stop;
+
+/// How stage 1 is solved.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodArg {
+    /// Maximum likelihood in pixels, with sigmas
+    Ml,
+    /// The paper's criterion, minimised by Nelder-Mead
+    Paper,
+}
+
+/// How a command reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// For reading
+    Text,
+    /// For programs
+    Json,
+}
+
+/// Arguments of `calib solve`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Site file, or - for stdin
+    site: String,
+    /// Write the solved site here (- is stdout)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<String>,
+    /// Solve this camera only (repeat for more)
+    #[arg(long, value_name = "ID")]
+    camera: Vec<String>,
+    /// How stage 1 is solved
+    #[arg(long, value_enum, default_value = "ml")]
+    method: MethodArg,
+    /// Do not improve all cameras together
+    #[arg(long)]
+    no_refine: bool,
+    /// Do not let a weak belief about the focal help where the lines do not tell it
+    #[arg(long)]
+    no_prior: bool,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Overwrite the output file
+    #[arg(long)]
+    force: bool,
+}
+
+/// Solves a site and reports.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    let file = SiteFile::read(&args.site)?;
+    for id in &args.camera {
+        if file.site.camera(id).is_none() {
+            file.camera(id)?;
+        }
+    }
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let options = Options {
+        method: match args.method {
+            MethodArg::Ml => Method::MaximumLikelihood,
+            MethodArg::Paper => Method::Paper,
+        },
+        refine: !args.no_refine,
+        prior: !args.no_prior,
+        cameras: (!args.camera.is_empty()).then(|| args.camera.clone()),
+    };
+    let report = file.site.calibrate(&options);
+    let solved = report.write_into(&file.site);
+    if let Some(output) = &args.output {
+        files::write(output, solved.to_json().as_bytes(), args.force)?;
+    }
+    let asked: Vec<&SiteCamera> = report.cameras.iter().map(|(index, _)| &solved.cameras[*index]).collect();
+    let to_stdout = args.output.as_deref() == Some("-");
+    match args.format {
+        // stdout is the site: the report goes where messages go.
+        Format::Text if to_stdout => files::say(text(&solved, &asked)),
+        Format::Text => files::print(&text(&solved, &asked))?,
+        Format::Json if to_stdout => {}
+        Format::Json => files::print(&json(&asked)?)?,
+    }
+    unsolved(&asked)
+}
+
+/// Exit 4 when a camera has no solution, naming every one.
+pub(crate) fn unsolved(cameras: &[&SiteCamera]) -> Result<(), Stop> {
+    let failed: Vec<&str> =
+        cameras.iter().filter(|camera| camera.solution.is_none()).map(|camera| camera.id.as_str()).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    Err(Stop::Unsolved(format!(
+        "{} of {} cameras could not be solved: {}",
+        failed.len(),
+        cameras.len(),
+        failed.join(", ")
+    )))
+}
+
+/// The solutions by id; a camera without one has its error.
+pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
+    let mut map = serde_json::Map::new();
+    for camera in cameras {
+        let value = match (&camera.solution, &camera.error) {
+            (Some(solution), _) => serde_json::to_value(solution)?,
+            (None, error) => serde_json::json!({ "error": error }),
+        };
+        map.insert(camera.id.clone(), value);
+    }
+    let mut text = serde_json::to_string_pretty(&map)?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// The report for reading: a table, then what the operator should know.
+pub(crate) fn text(site: &Site, cameras: &[&SiteCamera]) -> String {
+    let mut out = String::new();
+    if let Some(name) = &site.name {
+        let _ = writeln!(out, "{name}\n");
+    }
+    let width = cameras.iter().map(|camera| camera.id.chars().count()).max().unwrap_or(0).max(6);
+    let _ = writeln!(
+        out,
+        "{:width$}  {:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
+        "camera", "stage", "roll deg", "pitch deg", "yaw deg", "focal px", "height m", "floor", "rms px",
+    );
+    for camera in cameras {
+        match (&camera.solution, &camera.error) {
+            (Some(solution), _) => row(&mut out, width, camera, solution),
+            (None, Some(failure)) => failed(&mut out, width, camera, failure),
+            (None, None) => {}
+        }
+    }
+    for camera in cameras {
+        let Some(solution) = &camera.solution else { continue };
+        remarks(&mut out, camera, solution);
+    }
+    out
+}
+
+fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution) {
+    let sigma = solution.sigma.as_ref();
+    let number = |value: Option<f64>, sigma: Option<f64>, digits: usize| match (value, sigma) {
+        (Some(value), Some(sigma)) => format!("{value:.digits$} \u{b1} {sigma:.digits$}"),
+        (Some(value), None) => format!("{value:.digits$}"),
+        (None, _) => "-".into(),
+    };
+    let stage = match solution.stage {
+        Stage::Lens => "lens",
+        Stage::Partial => "partial",
+        Stage::Placed => "placed",
+        Stage::Refined => "refined",
+    };
+    let placed = solution.stage >= Stage::Placed;
+    let _ = writeln!(
+        out,
+        "{:width$}  {stage:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
+        camera.id,
+        number(solution.roll_deg, sigma.and_then(|s| s.roll_deg), 2),
+        number(solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), 2),
+        if placed { number(solution.yaw_deg, sigma.and_then(|s| s.yaw_deg), 2) } else { "-".into() },
+        number(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1),
+        solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}", p.z)),
+        sigma
+            .and_then(|s| s.floor_length_rel)
+            .map_or_else(|| "-".into(), |rel| format!("{:.1} %", 100.0 * rel)),
+        solution.rms_px.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
+    );
+}
+
+fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &Failure) {
+    let _ = writeln!(out, "{:width$}  not solved: {} {}", camera.id, failure.message, failure.advice);
+}
+
+fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
+    let worst = worst_control_point(&solution.residuals);
+    if solution.warnings.is_empty() && worst.is_none() && solution.draw_next.is_none() {
+        return;
+    }
+    let _ = writeln!(out, "\n{}", camera.id);
+    if let Some((rms, worst, count)) = worst {
+        let _ = writeln!(out, "  {count} control points: {rms:.2} px rms, the worst {worst:.2} px");
+    }
+    for warning in &solution.warnings {
+        let _ = writeln!(out, "  {}: {}\n    {}", warning.code, warning.message, warning.advice);
+    }
+    let advised = |message: &str| solution.warnings.iter().any(|warning| warning.advice.contains(message));
+    if let Some(next) = solution.draw_next.as_ref().filter(|next| !advised(&next.message)) {
+        let _ = writeln!(out, "  next: {}", next.message);
+    }
+}
+
+/// Root mean square, worst and number of the control points' residuals.
+fn worst_control_point(residuals: &[Residual]) -> Option<(f64, f64, usize)> {
+    let points: Vec<f64> =
+        residuals.iter().filter(|r| r.of == ResidualOf::ControlPoint).map(|r| r.px).collect();
+    let rms = (points.iter().map(|px| px * px).sum::<f64>() / points.len() as f64).sqrt();
+    (!points.is_empty()).then(|| (rms, points.iter().copied().fold(0.0, f64::max), points.len()))
+}

@@ -1,0 +1,190 @@
+//! A drawing as SVG: into a page as it is, or onto an image by way of resvg.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use image::RgbImage;
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg;
+
+use crate::style;
+
+/// How a line looks.
+#[derive(Clone, Copy)]
+pub(crate) struct Stroke<'a> {
+    pub(crate) colour: &'a str,
+    pub(crate) width: f64,
+    pub(crate) opacity: f64,
+    /// Lengths of dashes and gaps; empty for a full line.
+    pub(crate) dash: &'a [f64],
+    /// Outlined in dark, to be legible on any ground.
+    pub(crate) outlined: bool,
+}
+
+impl<'a> Stroke<'a> {
+    pub(crate) const fn new(colour: &'a str, width: f64) -> Self {
+        Self { colour, width, opacity: 1.0, dash: &[], outlined: true }
+    }
+
+    pub(crate) const fn dashed(self, dash: &'a [f64]) -> Self {
+        Self { dash, ..self }
+    }
+
+    pub(crate) const fn faint(self, opacity: f64) -> Self {
+        Self { opacity, outlined: false, ..self }
+    }
+}
+
+/// Where a text stands relative to its point.
+#[derive(Clone, Copy)]
+pub(crate) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// A drawing in the making, in pixels of its ground.
+pub(crate) struct Svg {
+    size: [f64; 2],
+    /// How much larger than on screen everything is.
+    pub(crate) scale: f64,
+    body: String,
+}
+
+impl Svg {
+    pub(crate) fn new(size: [f64; 2], scale: f64) -> Self {
+        Self { size, scale, body: String::new() }
+    }
+
+    /// A polyline of pixels; closed ones come back to their start.
+    pub(crate) fn line(&mut self, points: &[[f64; 2]], closed: bool, stroke: Stroke) {
+        let path = self.path(points, closed);
+        if path.is_empty() {
+            return;
+        }
+        let Stroke { colour, width, opacity, dash, outlined } = stroke;
+        let width = width * self.scale;
+        if outlined {
+            let wide = width + 2.0 * self.scale;
+            let _ = writeln!(
+                self.body,
+                r#"<path d="{path}" fill="none" stroke="{}" stroke-width="{wide:.2}" stroke-opacity="{:.2}" stroke-linecap="round" stroke-linejoin="round"/>"#,
+                style::OUTLINE,
+                0.6 * opacity,
+            );
+        }
+        let dash: Vec<String> = dash.iter().map(|d| format!("{:.1}", d * self.scale)).collect();
+        let dash = if dash.is_empty() {
+            String::new()
+        } else {
+            format!(r#" stroke-dasharray="{}""#, dash.join(" "))
+        };
+        let _ = writeln!(
+            self.body,
+            r#"<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width:.2}" stroke-opacity="{opacity:.2}" stroke-linejoin="round"{dash}/>"#,
+        );
+    }
+
+    pub(crate) fn fill(&mut self, points: &[[f64; 2]], colour: &str, opacity: f64) {
+        let path = self.path(points, true);
+        let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
+    }
+
+    /// A dot with a dark rim.
+    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: &str) {
+        let (radius, rim) = (radius * self.scale, self.scale);
+        let _ = writeln!(
+            self.body,
+            r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="{colour}" stroke="{}" stroke-opacity="0.6" stroke-width="{rim:.2}"/>"#,
+            style::OUTLINE
+        );
+    }
+
+    /// A text with a dark halo.
+    pub(crate) fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: &str, anchor: Anchor) {
+        let size = style::TEXT * self.scale;
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let _ = writeln!(
+            self.body,
+            r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="{anchor}" fill="{colour}" stroke="{}" stroke-opacity="0.85" stroke-width="{:.1}" stroke-linejoin="round" paint-order="stroke">{}</text>"#,
+            style::OUTLINE,
+            3.0 * self.scale,
+            escape(text)
+        );
+    }
+
+    /// A text on a dark ground, its upper left corner at this pixel.
+    pub(crate) fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: &str) {
+        let size = style::TEXT * self.scale;
+        // The font's letters are about half as wide as they are high.
+        let width = size * (0.56 * text.chars().count() as f64 + 1.0);
+        let _ = writeln!(
+            self.body,
+            r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{:.1}" rx="{:.1}" fill="{}" fill-opacity="0.82"/><text x="{:.1}" y="{:.1}" font-size="{size:.1}" fill="{colour}">{}</text>"#,
+            1.6 * size,
+            0.25 * size,
+            style::TAG,
+            x + 0.5 * size,
+            y + 1.15 * size,
+            escape(text)
+        );
+    }
+
+    fn path(&self, points: &[[f64; 2]], closed: bool) -> String {
+        // What is far off the ground is not drawn: huge numbers break rasterisers.
+        const FAR: f64 = 1e5;
+        let mut path = String::new();
+        for [x, y] in points.iter().filter(|[x, y]| x.abs() < FAR && y.abs() < FAR) {
+            let _ = write!(path, "{}{x:.2} {y:.2}", if path.is_empty() { "M" } else { "L" });
+        }
+        if closed && !path.is_empty() {
+            path.push('Z');
+        }
+        path
+    }
+
+    /// The drawing as an SVG element, with something beneath it.
+    pub(crate) fn finish(&self, beneath: &str) -> String {
+        let [w, h] = self.size;
+        format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="0 0 {w} {h}" width="{w}" height="{h}" font-family="Ubuntu, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif">{beneath}{}</svg>"#,
+            self.body
+        )
+    }
+
+    /// Draws onto an image of the same size.
+    pub(crate) fn draw_on(&self, image: &RgbImage) -> anyhow::Result<RgbImage> {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+        let names: Vec<String> =
+            fonts.faces().flat_map(|face| face.families.iter().map(|(name, _)| name.clone())).collect();
+        if let Some(name) = names.first() {
+            fonts.set_sans_serif_family(name);
+        }
+        let options = usvg::Options {
+            font_family: "sans-serif".into(),
+            fontdb: Arc::new(fonts),
+            ..usvg::Options::default()
+        };
+        let tree = usvg::Tree::from_str(&self.finish(""), &options).context("drawing")?;
+        let (width, height) = image.dimensions();
+        let mut pixmap = Pixmap::new(width, height).context("an image of no size")?;
+        for (to, from) in pixmap.data_mut().as_chunks_mut::<4>().0.iter_mut().zip(image.pixels()) {
+            let [r, g, b] = from.0;
+            *to = [r, g, b, 255];
+        }
+        resvg::render(&tree, Transform::identity(), &mut pixmap.as_mut());
+        let colours = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        RgbImage::from_raw(width, height, colours).context("an image of no size")
+    }
+}
+
+/// Text that is safe between the tags of a page.
+pub(crate) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

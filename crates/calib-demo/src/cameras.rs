@@ -1,0 +1,38 @@
+//! The cameras as they truly are: what calibration should find.
+
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+
+/// Id, camera and image size in pixels of every camera.
+pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
+    const HD: [u32; 2] = [1920, 1080];
+    let barrel = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
+    let mild = BrownConrady { k1: -0.09, k2: 0.015, ..BrownConrady::default() };
+    vec![
+        ("shop-1", camera([23.6, 14.0, 3.9], [129.0, 27.0, 1.6], 1180.0, None, HD), HD),
+        ("shop-2", camera([0.4, 0.4, 4.2], [-50.0, 27.0, -0.8], 1165.0, Some(barrel), HD), HD),
+        ("shop-3", camera([23.6, 0.4, 3.5], [50.0, 24.0, -2.4], 1270.0, None, HD), HD),
+        ("store", camera([24.5, 8.1, 3.4], [-148.0, 29.0, 1.1], 780.0, None, [1280, 960]), [1280, 960]),
+        ("barn", camera([0.6, -5.9, 3.6], [-91.5, 17.0, 0.9], 1420.0, Some(mild), HD), HD),
+    ]
+}
+
+/// A camera at a place, with yaw, pitch and roll in degrees; `lens` refers to its focal.
+fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady>, size: [u32; 2]) -> Camera {
+    let [yaw, pitch, roll] = degrees.map(f64::to_radians);
+    let principal_point = Pixel::new(f64::from(size[0]) / 2.0, f64::from(size[1]) / 2.0);
+    let lens = lens.map_or(Lens::pinhole(principal_point), |brown| Lens {
+        principal_point,
+        focal,
+        distortion: Distortion::BrownConrady(brown),
+    });
+    Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
+}
+
+/// The same camera with an image `factor` times as large.
+#[cfg(test)]
+pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
+    let Pixel { u, v } = camera.lens.principal_point;
+    let principal_point = Pixel::new(u * factor, v * factor);
+    let lens = Lens { principal_point, focal: camera.lens.focal * factor, ..camera.lens };
+    Camera { focal: camera.focal * factor, lens, ..*camera }
+}

@@ -1,0 +1,200 @@
+//! Light: the sun, the sky, lamps, what walls and floors throw back, and how much of it a place gets.
+
+use crate::building::CEILING;
+use crate::shape::Line;
+use crate::texture::{chance, mix};
+use crate::vector::{Vec3, vec3};
+use crate::world::{Lamp, World};
+
+/// Part of the scene with light of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Room {
+    Shop,
+    Store,
+    Barn,
+    Outside,
+}
+
+/// The light at a place, in units of what a white wall well lit sends.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Light {
+    /// Falls on it from lamps, sky and surroundings: what a white surface would send.
+    pub(crate) diffuse: Vec3,
+    /// Comes from where a mirror would look.
+    pub(crate) mirror: Vec3,
+}
+
+/// A point of a surface that asks for light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) point: Vec3,
+    pub(crate) normal: Vec3,
+    /// Direction in which it is looked at.
+    pub(crate) view: Vec3,
+    /// Whether what it mirrors counts.
+    pub(crate) mirrors: bool,
+    /// Decides the rays' directions.
+    pub(crate) seed: u32,
+}
+
+/// Towards the sun.
+const SUN: Vec3 = vec3(-0.4194, 0.6990, 0.5791);
+/// Sunlight on a white surface at right angles to it.
+const SUNLIGHT: Vec3 = vec3(2.5, 2.25, 1.85);
+/// Rays start this far above the surface they leave, in metres.
+const LIFT: f32 = 1e-3;
+/// Surroundings farther than this are the mean of their room, in metres.
+const REACH: f32 = 2.6;
+/// Farther than any two points of the scene, in metres.
+const FAR: f32 = 400.0;
+
+/// The room that a point lies in; under the roof of the barn is the barn.
+pub(crate) fn room_of(p: Vec3) -> Room {
+    let within = |x0: f32, x1: f32, y0: f32, y1: f32| p.x > x0 && p.x < x1 && p.y > y0 && p.y < y1;
+    if p.z < -0.25 {
+        Room::Outside
+    } else if within(-0.12, 24.1, -0.1, 14.52) && p.z < CEILING + 0.1 {
+        Room::Shop
+    } else if within(24.1, 30.12, -0.1, 14.52) && p.z < CEILING {
+        Room::Store
+    } else if within(-0.12, 30.12, -12.35, -0.1) && p.z < 6.0 - 0.43 * (p.y + 6.25).abs() {
+        Room::Barn
+    } else {
+        Room::Outside
+    }
+}
+
+/// The sky's light from a direction.
+pub(crate) fn sky(direction: Vec3) -> Vec3 {
+    let up = direction.z.clamp(0.0, 1.0).sqrt();
+    vec3(1.65, 1.72, 1.76).towards(vec3(0.75, 1.1, 1.7), up)
+}
+
+/// The mean light that comes from a direction in a room.
+fn ambient(room: Room, direction: Vec3) -> Vec3 {
+    let mixed = |low: Vec3, high: Vec3| low.towards(high, 0.5 + 0.5 * direction.z);
+    match room {
+        Room::Shop => {
+            let daylight = vec3(0.16, 0.178, 0.195) * (0.5 + 0.5 * direction.y);
+            mixed(vec3(0.20, 0.19, 0.175), vec3(0.27, 0.27, 0.265)) + daylight
+        }
+        Room::Store => mixed(vec3(0.21, 0.205, 0.195), vec3(0.32, 0.32, 0.315)),
+        Room::Barn => {
+            let gate = vec3(0.30, 0.32, 0.33) * direction.x.max(0.0);
+            mixed(vec3(0.16, 0.145, 0.115), vec3(0.42, 0.44, 0.46)) + gate
+        }
+        Room::Outside if direction.z > 0.0 => sky(direction),
+        Room::Outside => vec3(0.62, 0.64, 0.55),
+    }
+}
+
+/// The light that falls on a surface outside, without shadows, or inside on the mean.
+fn mean_light(room: Room, normal: Vec3) -> Vec3 {
+    match room {
+        Room::Outside => vec3(0.95, 1.05, 1.2) + SUNLIGHT * SUN.dot(normal).max(0.0),
+        room => ambient(room, normal) * 1.5,
+    }
+}
+
+/// What a ray sees, without asking for shadows: enough for light that is thrown back and for mirrors.
+/// Lamps are left out where their light is counted by itself.
+fn rough(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec3 {
+    match world.tree.nearest(line, reach) {
+        None if reach < FAR => {
+            let end = room_of(line.at(reach));
+            // Thin air between two rooms is a window or a gate.
+            ambient(if end == home { home } else { end }, line.direction)
+        }
+        None => sky(line.direction),
+        Some(hit) => {
+            let solid = &world.solids[hit.solid as usize];
+            let point = line.at(hit.distance);
+            let normal = solid.shape.normal(point);
+            let material = &solid.material;
+            let room = room_of(point + normal * 0.02);
+            let glow = if lamps { material.glow } else { material.glow.min(1.0) };
+            material.colour * (mean_light(room, normal) + Vec3::grey(glow))
+        }
+    }
+}
+
+/// Direct sunlight on a surface: a ray of its own, so that its shadows are sharp.
+pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
+    let slant = SUN.dot(normal);
+    if slant <= 0.0 || !world.tree.is_clear(&Line::new(point + normal * LIFT, SUN), FAR) {
+        return Vec3::ZERO;
+    }
+    SUNLIGHT * slant
+}
+
+/// The light at a place by `4 x rows` rays into the half space above it, and one to most lamps.
+pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
+    let Place { normal, view, .. } = *place;
+    let origin = place.point + normal * LIFT;
+    let home = room_of(place.point + normal * 0.02);
+    if home == Room::Outside {
+        return Light { diffuse: vec3(0.95, 1.05, 1.2), mirror: Vec3::ZERO };
+    }
+    let (tangent, other) = axes(normal);
+    let mut diffuse = Vec3::ZERO;
+    for i in 0..rows {
+        for j in 0..4 {
+            let seed = mix(place.seed ^ (i * 4 + j).wrapping_mul(0x9e37_79b9));
+            let square = (i as f32 + chance(seed)) / rows as f32;
+            let turn = std::f32::consts::TAU * (j as f32 + chance(seed ^ 0xabcd)) / 4.0;
+            let ((sin, cos), radius) = (turn.sin_cos(), square.sqrt());
+            let direction = tangent * (radius * cos) + other * (radius * sin) + normal * (1.0 - square).sqrt();
+            diffuse += rough(world, &Line::new(origin, direction), REACH, home, false);
+        }
+    }
+    diffuse = diffuse * (0.25 / rows as f32) + lamplight(world, origin, place, home);
+    let mut mirror = Vec3::ZERO;
+    if place.mirrors {
+        const RAYS: u32 = 4;
+        const ROUGH: f32 = 0.05;
+        let ahead = view - normal * (2.0 * view.dot(normal));
+        for i in 0..RAYS {
+            let seed = mix(place.seed ^ (0x51ed + i));
+            let bent = tangent * (ROUGH * (chance(seed) - 0.5)) + other * (ROUGH * (chance(seed ^ 0x77) - 0.5));
+            mirror += rough(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true) * (1.0 / RAYS as f32);
+        }
+    }
+    Light { diffuse, mirror }
+}
+
+/// Light of the lamps of a room. Faint lamps are asked now and then, and count for more.
+fn lamplight(world: &World, origin: Vec3, place: &Place, home: Room) -> Vec3 {
+    const ALWAYS: f32 = 0.025;
+    let mut sum = Vec3::ZERO;
+    for (i, lamp) in world.lamps.iter().enumerate().filter(|(_, lamp)| room_of(lamp.centre) == home) {
+        let seed = mix(place.seed ^ (0x0bad_cafe + i as u32));
+        let (way, light) = from_lamp(lamp, origin, place.normal, seed);
+        let share = (light / ALWAYS).min(1.0);
+        if share <= 0.0 || chance(seed ^ 0x1357) >= share {
+            continue;
+        }
+        let length = way.length();
+        if world.tree.is_clear(&Line::new(origin, way.unit()), length) {
+            sum += lamp.radiance * (light / (share * lamp.radiance.luminance()));
+        }
+    }
+    sum
+}
+
+/// The way to a point of the lamp, and how bright its light is if nothing is in between.
+fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, seed: u32) -> (Vec3, f32) {
+    let [hx, hy] = lamp.half;
+    let off = vec3((2.0 * chance(seed) - 1.0) * hx, (2.0 * chance(seed ^ 0x2468) - 1.0) * hy, 0.0);
+    let way = lamp.centre + off - origin;
+    let square = way.dot(way);
+    let area = 4.0 * hx * hy;
+    let cosines = way.z.max(0.0) * normal.dot(way).max(0.0) / square;
+    (way, lamp.radiance.luminance() * area * cosines / (square.max(0.04) * std::f32::consts::PI))
+}
+
+/// Two directions at right angles to a normal and to each other.
+fn axes(normal: Vec3) -> (Vec3, Vec3) {
+    let aside = if normal.x.abs() > 0.8 { vec3(0.0, 1.0, 0.0) } else { vec3(1.0, 0.0, 0.0) };
+    let tangent = normal.cross(aside).unit();
+    (tangent, normal.cross(tangent))
+}

@@ -1,0 +1,238 @@
+//! A picture of the scene: first what every pixel shows, then its light, its colours, its edges.
+//!
+//! Soft light is worked out at every fourth pixel of every fourth row and shared by the pixels of
+//! the same surface; textures, sunlight and edges are each pixel's own.
+
+use calib_core::Camera;
+use image::RgbImage;
+
+use crate::develop;
+use crate::light::{Light, Place, gather, sky, sunlight};
+use crate::material::Surface;
+use crate::rays::Rays;
+use crate::shape::Line;
+use crate::texture::{cell, mix};
+use crate::threads::rows_of;
+use crate::tree::Hit;
+use crate::vector::{Vec3, vec3};
+use crate::world::{World, world};
+
+/// Pixels between the places where soft light is worked out.
+const PITCH: usize = 4;
+/// Farther than anything in the scene, in metres.
+const FAR: f32 = 400.0;
+
+/// The scene as a camera with an image of `size` pixels sees it.
+///
+/// The same on every machine with any number of threads, up to the rounding of its functions.
+#[must_use]
+pub fn render(camera: &Camera, size: [u32; 2]) -> RgbImage {
+    let view = View::new(camera, size);
+    let hits = rows_of(view.width, view.height, |y, row: &mut [Option<Hit>]| {
+        for (x, hit) in row.iter_mut().enumerate() {
+            *hit = view.line(x as f32 + 0.5, y as f32 + 0.5).and_then(|line| view.world.tree.nearest(&line, FAR));
+        }
+    });
+    let probes = view.probes(&hits);
+    let first = rows_of(view.width, view.height, |y, row: &mut [Vec3]| {
+        for (x, colour) in row.iter_mut().enumerate() {
+            let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
+            if let Some(line) = view.line(u, v) {
+                *colour = develop::tone(view.shade(&line, hits[y * view.width + x], [u, v], &probes));
+            }
+        }
+    });
+    let smooth = rows_of(view.width, view.height, |y, row: &mut [Vec3]| {
+        for (x, colour) in row.iter_mut().enumerate() {
+            *colour = first[y * view.width + x];
+            if is_edge(&first, view.width, view.height, x, y) {
+                *colour = view.refine(*colour, x, y, &probes);
+            }
+        }
+    });
+    develop::develop(&smooth, size)
+}
+
+/// Soft light at a place, and which surface it holds for.
+#[derive(Clone, Copy, Debug, Default)]
+struct Probe {
+    point: Vec3,
+    /// Zero where there is no surface.
+    normal: Vec3,
+    light: Light,
+}
+
+/// What the steps of a picture share.
+struct View {
+    world: &'static World,
+    rays: Rays,
+    width: usize,
+    height: usize,
+    /// Angle of a pixel, in radians.
+    angle: f32,
+}
+
+/// A surface that a ray meets.
+struct Spot {
+    surface: Surface,
+    solid: usize,
+    distance: f32,
+}
+
+impl View {
+    fn new(camera: &Camera, size: [u32; 2]) -> Self {
+        let [width, height] = size.map(|side| side as usize);
+        Self { world: world(), rays: Rays::new(camera, size), width, height, angle: camera.focal.recip() as f32 }
+    }
+
+    fn line(&self, u: f32, v: f32) -> Option<Line> {
+        self.rays.through(u, v)
+    }
+
+    fn spot(&self, line: &Line, hit: Hit) -> Spot {
+        let solid = hit.solid as usize;
+        let shape = &self.world.solids[solid].shape;
+        let point = line.at(hit.distance);
+        let normal = shape.normal(point);
+        let bounds = shape.bounds();
+        let slant = line.direction.dot(normal).abs().max(0.02);
+        let wide = hit.distance * self.angle;
+        let footprint = line.direction.map(|d| wide * (1.0 + (d / slant).powi(2)).sqrt());
+        let surface = Surface {
+            point,
+            normal,
+            local: point - bounds.min,
+            size: bounds.size(),
+            seed: mix(solid as u32),
+            footprint,
+        };
+        Spot { surface, solid, distance: hit.distance }
+    }
+
+    fn place(&self, line: &Line, spot: &Spot, seed: u32) -> Place {
+        let mirrors = self.world.solids[spot.solid].material.gloss > 0.0;
+        let Surface { point, normal, .. } = spot.surface;
+        Place { point, normal, view: line.direction, mirrors, seed }
+    }
+
+    /// Columns and rows of the places where soft light is worked out.
+    const fn grid(&self) -> [usize; 2] {
+        [self.width.div_ceil(PITCH), self.height.div_ceil(PITCH)]
+    }
+
+    fn probes(&self, hits: &[Option<Hit>]) -> Vec<Probe> {
+        const ROWS: u32 = 3;
+        let [columns, rows] = self.grid();
+        rows_of(columns, rows, |j, row: &mut [Probe]| {
+            for (i, probe) in row.iter_mut().enumerate() {
+                let x = (i * PITCH + PITCH / 2).min(self.width - 1);
+                let y = (j * PITCH + PITCH / 2).min(self.height - 1);
+                let Some(line) = self.line(x as f32 + 0.5, y as f32 + 0.5) else { continue };
+                let Some(hit) = hits[y * self.width + x] else { continue };
+                let spot = self.spot(&line, hit);
+                let place = self.place(&line, &spot, cell(i as i32, j as i32, 1));
+                let light = gather(self.world, &place, ROWS);
+                *probe = Probe { point: place.point, normal: place.normal, light };
+            }
+        })
+    }
+
+    /// Soft light at a spot from the probes on its surface, or its own where there are none.
+    fn light(&self, line: &Line, spot: &Spot, [u, v]: [f32; 2], probes: &[Probe]) -> Light {
+        const ROWS: u32 = 3;
+        let Surface { point, normal, .. } = spot.surface;
+        let [columns, rows] = self.grid().map(|n| n as i32);
+        let (x, y) = ((u - 0.5) / PITCH as f32 - 0.5, (v - 0.5) / PITCH as f32 - 0.5);
+        let (i0, j0) = (x.floor() as i32, y.floor() as i32);
+        let thick = 0.012 + 0.004 * spot.distance;
+        let (mut sum, mut total) = (Light::default(), 0.0);
+        for j in (j0 - 1).max(0)..=(j0 + 2).min(rows - 1) {
+            for i in (i0 - 1).max(0)..=(i0 + 2).min(columns - 1) {
+                let probe = &probes[(j * columns + i) as usize];
+                let facing = probe.normal.dot(normal);
+                if facing < 0.8 || (probe.point - point).dot(normal).abs() > thick {
+                    continue;
+                }
+                let (dx, dy) = (i as f32 - x, j as f32 - y);
+                let weight = (1.0 - (dx * dx + dy * dy) * (1.0 / 6.0)).max(0.0) * facing;
+                sum.diffuse += probe.light.diffuse * weight;
+                sum.mirror += probe.light.mirror * weight;
+                total += weight;
+            }
+        }
+        if total < 0.02 {
+            let seed = cell((u * 8.0) as i32, (v * 8.0) as i32, 2);
+            return gather(self.world, &self.place(line, spot, seed), ROWS);
+        }
+        Light { diffuse: sum.diffuse * total.recip(), mirror: sum.mirror * total.recip() }
+    }
+
+    fn shade(&self, line: &Line, hit: Option<Hit>, at: [f32; 2], probes: &[Probe]) -> Vec3 {
+        let Some(hit) = hit else { return sky(line.direction) };
+        let spot = self.spot(line, hit);
+        let material = &self.world.solids[spot.solid].material;
+        let albedo = material.albedo(&spot.surface);
+        if material.glow > 2.0 {
+            return albedo * material.glow;
+        }
+        let Surface { point, normal, .. } = spot.surface;
+        let light = self.light(line, &spot, at, probes);
+        let falls = light.diffuse + sunlight(self.world, point, normal) + Vec3::grey(material.glow);
+        let colour = albedo * falls;
+        if material.gloss == 0.0 {
+            return colour;
+        }
+        // Schlick's rule; half of it, as no floor is polished like glass.
+        let grazing = (1.0 - line.direction.dot(normal).abs()).max(0.0).powi(5);
+        let share = material.gloss + 0.5 * (1.0 - material.gloss) * grazing;
+        colour * (1.0 - share) + light.mirror * share
+    }
+
+    /// The mean of a pixel's middle and three more points of it.
+    fn refine(&self, middle: Vec3, x: usize, y: usize, probes: &[Probe]) -> Vec3 {
+        const POINTS: [[f32; 2]; 3] = [[0.35, 0.1], [0.9, 0.45], [0.2, 0.85]];
+        let more = POINTS.map(|[dx, dy]| {
+            let (u, v) = (x as f32 + dx, y as f32 + dy);
+            self.line(u, v).map_or(Vec3::ZERO, |line| {
+                let hit = self.world.tree.nearest(&line, FAR);
+                develop::tone(self.shade(&line, hit, [u, v], probes))
+            })
+        });
+        more.into_iter().fold(middle, |sum, colour| sum + colour) * 0.25
+    }
+}
+
+/// Whether a pixel differs from one beside, above or below it as far as the eye can tell.
+fn is_edge(picture: &[Vec3], width: usize, height: usize, x: usize, y: usize) -> bool {
+    const VISIBLE: f32 = 0.05;
+    let here = picture[y * width + x];
+    let differs = |x: usize, y: usize| {
+        let d = picture[y * width + x] - here;
+        let d = vec3(d.x.abs(), d.y.abs(), d.z.abs());
+        d.x.max(d.y).max(d.z) > VISIBLE
+    };
+    (x > 0 && differs(x - 1, y))
+        || (x + 1 < width && differs(x + 1, y))
+        || (y > 0 && differs(x, y - 1))
+        || (y + 1 < height && differs(x, y + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_camera_sees_light_and_shade_and_the_same_twice() {
+        for (id, camera, size) in crate::cameras::cameras() {
+            let small = 96.0 / f64::from(size[0]);
+            let camera = crate::cameras::resized(&camera, small);
+            let size = [96, (f64::from(size[1]) * small) as u32];
+            let picture = render(&camera, size);
+            assert_eq!(picture, render(&camera, size), "{id}");
+            let bright = picture.pixels().filter(|p| p.0[1] > 128).count();
+            let dark = picture.pixels().filter(|p| p.0[1] < 100).count();
+            let all = picture.pixels().len();
+            assert!(bright * 12 > all && dark * 12 > all, "{id}: {bright} bright, {dark} dark of {all}");
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The floor plan, drawn from the same lists as the scene.
+
+use calib_core::{Plan, PlanPixel};
+use image::{Rgb, RgbImage};
+
+use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};
+use crate::threads::rows_of;
+use crate::world::world;
+
+/// Plan pixels in a metre.
+const SCALE: f32 = 40.0;
+/// Paper about the building, in metres.
+const BORDER: f32 = 1.0;
+/// West, south, east and north end of the building, in metres.
+const EXTENT: [f32; 4] = [-0.3, -12.5, 30.3, 14.7];
+/// Points of a plan pixel along x and y that are looked at.
+const FINE: usize = 4;
+
+const PAPER: f32 = 255.0;
+const WALL: f32 = 58.0;
+const FURNITURE: f32 = 176.0;
+const LINE: f32 = 120.0;
+
+/// The plan as the site file has it.
+pub(crate) fn plan_entry() -> Plan {
+    let origin = [BORDER - EXTENT[0], BORDER + EXTENT[3]].map(|metres| f64::from((metres * SCALE).round()));
+    Plan {
+        image: Some("plan.png".into()),
+        metres_per_px: 1.0 / f64::from(SCALE),
+        origin_px: PlanPixel::from(origin),
+        x_axis_deg: 0.0,
+        georeference: None,
+    }
+}
+
+/// The picture of the plan: walls dark, doors with the arcs of their leaves, furniture in light grey.
+pub(crate) fn plan() -> RgbImage {
+    let width = ((EXTENT[2] - EXTENT[0] + 2.0 * BORDER) * SCALE).round() as usize;
+    let height = ((EXTENT[3] - EXTENT[1] + 2.0 * BORDER) * SCALE).round() as usize;
+    let PlanPixel { x: origin_x, y: origin_y } = plan_entry().origin_px;
+    let at = |column: f32, row: f32| ink((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE);
+    let shades = rows_of(width, height, |row, shades: &mut [u8]| {
+        let corners: Vec<f32> = (0..2 * width + 2)
+            .map(|i| at((i / 2) as f32, (row + i % 2) as f32))
+            .collect();
+        for (column, shade) in shades.iter_mut().enumerate() {
+            // Nothing is so small that it fits between the corners of a pixel.
+            let around = &corners[2 * column..2 * column + 4];
+            if around.iter().all(|&corner| corner == around[0]) {
+                *shade = around[0] as u8;
+                continue;
+            }
+            let mut sum = 0.0;
+            for i in 0..FINE * FINE {
+                let (dx, dy) = ((i % FINE) as f32 + 0.5, (i / FINE) as f32 + 0.5);
+                sum += at(column as f32 + dx / FINE as f32, row as f32 + dy / FINE as f32);
+            }
+            *shade = (sum / (FINE * FINE) as f32).round() as u8;
+        }
+    });
+    RgbImage::from_fn(width as u32, height as u32, |x, y| {
+        let shade = shades[y as usize * width + x as usize];
+        Rgb([shade, shade, shade])
+    })
+}
+
+/// How bright the plan is at a point, in metres.
+fn ink(x: f32, y: f32) -> f32 {
+    let within = |[x0, y0, x1, y1]: [f32; 4]| x >= x0 && x < x1 && y >= y0 && y < y1;
+    for [cx, cy] in COLUMNS {
+        if within([cx - COLUMN, cy - COLUMN, cx + COLUMN, cy + COLUMN]) {
+            return WALL;
+        }
+    }
+    for wall in &WALLS {
+        if let Some(ink) = opening_ink(wall, x, y) {
+            return ink;
+        }
+        if within(wall.foot) {
+            return WALL;
+        }
+    }
+    let edge = |&[x0, y0, x1, y1]: &[f32; 4]| {
+        const HALF: f32 = 0.025;
+        within([x0 - HALF, y0 - HALF, x1 + HALF, y1 + HALF]) && !within([x0 + HALF, y0 + HALF, x1 - HALF, y1 - HALF])
+    };
+    let outlines = &world().outlines;
+    if outlines.iter().any(edge) {
+        FURNITURE
+    } else if outlines.iter().any(|&outline| within(outline)) {
+        246.0
+    } else {
+        PAPER
+    }
+}
+
+/// Leaf and arc of a door, panes of a window, gap of a gate.
+fn opening_ink(wall: &Wall, x: f32, y: f32) -> Option<f32> {
+    let (along, across) = if wall.is_along_x() { (x, y) } else { (y, x) };
+    let [x0, y0, x1, y1] = wall.foot;
+    let (low, high) = if wall.is_along_x() { (y0, y1) } else { (x0, x1) };
+    wall.openings.iter().find_map(|opening| {
+        let [from, to] = opening.span;
+        let inside = along >= from && along < to && across >= low && across < high;
+        match opening.filling {
+            Filling::Door { positive } => {
+                let out = if positive { across - high } else { low - across };
+                door_ink(opening, along, out).or(inside.then_some(PAPER))
+            }
+            Filling::Shutter if inside => {
+                let line = (across - 0.5 * (low + high)).abs() < 0.02 || on_rim(across, low, high);
+                Some(if line { LINE } else { PAPER })
+            }
+            Filling::Open if inside && opening.sill > 0.0 => {
+                let line = (across - 0.5 * (low + high)).abs() < 0.0125 || on_rim(across, low, high);
+                Some(if line { LINE } else { PAPER })
+            }
+            Filling::Open if inside => Some(PAPER),
+            _ => None,
+        }
+    })
+}
+
+fn on_rim(across: f32, low: f32, high: f32) -> bool {
+    across - low < 0.025 || high - across < 0.025
+}
+
+/// The leaf stands open at right angles to the wall; `out` counts from the wall's face.
+fn door_ink(opening: &Opening, along: f32, out: f32) -> Option<f32> {
+    const HALF: f32 = 0.02;
+    let [from, to] = opening.span;
+    let width = to - from;
+    if out < 0.0 || along < from {
+        return None;
+    }
+    let (run, radius) = (along - from, (along - from).hypot(out));
+    let leaf = run < 0.045 && out < width;
+    let arc = (radius - width).abs() < HALF;
+    (leaf || arc).then_some(LINE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::FloorPoint;
+
+    #[test]
+    fn the_plan_shows_walls_and_columns_where_they_are() {
+        let (picture, entry) = (plan(), plan_entry());
+        let shade = |x: f64, y: f64| {
+            let at = entry.scale().plan_from_floor(FloorPoint { x, y });
+            picture.get_pixel(at.x as u32, at.y as u32).0[0]
+        };
+        assert_eq!(shade(-0.15, 5.0), WALL as u8);
+        assert_eq!(shade(24.1, 3.0), WALL as u8);
+        for [x, y] in COLUMNS {
+            assert_eq!(shade(f64::from(x), f64::from(y)), WALL as u8);
+        }
+        assert_eq!(shade(14.1, 2.0), PAPER as u8);
+        assert!(shade(-0.8, 0.0) == PAPER as u8, "the border is paper");
+    }
+}

@@ -1,0 +1,213 @@
+//! The site: what the operator entered, and the truth.
+
+use calib_core::{
+    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, DistortionModel, FloorPoint,
+    Format, Known, LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera, WorldPoint,
+};
+use image::RgbImage;
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+
+use crate::cameras::cameras;
+use crate::drawing::plot;
+use crate::edge::Edge;
+use crate::element::marks;
+use crate::hand::{Hand, TREMOR};
+use crate::landmark::{control_points, links, of_the_barn, of_the_shop};
+use crate::plan::{plan, plan_entry};
+use crate::random::normal;
+use crate::world::is_inside;
+
+/// The demonstration site and what is true of it.
+#[derive(Clone, Debug)]
+pub struct DemoSite {
+    /// What the operator drew and entered: nothing is solved.
+    pub site: Site,
+    /// Id and true camera, in the order of the site.
+    pub truth: Vec<(String, Camera)>,
+    /// The floor plan's picture.
+    pub plan: RgbImage,
+}
+
+/// What the site says about the lenses that bend lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KnownLens {
+    /// Their coefficients, and the focal those refer to; the camera's own focal stays unknown.
+    #[default]
+    Given,
+    /// That k1 and k2 are to be fitted from the `straight` annotations.
+    Fitted,
+}
+
+/// The demonstration site, with the coefficients of its lenses given.
+#[must_use]
+pub fn demo_site() -> DemoSite {
+    demo_site_with(KnownLens::default())
+}
+
+/// The demonstration site.
+#[must_use]
+pub fn demo_site_with(lens: KnownLens) -> DemoSite {
+    let cameras = cameras();
+    let entries = cameras.iter().enumerate().map(|(i, (id, camera, size))| {
+        let mut hand = hand(i, camera, *size);
+        site_camera(id, &mut hand, lens)
+    });
+    let entries = entries.collect();
+    let mut hands: Vec<(&str, Hand)> = cameras
+        .iter()
+        .enumerate()
+        .filter(|(_, (id, ..))| id.starts_with("shop"))
+        .map(|(i, (id, camera, size))| (*id, hand(100 + i, camera, *size)))
+        .collect();
+    let links = links(&mut hands, 8);
+    let site = Site {
+        format: Format::CalibSite,
+        version: 1,
+        name: Some("Farm shop and barn".into()),
+        plan: Some(plan_entry()),
+        cameras: entries,
+        distances: vec![taped(&links)].into_iter().flatten().collect(),
+        links,
+        marks: marks(),
+        georeference: None,
+        solution: None,
+    };
+    let truth = cameras.into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
+    DemoSite { site, truth, plan: plan() }
+}
+
+/// A hand of its own for every image, so that one drawing more on one does not move those on others.
+fn hand(seed: usize, camera: &Camera, size: [u32; 2]) -> Hand {
+    Hand { camera: *camera, size, random: ChaCha8Rng::seed_from_u64(1000 + seed as u64) }
+}
+
+fn site_camera(id: &str, hand: &mut Hand, lens: KnownLens) -> SiteCamera {
+    let annotations = plot(id).draw(hand);
+    let control_points = match id {
+        "shop-1" | "shop-3" => control_points(hand, &of_the_shop(), 7),
+        "barn" => control_points(hand, &of_the_barn(), 6),
+        _ => Vec::new(),
+    };
+    SiteCamera {
+        name: Some(title(id).into()),
+        image: Some(format!("{id}.png")),
+        lens: lens_entry(&hand.camera, lens),
+        sigma_px: Some(TREMOR),
+        annotations,
+        efov_px: Some(efov(id, hand)),
+        placement: Some(placed(hand)),
+        control_points,
+        ..SiteCamera::new(id, hand.size)
+    }
+}
+
+fn title(id: &str) -> &'static str {
+    match id {
+        "shop-1" => "Shop, north-east corner",
+        "shop-2" => "Shop, south-west corner",
+        "shop-3" => "Shop, south-east corner",
+        "store" => "Store room",
+        _ => "Barn, aisle",
+    }
+}
+
+fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
+    let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = camera.lens.distortion else { return None };
+    let bare = DistortionEntry {
+        model: DistortionModel::BrownConrady,
+        k1: None,
+        k2: None,
+        k3: None,
+        k4: None,
+        p1: None,
+        p2: None,
+        lambda: None,
+        focal_px: None,
+        fit: None,
+    };
+    let distortion = match known {
+        KnownLens::Given => DistortionEntry {
+            k1: Some(k1),
+            k2: Some(k2),
+            k3: Some(k3),
+            p1: Some(p1),
+            p2: Some(p2),
+            focal_px: Some(camera.lens.focal),
+            ..bare
+        },
+        KnownLens::Fitted => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
+    };
+    Some(LensEntry {
+        focal_px: None,
+        roll_deg: None,
+        pitch_deg: None,
+        principal_point_px: None,
+        distortion: Some(distortion),
+        like: None,
+    })
+}
+
+/// The floor that every camera is to watch, corner by corner, in metres.
+fn watched(id: &str) -> &'static [[f64; 2]] {
+    match id {
+        "shop-1" => &[[20.4, 13.2], [21.9, 10.2], [21.6, 1.8], [13.8, 1.2], [9.6, 9.0], [9.6, 13.8]],
+        "shop-2" => &[[3.0, 1.2], [3.3, 9.6], [9.6, 13.2], [20.4, 12.0], [20.4, 1.8], [6.0, 1.2]],
+        "shop-3" => &[[20.4, 1.8], [12.6, 1.2], [9.0, 8.4], [12.6, 13.2], [21.0, 12.6], [22.8, 4.2]],
+        "store" => &[[25.4, 6.2], [25.0, 2.4], [28.6, 1.6], [29.6, 2.4], [28.6, 6.0]],
+        _ => &[[5.0, -7.7], [20.0, -7.7], [20.0, -4.8], [5.0, -4.8]],
+    }
+}
+
+/// The watched floor on the image; corners that lie outside are drawn in towards the middle.
+fn efov(id: &str, hand: &Hand) -> Vec<Pixel> {
+    const MARGIN: f64 = 24.0;
+    const STEPS: u32 = 50;
+    let corners = watched(id);
+    let mean = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / corners.len() as f64;
+    let middle = WorldPoint { x: mean(0), y: mean(1), z: 0.0 };
+    let shown = |&[x, y]: &[f64; 2]| {
+        let inward = Edge { from: WorldPoint { x, y, z: 0.0 }, to: middle };
+        let on_way = (0..=STEPS).filter_map(|i| hand.pixel(inward.at(f64::from(i) / f64::from(STEPS))));
+        on_way.map(|Pixel { u, v }| Pixel { u: u.round(), v: v.round() }).find(|&p| is_inside(p, hand.size, MARGIN))
+    };
+    corners.iter().filter_map(shown).collect()
+}
+
+/// How well a hand drags a polygon over a plan.
+fn placed(hand: &mut Hand) -> PlacementEntry {
+    const MOVE: f64 = 0.035;
+    const TURN: f64 = 0.2;
+    const SCALE: f64 = 0.003;
+    let truth = Placement::of(&hand.camera);
+    let mut off = |sigma: f64, digits: f64, value: f64| {
+        // Nobody drags farther off than twice what is usual without seeing it.
+        let error = sigma * normal(&mut hand.random).clamp(-2.0, 2.0);
+        ((value + error) * digits).round() / digits
+    };
+    PlacementEntry {
+        move_m: FloorPoint { x: off(MOVE, 1e3, truth.by.x), y: off(MOVE, 1e3, truth.by.y) },
+        turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
+        scale: off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT),
+        fixed: false,
+    }
+}
+
+/// A distance across the shop, measured with a tape: between the two links that are farthest apart.
+fn taped(links: &[calib_core::Link]) -> Option<Distance> {
+    const TAPE: f64 = 0.01;
+    let points = of_the_shop();
+    let known: Vec<&(String, WorldPoint)> =
+        points.iter().filter(|(name, _)| links.iter().any(|link| link.id.as_ref() == Some(name))).collect();
+    let pairs = known.iter().enumerate().flat_map(|(i, a)| known[..i].iter().map(move |b| (*a, *b)));
+    let (a, b) = pairs.max_by(|p, q| p.0.1.distance(p.1.1).total_cmp(&q.0.1.distance(q.1.1)))?;
+    let length = (a.1.distance(b.1) * 1e2).round() / 1e2;
+    Some(Distance {
+        id: None,
+        name: Some("Tape".into()),
+        off: false,
+        keep: false,
+        between: [a.0.clone(), b.0.clone()],
+        length_m: Known::prior(length, TAPE),
+    })
+}

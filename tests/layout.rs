@@ -1,0 +1,98 @@
+//! The law of the layout, and the words that do not belong into the project.
+
+use std::path::{Path, PathBuf};
+
+use calib_tests::root;
+
+/// The modules of a crate in the order of its `lib.rs`.
+fn modules(lib: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(lib).unwrap();
+    text.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).map(str::to_owned).collect()
+}
+
+#[test]
+fn a_module_of_the_core_uses_only_those_above_it() {
+    let source = root().join("crates/calib-core/src");
+    let order = modules(&source.join("lib.rs"));
+    assert!(order.len() > 10, "the list is read");
+    let mut wrong = Vec::new();
+    for (index, name) in order.iter().enumerate() {
+        let text = std::fs::read_to_string(source.join(format!("{name}.rs"))).unwrap();
+        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+        let code: Vec<&str> =
+            code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or_default().lines().collect();
+        for line in code.iter().filter(|line| !line.trim_start().starts_with("//")) {
+            for below in &order[index + 1..] {
+                if line.contains(&format!("crate::{below}::"))
+                    || line.contains(&format!("crate::{{{below}::"))
+                {
+                    wrong.push(format!("{name} uses {below}: {line}"));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if path.is_dir() {
+            if !matches!(name.as_str(), "target" | ".git" | "corpus" | "artifacts" | "calib-demo-out") {
+                files(&path, found);
+            }
+        } else if matches!(path.extension().and_then(|e| e.to_str()), Some("rs" | "md" | "toml" | "css")) {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn the_top_level_is_the_one_that_was_agreed() {
+    let allowed = [
+        "crates",
+        "tests",
+        "Cargo.toml",
+        "Cargo.lock",
+        "README.md",
+        "LICENSE-MIT",
+        "LICENSE-APACHE",
+        "target",
+    ];
+    for entry in std::fs::read_dir(root()).unwrap() {
+        let name = entry.unwrap().file_name().to_string_lossy().into_owned();
+        let ours = name.starts_with('.') || allowed.contains(&name.as_str()) || name == "calib-demo";
+        assert!(ours, "{name} does not belong at the top level");
+    }
+}
+
+#[test]
+fn the_core_knows_no_files_clocks_threads_or_output() {
+    let banned = ["std::fs", "std::thread", "std::time", "println!", "eprintln!", "std::io", "std::env"];
+    let mut found = Vec::new();
+    files(&root().join("crates/calib-core/src"), &mut found);
+    for path in found {
+        let text = std::fs::read_to_string(&path).unwrap();
+        for word in banned {
+            assert!(!text.contains(word), "{} has {word}", path.display());
+        }
+    }
+}
+
+#[test]
+fn no_source_file_has_grown_beyond_one_thought() {
+    let mut found = Vec::new();
+    files(&root().join("crates"), &mut found);
+    let long: Vec<String> = found
+        .iter()
+        .filter(|path| path.extension().is_some_and(|e| e == "rs"))
+        .filter_map(|path| {
+            let text = std::fs::read_to_string(path).unwrap();
+            // The document of the site is a list of fields; the code of a file ends where its tests begin.
+            let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default().lines().count();
+            (code > 500).then(|| format!("{}: {code} lines", path.display()))
+        })
+        .collect();
+    assert!(long.is_empty(), "{}", long.join("\n"));
+}

@@ -1,0 +1,184 @@
+//! What the whole-program tests share: the built program, a scratch folder, honest skips.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// How a run of the program ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// Exit code.
+    pub code: i32,
+    /// What it printed as data.
+    pub stdout: String,
+    /// What it told the operator.
+    pub stderr: String,
+}
+
+impl Ended {
+    /// stdout as JSON.
+    ///
+    /// # Panics
+    /// When it is not.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error} in {}", self.stdout))
+    }
+
+    /// This, if the run ended with `code`.
+    ///
+    /// # Panics
+    /// When it did not.
+    #[must_use]
+    pub fn expect_code(self, code: i32) -> Self {
+        assert_eq!(self.code, code, "stdout: {}\nstderr: {}", self.stdout, self.stderr);
+        self
+    }
+}
+
+/// A folder of its own for one test, and the program to run in it.
+#[derive(Debug)]
+pub struct Scratch(TempDir);
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Scratch {
+    /// An empty folder.
+    ///
+    /// # Panics
+    /// When the system has no room for one.
+    #[must_use]
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap_or_else(|error| panic!("{error}")))
+    }
+
+    /// A path in the folder.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Writes a file.
+    ///
+    /// # Panics
+    /// When it cannot be written.
+    pub fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), contents).unwrap_or_else(|error| panic!("{name}: {error}"));
+    }
+
+    /// Reads a JSON file.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[must_use]
+    pub fn read_json(&self, name: &str) -> Value {
+        let text = std::fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Runs `calib` in the folder.
+    #[must_use]
+    pub fn calib(&self, args: &[&str]) -> Ended {
+        self.calib_with(args, "")
+    }
+
+    /// Runs `calib` in the folder with something on stdin.
+    ///
+    /// # Panics
+    /// When the program cannot be started.
+    #[must_use]
+    pub fn calib_with(&self, args: &[&str], stdin: &str) -> Ended {
+        let mut child = Command::new(program())
+            .args(args)
+            .current_dir(self.0.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap_or_else(|error| panic!("calib: {error}"));
+        let mut input = child.stdin.take();
+        let text = stdin.to_owned();
+        let feeder = std::thread::spawn(move || {
+            // A program that does not want its input closes the pipe: no failure of the test.
+            let _ = input.as_mut().map(|input| input.write_all(text.as_bytes()));
+        });
+        let output = child.wait_with_output().unwrap_or_else(|error| panic!("calib: {error}"));
+        let _ = feeder.join();
+        Ended {
+            code: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+            stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+        }
+    }
+}
+
+/// The program, built once in the profile of the tests.
+fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let mut command = Command::new(env!("CARGO"));
+        command.args(["build", "--quiet", "--package", "calib-cli", "--bin", "calib"]);
+        if !cfg!(debug_assertions) {
+            command.arg("--release");
+        }
+        let built = command.current_dir(root()).status();
+        assert!(built.is_ok_and(|status| status.success()), "calib does not build");
+        // target/<profile>/deps/<test> lies beside target/<profile>/calib.
+        let mut path = std::env::current_exe().unwrap_or_else(|error| panic!("{error}"));
+        path.pop();
+        if path.ends_with("deps") {
+            path.pop();
+        }
+        path.join("calib").with_extension(std::env::consts::EXE_EXTENSION)
+    })
+}
+
+/// The workspace.
+///
+/// # Panics
+/// Never: this crate is a folder of it.
+#[must_use]
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or_else(|| panic!("no workspace"))
+}
+
+/// A file beside the workspace that is not part of it; says so and gives `None` when it is absent.
+#[must_use]
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let found = root().join("../shared").join(path);
+    if found.exists() {
+        return Some(found);
+    }
+    skip(&format!("../shared/{path} is absent"), true);
+    None
+}
+
+/// The Python that has the peers' packages; says so and gives `None` when there is none.
+#[must_use]
+pub fn peers_python() -> Option<PathBuf> {
+    let python = root().join("target/peers-venv/bin/python");
+    if python.exists() {
+        return Some(python);
+    }
+    skip("target/peers-venv is absent; `cargo xtask test --install` makes it", false);
+    None
+}
+
+/// Says that a test was skipped, on the screen and in the list that `cargo xtask test` prints.
+fn skip(why: &str, allowed: bool) {
+    let test = std::thread::current().name().unwrap_or("a test").to_owned();
+    let line = format!("{} {test}: {why}\n", if allowed { "SKIPPED" } else { "MISSING" });
+    let _ = std::io::stderr().write_all(line.as_bytes());
+    if let Some(list) = std::env::var_os("CALIB_SKIPPED_LIST") {
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(list);
+        let _ = file.map(|mut file| file.write_all(line.as_bytes()));
+    }
+}
