@@ -32,7 +32,7 @@ fn whole() -> Value {
             "valid_from": "2026-01-01T00:00:00Z", "valid_to": "2026-06-01T00:00:00+02:00"
         }, {
             "id": "G505", "size_px": [1920, 1072],
-            "lens": {"like": "G506", "distortion": {"model": "brown-conrady", "fit": ["k1", "k2"]}}
+            "lens": {"distortion": {"model": "brown-conrady", "fit": ["k1", "k2"]}}
         }],
         "links": [{"id": "bench corner", "height_m": 0, "seen": [{"camera": "G505", "px": [900, 640]}, {"camera": "G506", "px": [410, 700]}]},
                   {"kind": "post", "length_m": known(1.0, 0.01), "seen": [{"camera": "G505", "foot": [1, 2], "head": [3, 4]}]},

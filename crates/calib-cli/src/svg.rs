@@ -41,7 +41,6 @@ impl<'a> Stroke<'a> {
 pub(crate) enum Anchor {
     Start,
     Middle,
-    End,
 }
 
 /// A drawing in the making, in pixels of its ground.
@@ -107,7 +106,6 @@ impl Svg {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
-            Anchor::End => "end",
         };
         let _ = writeln!(
             self.body,

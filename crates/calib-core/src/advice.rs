@@ -73,7 +73,11 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
         Some(rel) if rel > WEAK => warn(Code::Weak, percent(rel), next.clone()),
         Some(_) => {}
         None => {
-            warn(Code::Unusable, "No floor is seen in the EFOV.".into(), "Draw the EFOV on the floor.".into())
+            warn(
+                Code::Unusable,
+                "No floor is seen in the EFOV.".into(),
+                "Draw the EFOV on the floor.".into(),
+            );
         }
     }
     for source in &fit.outliers {
@@ -240,6 +244,9 @@ impl Candidate {
     }
 }
 
+/// A kind, what to say of it, and its segments where they are on the image.
+type Sketch = (Kind, &'static str, Vec<Option<[[f64; 2]; 2]>>);
+
 /// Drawings of every kind at the places where they say most, as the fit sees the floor.
 fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let [w, h] = options.size;
@@ -248,7 +255,7 @@ fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let floor = |x: f64, y: f64, azimuth: f64, length: f64| floor_at(fit, at(x, y), azimuth, length);
     let half = std::f64::consts::FRAC_PI_2;
     let (away, slant) = (half, 0.5 * half);
-    let list: [(Kind, &'static str, Vec<Option<[[f64; 2]; 2]>>); 6] = [
+    let list: [Sketch; 6] = [
         (Kind::Vertical, "A vertical near the left edge of the image", vec![vertical(-0.4)]),
         (Kind::Vertical, "A vertical near the right edge of the image", vec![vertical(0.4)]),
         (

@@ -4,6 +4,8 @@ use std::fmt;
 
 use crate::annotation::Known;
 
+/// Most annotations, control points, links, marks or points in one list.
+pub const MAX_ITEMS: usize = 100_000;
 /// Longest id or name, in bytes.
 const MAX_NAME: usize = 256;
 /// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
@@ -52,7 +54,7 @@ pub(crate) fn quoted(text: &str) -> String {
 /// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
 #[derive(Clone, Copy)]
 pub(crate) struct At<'a> {
-    parent: Option<&'a At<'a>>,
+    parent: Option<&'a Self>,
     step: Step<'a>,
 }
 
@@ -68,12 +70,12 @@ impl<'a> At<'a> {
         Self { parent: None, step: Step::Root }
     }
 
-    pub(crate) const fn key(&'a self, key: &'a str) -> At<'a> {
-        At { parent: Some(self), step: Step::Key(key) }
+    pub(crate) const fn key(&'a self, key: &'a str) -> Self {
+        Self { parent: Some(self), step: Step::Key(key) }
     }
 
-    pub(crate) const fn index(&'a self, index: usize) -> At<'a> {
-        At { parent: Some(self), step: Step::Index(index) }
+    pub(crate) const fn index(&'a self, index: usize) -> Self {
+        Self { parent: Some(self), step: Step::Index(index) }
     }
 
     pub(crate) fn pointer(&self) -> String {
@@ -147,4 +149,15 @@ pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
         }
         _ => Ok(()),
     }
+}
+
+pub(crate) fn pixels(at: &At, pixels: &[crate::space::Pixel], least: usize) -> Checked {
+    if pixels.len() < least {
+        return at.expected(format!("{} points", pixels.len()), format!("at least {least}"));
+    }
+    count(at, pixels.len(), MAX_ITEMS)?;
+    for (i, &pixel) in pixels.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&at.index(i), &<[f64; 2]>::from(pixel))?;
+    }
+    Ok(())
 }

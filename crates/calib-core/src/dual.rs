@@ -54,6 +54,7 @@ macro_rules! operator {
     ($trait:ident, $method:ident, |$a:ident, $b:ident| $value:expr, |$s:ident, $t:ident| $slope:expr) => {
         impl $trait for Dual {
             type Output = Self;
+            #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
             #[inline]
             fn $method(self, other: Self) -> Self {
                 let ($a, $b) = (self.value, other.value);

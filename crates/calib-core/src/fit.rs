@@ -10,7 +10,7 @@ use crate::efov::default_efov;
 use crate::evidence::{Evidence, Source};
 use crate::lens::Lens;
 use crate::likelihood::{Priors, Problem, State};
-use crate::minima::{Minimum, weak_belief};
+use crate::minima::{Found, Minimum, weak_belief};
 use crate::outliers::{Search, is_misfit, solve_without_outliers};
 use crate::placement::STAGE_1_HEIGHT;
 use crate::report::{Failure, FailureCode};
@@ -124,17 +124,7 @@ impl Fit {
         let core_covariance = best.uncertainty.covariance * inflation;
         let rel = floor_length_rel(&best.state.core, &grid, &core_covariance, height_known);
         check_open(best, rel, &problem)?;
-        let plain = problem.priors.weak_log_focal.is_none();
-        let others = found
-            .minima
-            .iter()
-            .enumerate()
-            .filter(|&(i, minimum)| i != chosen && minimum.chi2 < found.minima[0].chi2 + RULED_OUT);
-        let mut alternatives: Vec<Solved> = others.map(|(_, minimum)| solved(minimum)).collect();
-        let two_solutions = !alternatives.is_empty();
-        if let Some(alone) = found.without_belief.as_ref().filter(|_| !plain) {
-            alternatives.push(solved(alone));
-        }
+        let (alternatives, two_solutions) = alternatives(&found, chosen);
         let everything = Problem { aside: &[], ..problem.clone() };
         Ok(Self {
             camera,
@@ -160,6 +150,16 @@ impl Fit {
     pub fn log_focal_sigma_of_answer(&self) -> f64 {
         self.core_covariance[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt()
     }
+}
+
+/// Other answers that the evidence cannot rule out, and whether one of them is a minimum of its own.
+fn alternatives(found: &Found, chosen: usize) -> (Vec<Solved>, bool) {
+    let limit = found.minima[0].chi2 + RULED_OUT;
+    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
+    let mut alternatives: Vec<Solved> = others.map(|(_, minimum)| solved(minimum)).collect();
+    let two_solutions = !alternatives.is_empty();
+    alternatives.extend(found.without_belief.as_ref().map(solved));
+    (alternatives, two_solutions)
 }
 
 /// The grid of the EFOV drawn, or of the floor that counts as seen.
@@ -190,6 +190,8 @@ fn solved(minimum: &Minimum) -> Solved {
 
 fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflation: f64) -> Camera {
     let Orientation { roll, pitch, focal } = minimum.state.orientation();
+    // What is held comes back as it was, to the last digit.
+    let focal = options.held.focal.unwrap_or(focal);
     let height = match options.held.height {
         Some(height) => height,
         None if problem.free[LOG_HEIGHT] => minimum.state.core[LOG_HEIGHT].exp(),

@@ -75,6 +75,8 @@ mod entry;
 #[cfg(feature = "serde")]
 mod bounds;
 #[cfg(feature = "serde")]
+mod elements;
+#[cfg(feature = "serde")]
 mod check;
 #[cfg(feature = "serde")]
 mod calibrate;
@@ -97,11 +99,11 @@ pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, o
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
 #[cfg(feature = "serde")]
-pub use bounds::SiteError;
+pub use bounds::{MAX_ITEMS, SiteError};
 #[cfg(feature = "serde")]
 pub use calibrate::{Options, Report};
 #[cfg(feature = "serde")]
-pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES};
+pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
 #[cfg(feature = "serde")]
 pub use site::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,

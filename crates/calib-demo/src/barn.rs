@@ -38,7 +38,14 @@ pub(crate) fn build(stage: &mut Stage) {
         feed(stage, &mut random, y, side);
     }
     bales(stage);
-    for (x, y, turn) in [(9.0, -9.9, 0.3), (13.4, -2.6, 2.9), (17.6, -10.4, 1.3), (20.8, -2.2, -0.4), (6.6, -2.4, 1.9), (24.6, -9.8, 3.5)] {
+    for (x, y, turn) in [
+        (9.0, -9.9, 0.3),
+        (13.4, -2.6, 2.9),
+        (17.6, -10.4, 1.3),
+        (20.8, -2.2, -0.4),
+        (6.6, -2.4, 1.9),
+        (24.6, -9.8, 3.5),
+    ] {
         cow(stage, [x, y], turn, x as u32 * 31 + 7);
     }
     tools(stage);
@@ -77,7 +84,11 @@ fn frames(stage: &mut Stage) {
         for (y, side, wall) in SIDES {
             let (a, b) = (y + side * 0.04, y + side * (0.04 + POST));
             stage.block([x - 0.5 * POST, a, 0.0], [x + 0.5 * POST, b, underside(a) - 0.1], wood);
-            stage.block([x - 0.55 * POST, y, 0.0], [x + 0.55 * POST, b + side * 0.01, 0.5], Material::matt(0xa9_a59b));
+            stage.block(
+                [x - 0.55 * POST, y, 0.0],
+                [x + 0.55 * POST, b + side * 0.01, 0.5],
+                Material::matt(0xa9_a59b),
+            );
             let foot = [x, b - side * 0.1, 2.5];
             stage.rod(foot, [x, y - side * 0.9, 3.42], 0.06, wood);
             stage.block([x - 0.08, a, 3.1], [x + 0.08, wall, 3.3], wood);
@@ -97,7 +108,8 @@ fn rafter(stage: &mut Stage, from: [f32; 3], to: [f32; 3], wood: Material) {
     let along = (b - a).unit();
     let across = vec3(1.0, 0.0, 0.0);
     let half = vec3(0.06, 0.5 * (b - a).length(), 0.1);
-    stage.put(Shape::Turned { centre: (a + b) * 0.5, axes: [across, along, across.cross(along)], half }, wood);
+    stage
+        .put(Shape::Turned { centre: (a + b) * 0.5, axes: [across, along, across.cross(along)], half }, wood);
 }
 
 /// Posts and rails along the pens, and rails between one pen and the next.
@@ -147,7 +159,12 @@ fn feed(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32) {
         let (radius, rise) = (random.random_range(0.18..0.34_f32), random.random_range(0.05..0.12_f32));
         let off = random.random_range(0.04..0.12);
         let shift = random.random_range(-0.09..0.09);
-        stage.rod([x, y - side * off, rise - radius], [x + 0.5, y - side * (off + shift), rise - radius], radius, hay);
+        stage.rod(
+            [x, y - side * off, rise - radius],
+            [x + 0.5, y - side * (off + shift), rise - radius],
+            radius,
+            hay,
+        );
         let (turn, tilt) = (random.random_range(0.0..3.1_f32), random.random_range(0.0..0.05));
         let (a, b) = (0.12 * turn.cos(), 0.12 * turn.sin());
         let at = y - side * (off + random.random_range(-0.05..0.2));
@@ -168,14 +185,28 @@ fn feed(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32) {
 fn bales(stage: &mut Stage) {
     let straw = Material::matt(0xc8_a55a).with(Finish::Straw);
     for (i, [x, y, z, turn]) in [
-        [1.1, -9.2, 0.0, 0.0], [1.1, -9.75, 0.0, 0.02], [1.1, -10.3, 0.0, -0.02], [1.1, -9.5, 0.46, 0.03], [1.15, -10.05, 0.46, -0.03],
-        [28.0, -3.6, 0.0, 1.5], [28.6, -3.6, 0.0, 1.55], [28.3, -3.6, 0.46, 1.6],
-    ].into_iter().enumerate() {
+        [1.1, -9.2, 0.0, 0.0],
+        [1.1, -9.75, 0.0, 0.02],
+        [1.1, -10.3, 0.0, -0.02],
+        [1.1, -9.5, 0.46, 0.03],
+        [1.15, -10.05, 0.46, -0.03],
+        [28.0, -3.6, 0.0, 1.5],
+        [28.6, -3.6, 0.0, 1.55],
+        [28.3, -3.6, 0.46, 1.6],
+    ]
+    .into_iter()
+    .enumerate()
+    {
         let shade = 0.9 + 0.05 * (i % 4) as f32;
         stage.turned([x, y, z], turn, [1.0, 0.5, 0.45], Material { colour: straw.colour * shade, ..straw });
         for side in [-0.22, 0.22] {
             let (sin, cos) = turn.sin_cos();
-            stage.turned([x + side * cos, y + side * sin, z], turn, [0.012, 0.508, 0.456], Material::matt(0x3f_6a8c));
+            stage.turned(
+                [x + side * cos, y + side * sin, z],
+                turn,
+                [0.012, 0.508, 0.456],
+                Material::matt(0x3f_6a8c),
+            );
         }
     }
     for [x, y] in [[12.0, -11.2], [22.4, -1.4]] {
@@ -187,9 +218,10 @@ fn bales(stage: &mut Stage) {
 /// A cow with its feet about `[x, y]`, its head `turn` radians from +x.
 fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     let (sin, cos) = turn.sin_cos();
-    let at = |ahead: f32, left: f32, up: f32| vec3(x + cos * ahead - sin * left, y + sin * ahead + cos * left, up);
-    let coat = if seed % 3 == 0 { Material::matt(0x8a_5a36) } else { Material::matt(0xe6_e0d6) };
-    let fur = if seed % 3 == 0 { coat } else { coat.with(Finish::Patches) };
+    let at =
+        |ahead: f32, left: f32, up: f32| vec3(x + cos * ahead - sin * left, y + sin * ahead + cos * left, up);
+    let coat = if seed.is_multiple_of(3) { Material::matt(0x8a_5a36) } else { Material::matt(0xe6_e0d6) };
+    let fur = if seed.is_multiple_of(3) { coat } else { coat.with(Finish::Patches) };
     let dark = Material::matt(0x2c_2623);
     let pink = Material::matt(0xc9_9a8c);
     let mut limb = |from: Vec3, to: Vec3, radii: [f32; 2], material: Material| {
@@ -218,7 +250,10 @@ fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
 fn tools(stage: &mut Stage) {
     for ([x, y], rgb) in [([3.2, -5.0], 0x3f_6a8c), ([3.6, -4.8], 0x9c_3a30), ([15.3, -7.7], 0x55_5a5e)] {
         let foot = vec3(x, y, 0.0);
-        stage.put(Shape::Cone { from: foot + Vec3::UP * 0.13, to: foot + Vec3::UP * 0.2, radii: [0.12, 0.15] }, Material::matt(rgb));
+        stage.put(
+            Shape::Cone { from: foot + Vec3::UP * 0.13, to: foot + Vec3::UP * 0.2, radii: [0.12, 0.15] },
+            Material::matt(rgb),
+        );
         stage.drum([x, y, 0.0], 0.13, 0.28, Material::matt(rgb));
     }
     let steel = steel();

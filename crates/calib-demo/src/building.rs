@@ -237,7 +237,9 @@ fn lining(stage: &mut Stage) {
     stage.block([w - 0.015, 0.0, 3.55], [w, d, 4.1], band);
     let boards = Material::matt(0x9a_7b57).with(Finish::Boards { width: 0.2 });
     stage.block([0.0, -0.34, 0.9], [30.0, -0.3, 3.7], boards);
-    for (a, b) in [(0.0, 2.0), (5.0, 7.0), (10.0, 12.0), (15.0, 17.0), (20.0, 22.0), (25.0, 26.4), (29.4, 30.0)] {
+    for (a, b) in
+        [(0.0, 2.0), (5.0, 7.0), (10.0, 12.0), (15.0, 17.0), (20.0, 22.0), (25.0, 26.4), (29.4, 30.0)]
+    {
         stage.block([a, -12.2, 0.9], [b, -12.16, 3.6], boards);
     }
     for (a, b) in [(-12.2, -8.0), (-4.5, -0.3)] {
@@ -250,7 +252,9 @@ fn columns(stage: &mut Stage) {
     let paint = Material::matt(0xdd_d9d0);
     for [x, y] in COLUMNS {
         stage.block([x - COLUMN, y - COLUMN, 0.0], [x + COLUMN, y + COLUMN, CEILING], paint);
-        for (half, low, high, rgb) in [(COLUMN + 0.012, 0.0, 0.12, 0x7d_7a75), (COLUMN + 0.006, 2.5, 2.75, 0x5f_7f5c)] {
+        for (half, low, high, rgb) in
+            [(COLUMN + 0.012, 0.0, 0.12, 0x7d_7a75), (COLUMN + 0.006, 2.5, 2.75, 0x5f_7f5c)]
+        {
             stage.block([x - half, y - half, low], [x + half, y + half, high], Material::matt(rgb));
         }
     }
@@ -278,7 +282,11 @@ fn ceilings(stage: &mut Stage) {
 fn lamp(stage: &mut Stage, top: [f32; 3], [hx, hy]: [f32; 2], radiance: f32) {
     const THICK: f32 = 0.06;
     let [x, y, z] = top;
-    stage.block([x - hx - 0.03, y - hy - 0.03, z - THICK], [x + hx + 0.03, y + hy + 0.03, z], Material::matt(0xee_eeee));
+    stage.block(
+        [x - hx - 0.03, y - hy - 0.03, z - THICK],
+        [x + hx + 0.03, y + hy + 0.03, z],
+        Material::matt(0xee_eeee),
+    );
     let low = z - THICK - 0.01;
     stage.block([x - hx, y - hy, low], [x + hx, y + hy, z - THICK], Material::matt(0xff_ffff).glow(4.0));
     let colour = vec3(1.0, 0.965, 0.91);
@@ -293,8 +301,12 @@ fn roof(stage: &mut Stage) {
         let mut strip = |x0: f32, x1: f32, from: f32, to: f32| {
             let (run, rise) = (ridge_y - eaves_y, ridge_z - EAVES);
             let slope = run.hypot(rise);
-            let (down, up) = (vec3(0.0, run / slope, rise / slope), vec3(0.0, -rise / slope * run.signum(), run.abs() / slope));
-            let middle = vec3(0.5 * (x0 + x1), eaves_y, EAVES) + down * (0.5 * (from + to) * slope) + up * 0.05;
+            let (down, up) = (
+                vec3(0.0, run / slope, rise / slope),
+                vec3(0.0, -rise / slope * run.signum(), run.abs() / slope),
+            );
+            let middle =
+                vec3(0.5 * (x0 + x1), eaves_y, EAVES) + down * (0.5 * (from + to) * slope) + up * 0.05;
             let half = vec3(0.5 * (x1 - x0), 0.5 * (to - from) * slope, 0.04);
             stage.put(Shape::Turned { centre: middle, axes: [vec3(1.0, 0.0, 0.0), down, up], half }, sheet);
         };
@@ -319,7 +331,14 @@ fn outside(stage: &mut Stage) {
     stage.block([-90.0, -90.0, -0.6], [120.0, 120.0, -0.3], lawn);
     stage.block([-20.0, 26.0, -0.3], [40.0, 27.2, 1.6], Material::matt(0x74_8563).with(Finish::Green));
     stage.block([48.0, -30.0, -0.3], [49.5, 6.0, 1.8], Material::matt(0x74_8563).with(Finish::Green));
-    for (x, y, s) in [(3.0, 38.0, 3.2), (14.0, 41.0, 3.8), (27.0, 37.0, 3.0), (62.0, -9.0, 4.0), (70.0, 2.0, 4.5), (58.0, -2.0, 3.0)] {
+    for (x, y, s) in [
+        (3.0, 38.0, 3.2),
+        (14.0, 41.0, 3.8),
+        (27.0, 37.0, 3.0),
+        (62.0, -9.0, 4.0),
+        (70.0, 2.0, 4.5),
+        (58.0, -2.0, 3.0),
+    ] {
         stage.ball([x, y, 1.2 * s], s, Material::matt(0x82_9272).with(Finish::Green));
         stage.rod([x, y, -0.3], [x, y, s], 0.12 * s, Material::matt(0x5b_4a3a));
     }

@@ -63,7 +63,14 @@ pub(crate) fn plot(id: &str) -> Plot {
             extras: &[Extra::KnownLength],
             ..shop
         },
-        _ => Plot { floor: barn_floor, lines: [4, 3], verticals: 6, corner: Corner::Lines, polylines: 7, ..shop },
+        _ => Plot {
+            floor: barn_floor,
+            lines: [4, 3],
+            verticals: 6,
+            corner: Corner::Lines,
+            polylines: 7,
+            ..shop
+        },
     }
 }
 
@@ -99,12 +106,12 @@ fn segments(hand: &mut Hand, kind: Kind, edges: &[Edge], count: usize, least: f6
     const LONG: f64 = 500.0;
     let runs = hand.runs(edges, least);
     let chosen = spread(&runs, count, Run::middle, |run| run.length().min(LONG));
-    Annotation::of_segments(kind, chosen.iter().map(|run| hand.stroke(run, 5)).collect())
+    Annotation::of_segments(kind, chosen.iter().map(|run| hand.stroke(run)).collect())
 }
 
 /// Polylines along long straight edges, near the border of the image rather than in its middle.
 fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
-    const POINTS: usize = 10;
+    const STEP: f64 = 110.0;
     let centre = hand.camera.lens.principal_point;
     let half = centre.u.hypot(centre.v);
     let runs = hand.runs(&straight(), 420.0);
@@ -112,7 +119,10 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
     let chosen = spread(&runs, count, Run::middle, worth);
     chosen
         .iter()
-        .map(|run| Annotation { points: Some(hand.stroke(run, POINTS)), ..Annotation::new(Kind::Straight) })
+        .map(|run| {
+            let count = ((run.length() / STEP) as usize).clamp(6, 10);
+            Annotation { points: Some(hand.polyline(run, count)), ..Annotation::new(Kind::Straight) }
+        })
         .collect()
 }
 
@@ -142,9 +152,11 @@ fn right_angle(hand: &mut Hand, plot: &Plot) -> Option<Annotation> {
         Corner::Lines => (hand.runs(&(plot.floor)(Axis::X), 150.0), hand.runs(&(plot.floor)(Axis::Y), 90.0)),
     };
     let pairs = xs.iter().flat_map(|a| ys.iter().map(move |b| [*a, *b]));
-    let worth = |pair: &[Run; 2]| pair[0].length().min(pair[1].length()) - 0.5 * pair[0].middle().distance(pair[1].middle());
+    let worth = |pair: &[Run; 2]| {
+        pair[0].length().min(pair[1].length()) - 0.5 * pair[0].middle().distance(pair[1].middle())
+    };
     let best = pairs.max_by(|p, q| worth(p).total_cmp(&worth(q)))?;
-    Some(Annotation::of_segments(Kind::Perpendicular, best.iter().map(|run| hand.stroke(run, 2)).collect()))
+    Some(Annotation::of_segments(Kind::Perpendicular, best.iter().map(|run| hand.polyline(run, 2)).collect()))
 }
 
 /// Edges of three tiles each, near and far, in both directions.
@@ -154,8 +166,11 @@ fn equal_length(hand: &mut Hand) -> Option<Annotation> {
         let long: Vec<Run> = stretches(hand, axis, 3).into_iter().filter(|run| run.length() > 60.0).collect();
         chosen.extend(spread(&long, 3, Run::middle, |run| run.length().sqrt()));
     }
-    let strokes = chosen.iter().map(|run| hand.stroke(run, 2)).collect();
-    Some(Annotation { name: Some("Three tiles".into()), ..Annotation::of_segments(Kind::EqualLength, strokes) })
+    let strokes = chosen.iter().map(|run| hand.polyline(run, 2)).collect();
+    Some(Annotation {
+        name: Some("Three tiles".into()),
+        ..Annotation::of_segments(Kind::EqualLength, strokes)
+    })
 }
 
 /// The lane of the store, from the outer edge of one line to that of the other.

@@ -22,7 +22,11 @@ impl Edge {
     /// From one end (`t` = 0) to the other (`t` = 1).
     pub(crate) fn at(&self, t: f64) -> WorldPoint {
         let mix = |a: f64, b: f64| a + t * (b - a);
-        WorldPoint { x: mix(self.from.x, self.to.x), y: mix(self.from.y, self.to.y), z: mix(self.from.z, self.to.z) }
+        WorldPoint {
+            x: mix(self.from.x, self.to.x),
+            y: mix(self.from.y, self.to.y),
+            z: mix(self.from.z, self.to.z),
+        }
     }
 
     /// In metres.
@@ -60,7 +64,8 @@ pub(crate) fn verticals() -> Vec<Edge> {
         let (from, to, bay) = (exact(from), exact(to), exact(shop::BAY));
         (1..((to - from) / bay).round() as usize).map(move |i| from + bay * i as f64)
     };
-    edges.extend(bays(WALL_SHELVES).map(|x| plumb(x + 0.02, exact(WALL_SHELF[0]), 0.1, exact(WALL_SHELF[1]))));
+    edges
+        .extend(bays(WALL_SHELVES).map(|x| plumb(x + 0.02, exact(WALL_SHELF[0]), 0.1, exact(WALL_SHELF[1]))));
     edges.extend(bays(FRIDGES).map(|x| plumb(x + 0.03, exact(FRIDGE[0]), 0.25, exact(FRIDGE[1]) - 0.25)));
     for [x0, y0, x1, y1] in RACKS.map(|rack| rack.map(exact)) {
         let top = exact(RACK_HEIGHT);
@@ -98,7 +103,8 @@ fn openings() -> Vec<([Edge; 2], Edge)> {
             let ([from, to], low, high) = (opening.span.map(exact), exact(opening.sill), exact(opening.head));
             let faces = if wall.is_along_x() { [y0 - PROUD, y1 + PROUD] } else { [x0 - PROUD, x1 + PROUD] };
             for face in faces {
-                let at = |along: f64, z: f64| if wall.is_along_x() { [along, face, z] } else { [face, along, z] };
+                let at =
+                    |along: f64, z: f64| if wall.is_along_x() { [along, face, z] } else { [face, along, z] };
                 let post = |along: f64| Edge::new(at(along, low), at(along, high));
                 edges.push(([post(from), post(to)], Edge::new(at(from, high), at(to, high))));
             }
@@ -137,7 +143,9 @@ pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
             let mut edges: Vec<Edge> = [y0 - HALF, y0 + HALF, y1 - HALF, y1 + HALF]
                 .map(|y| Edge::new([x0 + HALF, y, 0.002], [x1, y, 0.002]))
                 .into();
-            edges.extend([0.9, 1.9].map(|z| Edge::new([rack[0], rack[3] + 0.005, z], [rack[2], rack[3] + 0.005, z])));
+            edges.extend(
+                [0.9, 1.9].map(|z| Edge::new([rack[0], rack[3] + 0.005, z], [rack[2], rack[3] + 0.005, z])),
+            );
             edges
         }
         Axis::Y => {
@@ -146,7 +154,9 @@ pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
                 .into();
             edges.push(Edge::new([28.0, 1.3, 0.0], [28.0, 8.3, 0.0]));
             edges.push(Edge::new([30.0, 0.1, 0.0], [30.0, 2.4, 0.0]));
-            edges.extend([0.9, 1.9].map(|z| Edge::new([side[0] - 0.005, side[1], z], [side[0] - 0.005, side[3], z])));
+            edges.extend(
+                [0.9, 1.9].map(|z| Edge::new([side[0] - 0.005, side[1], z], [side[0] - 0.005, side[3], z])),
+            );
             edges
         }
     }
@@ -161,7 +171,13 @@ pub(crate) fn barn_floor(axis: Axis) -> Vec<Edge> {
             [(y0, -1.0, -12.2), (y1, 1.0, -0.34)]
                 .into_iter()
                 .flat_map(|(y, side, wall)| {
-                    [(y, top), (y + side * width, top), (y - side * 0.22, 0.003), (y - side * 0.35, 0.003), (wall - side * 0.1, 0.9)]
+                    [
+                        (y, top),
+                        (y + side * width, top),
+                        (y - side * 0.22, 0.003),
+                        (y - side * 0.35, 0.003),
+                        (wall - side * 0.1, 0.9),
+                    ]
                 })
                 .map(|(y, z)| Edge::new([0.5, y, z], [29.5, y, z]))
                 .collect()
@@ -189,7 +205,10 @@ pub(crate) fn straight() -> Vec<Edge> {
         edges.push(Edge::new([width - 0.015, 0.02, z], [width - 0.015, depth, z]));
     }
     let top = exact(WALL_SHELF[1]) + 0.12;
-    edges.push(Edge::new([exact(WALL_SHELVES[0]), exact(WALL_SHELF[0]), top], [exact(WALL_SHELVES[1]), exact(WALL_SHELF[0]), top]));
+    edges.push(Edge::new(
+        [exact(WALL_SHELVES[0]), exact(WALL_SHELF[0]), top],
+        [exact(WALL_SHELVES[1]), exact(WALL_SHELF[0]), top],
+    ));
     edges.push(Edge::new([0.0, -0.34, 3.7], [30.0, -0.34, 3.7]));
     for (y, side) in [(exact(AISLE[0]), -1.0), (exact(AISLE[1]), 1.0)] {
         edges.extend((1..6).map(|i| {

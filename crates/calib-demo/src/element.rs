@@ -29,7 +29,14 @@ pub(crate) fn marks() -> Vec<Mark> {
             0.0,
             &pallet,
         ),
-        mark("till", "Checkout", MarkKind::Box, [till_x + half * till[0], till_y + half * till[1]], 0.0, &till),
+        mark(
+            "till",
+            "Checkout",
+            MarkKind::Box,
+            [till_x + half * till[0], till_y + half * till[1]],
+            0.0,
+            &till,
+        ),
         mark("barrel", "Barrel", MarkKind::Cylinder, [barrel_x, barrel_y], 0.0, &[radius, tall]),
         mark(
             "customer",

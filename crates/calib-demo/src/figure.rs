@@ -70,7 +70,12 @@ impl Person {
             let ankle = [step, 0.052 * side, 0.045 + lift];
             limb(hip, knee, [0.052, 0.036], trousers);
             limb(knee, ankle, [0.037, 0.028], trousers);
-            limb([step - 0.012, 0.054 * side, 0.022 + lift], [step + 0.085, 0.058 * side, 0.018], [0.022, 0.018], shoes);
+            limb(
+                [step - 0.012, 0.054 * side, 0.022 + lift],
+                [step + 0.085, 0.058 * side, 0.018],
+                [0.022, 0.018],
+                shoes,
+            );
             let (shoulder, elbow) = ([0.0, 0.108 * side, 0.79], [-0.5 * step - 0.02, 0.135 * side, 0.625]);
             let hand = [-step + 0.05, 0.13 * side, 0.49];
             limb(shoulder, elbow, [0.034, 0.028], jacket);

@@ -44,8 +44,8 @@ pub(crate) enum Range {
 }
 
 const DRY: [u32; 12] = [
-    0xb4_4a3a, 0xd9_a441, 0x3e_6b8a, 0x6d_8f4e, 0xe4_dcc8, 0x8a_4f6d, 0xc9_6f35, 0x35_5e58, 0xe9_e4da, 0x7a_5b3e,
-    0xd8_c07a, 0x54_7aa5,
+    0xb4_4a3a, 0xd9_a441, 0x3e_6b8a, 0x6d_8f4e, 0xe4_dcc8, 0x8a_4f6d, 0xc9_6f35, 0x35_5e58, 0xe9_e4da,
+    0x7a_5b3e, 0xd8_c07a, 0x54_7aa5,
 ];
 const DRINKS: [u32; 7] = [0x3d_5a34, 0x6b_3f22, 0xc7_8a2c, 0x8f_b4a6, 0x7b_2430, 0xd9_d4b8, 0x49_6f8f];
 const CHILLED: [u32; 7] = [0xf1_efe9, 0xe7_e9ee, 0xcf_dfe9, 0xe9_cfd2, 0xdf_e6cb, 0x4f_7fae, 0xe8_d9a6];
@@ -77,7 +77,9 @@ fn run(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range, star
     let material = Material::matt(body).with(Finish::Label { band: paint(band) });
     let facings = random.random_range(2..=5);
     let round = range != Range::Bread && random.random_bool(if range == Range::Drinks { 0.85 } else { 0.4 });
-    let tall = |random: &mut ChaCha8Rng, low: f32, high: f32| random.random_range(low..high).min(row.clearance - 0.03);
+    let tall = |random: &mut ChaCha8Rng, low: f32, high: f32| {
+        random.random_range(low..high).min(row.clearance - 0.03)
+    };
     let (width, height) = match (range, round) {
         (Range::Drinks, _) => (random.random_range(0.075..0.095), tall(random, 0.26, 0.33)),
         (Range::Chilled, _) => (random.random_range(0.08..0.12), tall(random, 0.09, 0.24)),
@@ -110,11 +112,17 @@ fn article(
 ) {
     let radius = 0.5 * width;
     if range == Range::Bread {
-        let (a, b) = (row.at(along + radius, 0.08, radius * 0.8), row.at(along + radius, row.depth - 0.1, radius * 0.8));
+        let (a, b) = (
+            row.at(along + radius, 0.08, radius * 0.8),
+            row.at(along + radius, row.depth - 0.1, radius * 0.8),
+        );
         stage.rod(a, b, radius, material.with(Finish::Plain));
     } else if round && range == Range::Drinks {
         stage.drum(row.at(along + radius, set_back + radius, 0.0), radius, height * 0.62, material);
-        let (shoulder, neck) = (row.at(along + radius, set_back + radius, height * 0.6), row.at(along + radius, set_back + radius, height));
+        let (shoulder, neck) = (
+            row.at(along + radius, set_back + radius, height * 0.6),
+            row.at(along + radius, set_back + radius, height),
+        );
         let radii = [radius * 0.95, 0.014];
         let shape = crate::shape::Shape::Cone { from: shoulder.into(), to: neck.into(), radii };
         stage.put(shape, material.with(Finish::Plain));

@@ -8,7 +8,7 @@ use crate::edge::Edge;
 use crate::random::normal;
 use crate::world::{is_inside, visible};
 
-/// Standard deviation of the tremor, in pixels.
+/// Standard deviation of a usual tremor, in pixels.
 pub(crate) const TREMOR: f64 = 0.7;
 /// How far from the image's border lines end, in pixels.
 const MARGIN: f64 = 14.0;
@@ -20,6 +20,8 @@ const SLACK: f64 = 0.02;
 pub(crate) struct Hand {
     pub(crate) camera: Camera,
     pub(crate) size: [u32; 2],
+    /// Standard deviation of the tremor, in pixels.
+    pub(crate) tremor: f64,
     pub(crate) random: ChaCha8Rng,
 }
 
@@ -61,7 +63,7 @@ impl Hand {
         let Pixel { u, v } = self.pixel(point)?;
         let mut shaken = |value: f64| {
             // A hundredth of a pixel is what a screen resolves.
-            ((value + TREMOR * normal(&mut self.random)) * 100.0).round() / 100.0
+            ((value + self.tremor * normal(&mut self.random)) * 100.0).round() / 100.0
         };
         Some(Pixel { u: shaken(u), v: shaken(v) })
     }
@@ -93,10 +95,15 @@ impl Hand {
     }
 
     /// Points along a run, at equal steps on the image: two, and more on long lines that a lens bends.
-    pub(crate) fn stroke(&mut self, run: &Run, most: usize) -> Vec<Pixel> {
+    pub(crate) fn stroke(&mut self, run: &Run) -> Vec<Pixel> {
         const STEP: f64 = 140.0;
+        const MOST: usize = 5;
         let bent = self.camera.lens.distortion != Distortion::None;
-        let count = if bent { ((run.length() / STEP) as usize + 1).clamp(2, most) } else { 2 };
+        self.polyline(run, if bent { ((run.length() / STEP) as usize + 1).clamp(2, MOST) } else { 2 })
+    }
+
+    /// Two or more points along a run, at equal steps on the image.
+    pub(crate) fn polyline(&mut self, run: &Run, count: usize) -> Vec<Pixel> {
         let points = along(&self.camera, &run.edge, count);
         points.into_iter().filter_map(|point| self.touch(point)).collect()
     }

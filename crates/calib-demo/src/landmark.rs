@@ -5,7 +5,9 @@ use calib_core::{ControlPointEntry, Link, LinkKind, LinkSeen, Pixel, WorldPoint}
 use crate::building::{COLUMN, COLUMNS};
 use crate::edge::exact;
 use crate::hand::{Hand, spread};
-use crate::shop::{CHECKOUT, CHECKOUTS, GONDOLA_HALF, GONDOLA_HEIGHT, GONDOLAS, PALLET, PALLET_SIZE, POLE, POLE_HEIGHT};
+use crate::shop::{
+    CHECKOUT, CHECKOUTS, GONDOLA_HALF, GONDOLA_HEIGHT, GONDOLAS, PALLET, PALLET_SIZE, POLE, POLE_HEIGHT,
+};
 
 /// A point with a name.
 pub(crate) type Landmark = (String, WorldPoint);
@@ -34,7 +36,9 @@ pub(crate) fn of_the_shop() -> Vec<Landmark> {
         add(format!("checkout {} NW", i + 1), x, y + length, 0.0);
     }
     let ([x, y], [width, depth, _]) = (PALLET.map(exact), PALLET_SIZE.map(exact));
-    for (side, x, y) in [("SW", x, y), ("SE", x + width, y), ("NE", x + width, y + depth), ("NW", x, y + depth)] {
+    for (side, x, y) in
+        [("SW", x, y), ("SE", x + width, y), ("NE", x + width, y + depth), ("NW", x, y + depth)]
+    {
         add(format!("pallet {side}"), x, y, 0.0);
     }
     for (name, x, y, z) in [
@@ -72,7 +76,11 @@ pub(crate) fn of_the_barn() -> Vec<Landmark> {
 }
 
 /// Up to `count` landmarks as control points of a camera, spread over its image.
-pub(crate) fn control_points(hand: &mut Hand, landmarks: &[Landmark], count: usize) -> Vec<ControlPointEntry> {
+pub(crate) fn control_points(
+    hand: &mut Hand,
+    landmarks: &[Landmark],
+    count: usize,
+) -> Vec<ControlPointEntry> {
     let seen: Vec<(&Landmark, Pixel)> = landmarks
         .iter()
         .filter(|(_, point)| hand.sees(*point))
@@ -117,7 +125,8 @@ pub(crate) fn links(hands: &mut [(&str, Hand)], count: usize) -> Vec<Link> {
         Pixel { u: PIXELS_PER_METRE * x, v: PIXELS_PER_METRE * y }
     };
     let chosen = spread(&refs, count, on_floor, |item| item.1 as f64);
-    let mut links: Vec<Link> = chosen.iter().map(|((name, point), _)| point_link(hands, name, *point)).collect();
+    let mut links: Vec<Link> =
+        chosen.iter().map(|((name, point), _)| point_link(hands, name, *point)).collect();
     links.push(pole(hands));
     links
 }

@@ -41,6 +41,8 @@ mod drawing;
 mod landmark;
 mod element;
 mod site;
+#[cfg(test)]
+mod checks;
 
 pub use picture::render;
 pub use site::{DemoSite, KnownLens, demo_site, demo_site_with};

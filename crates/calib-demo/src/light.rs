@@ -2,7 +2,7 @@
 
 use crate::building::CEILING;
 use crate::shape::Line;
-use crate::texture::{chance, mix};
+use crate::texture::chance;
 use crate::vector::{Vec3, vec3};
 use crate::world::{Lamp, World};
 
@@ -33,8 +33,17 @@ pub(crate) struct Place {
     pub(crate) view: Vec3,
     /// Whether what it mirrors counts.
     pub(crate) mirrors: bool,
-    /// Decides the rays' directions.
-    pub(crate) seed: u32,
+    /// Decides the rays' directions: neighbours with numbers in a row look in directions between each other's.
+    pub(crate) turn: u32,
+}
+
+impl Place {
+    /// Two numbers from 0 to 1 for the ray with this number. Over the turns of neighbours they fill the
+    /// square evenly (Roberts' sequence), so that the mean of neighbours has little noise.
+    fn even(&self, ray: u32) -> [f32; 2] {
+        let turn = self.turn as f32;
+        [(0.754_877_7 * turn + chance(ray)).fract(), (0.569_840_3 * turn + chance(ray ^ 0xabcd)).fract()]
+    }
 }
 
 /// Towards the sun.
@@ -139,11 +148,12 @@ pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
     let mut diffuse = Vec3::ZERO;
     for i in 0..rows {
         for j in 0..4 {
-            let seed = mix(place.seed ^ (i * 4 + j).wrapping_mul(0x9e37_79b9));
-            let square = (i as f32 + chance(seed)) / rows as f32;
-            let turn = std::f32::consts::TAU * (j as f32 + chance(seed ^ 0xabcd)) / 4.0;
+            let [a, b] = place.even(4 * i + j);
+            let square = (i as f32 + a) / rows as f32;
+            let turn = std::f32::consts::TAU * (j as f32 + b) / 4.0;
             let ((sin, cos), radius) = (turn.sin_cos(), square.sqrt());
-            let direction = tangent * (radius * cos) + other * (radius * sin) + normal * (1.0 - square).sqrt();
+            let direction =
+                tangent * (radius * cos) + other * (radius * sin) + normal * (1.0 - square).sqrt();
             diffuse += rough(world, &Line::new(origin, direction), REACH, home, false);
         }
     }
@@ -154,9 +164,10 @@ pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
         const ROUGH: f32 = 0.05;
         let ahead = view - normal * (2.0 * view.dot(normal));
         for i in 0..RAYS {
-            let seed = mix(place.seed ^ (0x51ed + i));
-            let bent = tangent * (ROUGH * (chance(seed) - 0.5)) + other * (ROUGH * (chance(seed ^ 0x77) - 0.5));
-            mirror += rough(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true) * (1.0 / RAYS as f32);
+            let [a, b] = place.even(100 + i);
+            let bent = tangent * (ROUGH * (a - 0.5)) + other * (ROUGH * (b - 0.5));
+            mirror += rough(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true)
+                * (1.0 / RAYS as f32);
         }
     }
     Light { diffuse, mirror }
@@ -167,10 +178,10 @@ fn lamplight(world: &World, origin: Vec3, place: &Place, home: Room) -> Vec3 {
     const ALWAYS: f32 = 0.025;
     let mut sum = Vec3::ZERO;
     for (i, lamp) in world.lamps.iter().enumerate().filter(|(_, lamp)| room_of(lamp.centre) == home) {
-        let seed = mix(place.seed ^ (0x0bad_cafe + i as u32));
-        let (way, light) = from_lamp(lamp, origin, place.normal, seed);
+        let ray = 200 + 2 * i as u32;
+        let (way, light) = from_lamp(lamp, origin, place.normal, place.even(ray));
         let share = (light / ALWAYS).min(1.0);
-        if share <= 0.0 || chance(seed ^ 0x1357) >= share {
+        if share <= 0.0 || place.even(ray + 1)[0] >= share {
             continue;
         }
         let length = way.length();
@@ -182,9 +193,9 @@ fn lamplight(world: &World, origin: Vec3, place: &Place, home: Room) -> Vec3 {
 }
 
 /// The way to a point of the lamp, and how bright its light is if nothing is in between.
-fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, seed: u32) -> (Vec3, f32) {
+fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3, f32) {
     let [hx, hy] = lamp.half;
-    let off = vec3((2.0 * chance(seed) - 1.0) * hx, (2.0 * chance(seed ^ 0x2468) - 1.0) * hy, 0.0);
+    let off = vec3((2.0 * a - 1.0) * hx, (2.0 * b - 1.0) * hy, 0.0);
     let way = lamp.centre + off - origin;
     let square = way.dot(way);
     let area = 4.0 * hx * hy;

@@ -20,23 +20,35 @@ pub(crate) struct Material {
 pub(crate) enum Finish {
     Plain,
     /// Square floor tiles with joints at the multiples of the pitch, in metres.
-    Tiles { pitch: f32 },
+    Tiles {
+        pitch: f32,
+    },
     /// Cast concrete with saw cuts at the multiples of the pitch along x.
-    Concrete { pitch: f32 },
+    Concrete {
+        pitch: f32,
+    },
     Plaster,
     /// Ceiling panels at the multiples of the pitch.
-    Panels { pitch: f32 },
+    Panels {
+        pitch: f32,
+    },
     /// Upright boards of this width.
-    Boards { width: f32 },
+    Boards {
+        width: f32,
+    },
     /// Sawn timber, grain along the longest side.
     Timber,
     Straw,
     /// Corrugated board with a strip of tape.
     Carton,
     /// A wrapper with a band of another colour.
-    Label { band: Vec3 },
+    Label {
+        band: Vec3,
+    },
     /// Sheets with ribs of this pitch: level ones on walls.
-    Ribs { pitch: f32 },
+    Ribs {
+        pitch: f32,
+    },
     /// Fur in patches of black.
     Patches,
     /// Grass or leaves.
@@ -101,16 +113,23 @@ impl Material {
             Finish::Carton => carton(self.colour, s),
             Finish::Label { band } => label(self.colour, band, s),
             Finish::Ribs { pitch } => {
-                let across = if s.normal.z.abs() > 0.5 { (s.point.x, s.footprint.x) } else { (s.point.z, s.footprint.z) };
+                let across = if s.normal.z.abs() > 0.5 {
+                    (s.point.x, s.footprint.x)
+                } else {
+                    (s.point.z, s.footprint.z)
+                };
                 let groove = joint(across.0, pitch, 0.22 * pitch, across.1);
                 let lit = joint(across.0 + 0.25 * pitch, pitch, 0.2 * pitch, across.1);
                 self.colour * (1.0 - 0.35 * groove + 0.12 * lit + 0.04 * clouds(s.point, 0.9, width))
             }
             Finish::Patches => {
-                let black = step(0.02, 0.1, clouds(s.point + vec3(chance(s.seed) * 40.0, 0.0, 0.0), 0.55, width));
+                let black =
+                    step(0.02, 0.1, clouds(s.point + vec3(chance(s.seed) * 40.0, 0.0, 0.0), 0.55, width));
                 self.colour.towards(paint(0x1a_1715), black)
             }
-            Finish::Green => self.colour * (1.0 + 0.5 * clouds(s.point, 0.09, width) + 0.25 * clouds(s.point, 3.0, width)),
+            Finish::Green => {
+                self.colour * (1.0 + 0.5 * clouds(s.point, 0.09, width) + 0.25 * clouds(s.point, 3.0, width))
+            }
         }
     }
 }
@@ -134,10 +153,14 @@ fn concrete(colour: Vec3, pitch: f32, s: &Surface, width: f32) -> Vec3 {
 }
 
 fn boards(colour: Vec3, board: f32, s: &Surface, width: f32) -> Vec3 {
-    let (along, footprint) =
-        if s.normal.y.abs() > s.normal.x.abs() { (s.point.x, s.footprint.x) } else { (s.point.y, s.footprint.y) };
+    let (along, footprint) = if s.normal.y.abs() > s.normal.x.abs() {
+        (s.point.x, s.footprint.x)
+    } else {
+        (s.point.y, s.footprint.y)
+    };
     let each = chance(cell((along / board).floor() as i32, s.seed as i32, 3));
-    let grain = clouds(vec3(s.point.x * 9.0, s.point.y * 9.0, s.point.z * 0.7 + each * 50.0), 0.6, width * 9.0);
+    let grain =
+        clouds(vec3(s.point.x * 9.0, s.point.y * 9.0, s.point.z * 0.7 + each * 50.0), 0.6, width * 9.0);
     let gap = joint(along, board, 0.012, footprint);
     colour * ((0.86 + 0.28 * each + 0.16 * grain) * (1.0 - 0.7 * gap))
 }
@@ -156,8 +179,12 @@ fn timber(colour: Vec3, s: &Surface, width: f32) -> Vec3 {
 }
 
 fn straw(colour: Vec3, p: Vec3, width: f32) -> Vec3 {
-    let turned = vec3(p.x * 0.8 - p.y * 0.6, (p.x * 0.6 + p.y * 0.8) * 5.0, p.z * 3.0);
-    let stalks = clouds(turned, 0.16, width * 3.0) + clouds(vec3(turned.y, turned.x, p.z), 0.21, width * 3.0);
+    let stalks: f32 = [(0.8, 0.6), (-0.5, 0.866), (0.97, -0.26)]
+        .iter()
+        .map(|&(c, s)| {
+            clouds(vec3(p.x * c - p.y * s, (p.x * s + p.y * c) * 4.0, p.z * 3.0), 0.13, width * 2.5)
+        })
+        .sum();
     let trodden = clouds(p, 1.7, width);
     colour * (1.0 + 0.42 * stalks + 0.38 * trodden).max(0.15)
 }
@@ -171,7 +198,15 @@ fn carton(colour: Vec3, s: &Surface) -> Vec3 {
         && (across / level - 0.28).abs() < 0.13
         && chance(s.seed ^ 5) < 0.6;
     let edge = [(across, level), (s.local.z, s.size.z)].iter().any(|&(a, b)| a < 0.006 || b - a < 0.006);
-    let tone = if tape { 1.22 } else if mark { 0.55 } else if edge { 0.8 } else { 1.0 };
+    let tone = if tape {
+        1.22
+    } else if mark {
+        0.55
+    } else if edge {
+        0.8
+    } else {
+        1.0
+    };
     colour * (each * tone)
 }
 
@@ -185,7 +220,8 @@ fn label(colour: Vec3, band: Vec3, s: &Surface) -> Vec3 {
     let high = low + 0.2 + 0.25 * chance(s.seed ^ 0x77);
     let in_band = up > low && up < high;
     let logo = (up - 0.8).abs() < 0.07 && (across / level - 0.5).abs() < 0.32;
-    let print = in_band && (up - low) / (high - low) < 0.45 && ((across / level * 7.0 + up * 3.0).fract() < 0.5);
+    let print =
+        in_band && (up - low) / (high - low) < 0.45 && ((across / level * 7.0 + up * 3.0).fract() < 0.5);
     if logo {
         band
     } else if print {

@@ -30,7 +30,9 @@ pub fn render(camera: &Camera, size: [u32; 2]) -> RgbImage {
     let view = View::new(camera, size);
     let hits = rows_of(view.width, view.height, |y, row: &mut [Option<Hit>]| {
         for (x, hit) in row.iter_mut().enumerate() {
-            *hit = view.line(x as f32 + 0.5, y as f32 + 0.5).and_then(|line| view.world.tree.nearest(&line, FAR));
+            *hit = view
+                .line(x as f32 + 0.5, y as f32 + 0.5)
+                .and_then(|line| view.world.tree.nearest(&line, FAR));
         }
     });
     let probes = view.probes(&hits);
@@ -82,7 +84,13 @@ struct Spot {
 impl View {
     fn new(camera: &Camera, size: [u32; 2]) -> Self {
         let [width, height] = size.map(|side| side as usize);
-        Self { world: world(), rays: Rays::new(camera, size), width, height, angle: camera.focal.recip() as f32 }
+        Self {
+            world: world(),
+            rays: Rays::new(camera, size),
+            width,
+            height,
+            angle: camera.focal.recip() as f32,
+        }
     }
 
     fn line(&self, u: f32, v: f32) -> Option<Line> {
@@ -109,10 +117,10 @@ impl View {
         Spot { surface, solid, distance: hit.distance }
     }
 
-    fn place(&self, line: &Line, spot: &Spot, seed: u32) -> Place {
+    fn place(&self, line: &Line, spot: &Spot, turn: u32) -> Place {
         let mirrors = self.world.solids[spot.solid].material.gloss > 0.0;
         let Surface { point, normal, .. } = spot.surface;
-        Place { point, normal, view: line.direction, mirrors, seed }
+        Place { point, normal, view: line.direction, mirrors, turn }
     }
 
     /// Columns and rows of the places where soft light is worked out.
@@ -121,7 +129,7 @@ impl View {
     }
 
     fn probes(&self, hits: &[Option<Hit>]) -> Vec<Probe> {
-        const ROWS: u32 = 3;
+        const ROWS: u32 = 2;
         let [columns, rows] = self.grid();
         rows_of(columns, rows, |j, row: &mut [Probe]| {
             for (i, probe) in row.iter_mut().enumerate() {
@@ -130,7 +138,8 @@ impl View {
                 let Some(line) = self.line(x as f32 + 0.5, y as f32 + 0.5) else { continue };
                 let Some(hit) = hits[y * self.width + x] else { continue };
                 let spot = self.spot(&line, hit);
-                let place = self.place(&line, &spot, cell(i as i32, j as i32, 1));
+                // Every block of 4 x 4 probes has every turn once.
+                let place = self.place(&line, &spot, (4 * (j % 4) + (i + j) % 4) as u32);
                 let light = gather(self.world, &place, ROWS);
                 *probe = Probe { point: place.point, normal: place.normal, light };
             }
@@ -139,30 +148,31 @@ impl View {
 
     /// Soft light at a spot from the probes on its surface, or its own where there are none.
     fn light(&self, line: &Line, spot: &Spot, [u, v]: [f32; 2], probes: &[Probe]) -> Light {
-        const ROWS: u32 = 3;
+        const ROWS: u32 = 2;
         let Surface { point, normal, .. } = spot.surface;
         let [columns, rows] = self.grid().map(|n| n as i32);
         let (x, y) = ((u - 0.5) / PITCH as f32 - 0.5, (v - 0.5) / PITCH as f32 - 0.5);
-        let (i0, j0) = (x.floor() as i32, y.floor() as i32);
+        let (i0, j0) = ((x - 1.5).floor() as i32, (y - 1.5).floor() as i32);
+        // A trapezoid as wide as a block of turns: on an even surface every turn weighs the same.
+        let share = |gap: f32| (2.5 - gap.abs()).clamp(0.0, 1.0);
         let thick = 0.012 + 0.004 * spot.distance;
         let (mut sum, mut total) = (Light::default(), 0.0);
-        for j in (j0 - 1).max(0)..=(j0 + 2).min(rows - 1) {
-            for i in (i0 - 1).max(0)..=(i0 + 2).min(columns - 1) {
+        for j in j0.max(0)..=(j0 + 4).min(rows - 1) {
+            for i in i0.max(0)..=(i0 + 4).min(columns - 1) {
                 let probe = &probes[(j * columns + i) as usize];
                 let facing = probe.normal.dot(normal);
                 if facing < 0.8 || (probe.point - point).dot(normal).abs() > thick {
                     continue;
                 }
-                let (dx, dy) = (i as f32 - x, j as f32 - y);
-                let weight = (1.0 - (dx * dx + dy * dy) * (1.0 / 6.0)).max(0.0) * facing;
+                let weight = share(i as f32 - x) * share(j as f32 - y) * facing;
                 sum.diffuse += probe.light.diffuse * weight;
                 sum.mirror += probe.light.mirror * weight;
                 total += weight;
             }
         }
         if total < 0.02 {
-            let seed = cell((u * 8.0) as i32, (v * 8.0) as i32, 2);
-            return gather(self.world, &self.place(line, spot, seed), ROWS);
+            let turn = cell((u * 8.0) as i32, (v * 8.0) as i32, 2) % 1024;
+            return gather(self.world, &self.place(line, spot, turn), ROWS);
         }
         Light { diffuse: sum.diffuse * total.recip(), mirror: sum.mirror * total.recip() }
     }

@@ -40,9 +40,8 @@ pub(crate) fn plan() -> RgbImage {
     let PlanPixel { x: origin_x, y: origin_y } = plan_entry().origin_px;
     let at = |column: f32, row: f32| ink((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE);
     let shades = rows_of(width, height, |row, shades: &mut [u8]| {
-        let corners: Vec<f32> = (0..2 * width + 2)
-            .map(|i| at((i / 2) as f32, (row + i % 2) as f32))
-            .collect();
+        let corners: Vec<f32> =
+            (0..2 * width + 2).map(|i| at((i / 2) as f32, (row + i % 2) as f32)).collect();
         for (column, shade) in shades.iter_mut().enumerate() {
             // Nothing is so small that it fits between the corners of a pixel.
             let around = &corners[2 * column..2 * column + 4];
@@ -82,7 +81,8 @@ fn ink(x: f32, y: f32) -> f32 {
     }
     let edge = |&[x0, y0, x1, y1]: &[f32; 4]| {
         const HALF: f32 = 0.025;
-        within([x0 - HALF, y0 - HALF, x1 + HALF, y1 + HALF]) && !within([x0 + HALF, y0 + HALF, x1 - HALF, y1 - HALF])
+        within([x0 - HALF, y0 - HALF, x1 + HALF, y1 + HALF])
+            && !within([x0 + HALF, y0 + HALF, x1 - HALF, y1 - HALF])
     };
     let outlines = &world().outlines;
     if outlines.iter().any(edge) {

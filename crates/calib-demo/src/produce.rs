@@ -33,7 +33,11 @@ pub(crate) fn build(stage: &mut Stage) {
         stage.outline(x, y, x + width, y + depth);
         stage.block([x, y, height - 0.08], [x + width, y + depth, height], wood);
         stage.block([x + 0.05, y + 0.05, 0.12], [x + width - 0.05, y + depth - 0.05, height - 0.08], wood);
-        stage.block([x + 0.1, y + 0.1, 0.0], [x + width - 0.1, y + depth - 0.1, 0.12], Material::matt(0x33_302c));
+        stage.block(
+            [x + 0.1, y + 0.1, 0.0],
+            [x + width - 0.1, y + depth - 0.1, 0.12],
+            Material::matt(0x33_302c),
+        );
         for i in 0..3 {
             for j in 0..2 {
                 let (colour, radius) = KINDS[(2 * t + 3 * i + 5 * j) % KINDS.len()];
@@ -43,7 +47,11 @@ pub(crate) fn build(stage: &mut Stage) {
         }
         let (px, py) = (x + 0.5 * width, y + 0.5 * depth);
         stage.rod([px, py, height], [px, py, height + 0.5], 0.008, Material::matt(0x55_5555));
-        stage.block([px - 0.14, py - 0.006, height + 0.42], [px + 0.14, py + 0.006, height + 0.62], Material::matt(0x2c_332e));
+        stage.block(
+            [px - 0.14, py - 0.006, height + 0.42],
+            [px + 0.14, py + 0.006, height + 0.62],
+            Material::matt(0x2c_332e),
+        );
     }
 }
 
@@ -60,7 +68,11 @@ fn crate_of(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], fru
         stage.block([a, b, z + low], [a + WALL, b + SIDE, z + high], wood);
         stage.block([a + SIDE - WALL, b, z + low], [a + SIDE, b + SIDE, z + high], wood);
     }
-    stage.block([a + WALL, b + WALL, z], [a + SIDE - WALL, b + SIDE - WALL, z + HEIGHT - 1.6 * radius], Material::matt(0x4a_3a2c));
+    stage.block(
+        [a + WALL, b + WALL, z],
+        [a + SIDE - WALL, b + SIDE - WALL, z + HEIGHT - 1.6 * radius],
+        Material::matt(0x4a_3a2c),
+    );
     let free = SIDE - 2.0 * WALL;
     for layer in 0..2 {
         let inset = radius * (1.0 + 1.1 * layer as f32);
@@ -75,7 +87,11 @@ fn crate_of(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], fru
                     z + HEIGHT - radius * 0.75 + 1.25 * radius * layer as f32 + off(),
                 ];
                 let ripe = random.random_range(0.8..1.12);
-                stage.ball(centre, radius * random.random_range(0.93..1.05), Material { colour: fruit.colour * ripe, ..fruit });
+                stage.ball(
+                    centre,
+                    radius * random.random_range(0.93..1.05),
+                    Material { colour: fruit.colour * ripe, ..fruit },
+                );
             }
         }
     }

@@ -93,8 +93,10 @@ type Segment = Vec<Pixel>;
 impl Room {
     /// A point of the room at this height that the camera shows.
     fn point(&self, random: &mut impl Rng, height: f64) -> Option<WorldPoint> {
-        let pixel =
-            Pixel { u: random.random_range(20.0..SIZE[0] - 20.0), v: random.random_range(20.0..SIZE[1] - 20.0) };
+        let pixel = Pixel {
+            u: random.random_range(20.0..SIZE[0] - 20.0),
+            v: random.random_range(20.0..SIZE[1] - 20.0),
+        };
         let floor = self.camera.pixel_to_floor(pixel, height)?;
         (floor.x.hypot(floor.y) < self.depth).then(|| floor.at_height(height))
     }
@@ -112,7 +114,8 @@ impl Room {
             let centre = self.point(random, 0.0)?;
             let reach = 0.5 * (length.0 + (length.1 - length.0) * random.random::<f64>());
             let (sin, cos) = azimuth.sin_cos();
-            let end = |s: f64| WorldPoint { x: centre.x + s * reach * cos, y: centre.y + s * reach * sin, z: 0.0 };
+            let end =
+                |s: f64| WorldPoint { x: centre.x + s * reach * cos, y: centre.y + s * reach * sin, z: 0.0 };
             self.shown([end(-1.0), end(1.0)], least)
         })
     }
@@ -134,13 +137,16 @@ impl Room {
         let sizes = if groups == 1 { vec![count] } else { vec![count - count / 2, count / 2] };
         let mut annotations = Vec::new();
         for (size, angle) in sizes.into_iter().zip([azimuth, azimuth + other]) {
-            let lines: Option<Vec<_>> = (0..size).map(|_| self.floor(random, angle, (1.0, 6.0), 120.0)).collect();
+            let lines: Option<Vec<_>> =
+                (0..size).map(|_| self.floor(random, angle, (1.0, 6.0), 120.0)).collect();
             annotations.push(Annotation::of_segments(Kind::Parallel, lines?));
         }
         for _ in 0..random.random_range(1..3) {
             let angle = if random.random::<f64>() < 0.6 { azimuth } else { random.random_range(0.0..PI) };
-            let lines: Option<Vec<_>> =
-                [angle, angle + FRAC_PI_2].iter().map(|&a| self.floor(random, a, (0.8, 4.0), 100.0)).collect();
+            let lines: Option<Vec<_>> = [angle, angle + FRAC_PI_2]
+                .iter()
+                .map(|&a| self.floor(random, a, (0.8, 4.0), 100.0))
+                .collect();
             annotations.push(Annotation::of_segments(Kind::Perpendicular, lines?));
         }
         Some(annotations)

@@ -86,7 +86,8 @@ impl Shape {
         match *self {
             Self::Box(bounds) => bounds,
             Self::Turned { centre, axes, half } => {
-                let reach = |i: usize| axes.iter().enumerate().map(|(k, a)| a.axis(i).abs() * half.axis(k)).sum();
+                let reach =
+                    |i: usize| axes.iter().enumerate().map(|(k, a)| a.axis(i).abs() * half.axis(k)).sum();
                 let reach = vec3(reach(0), reach(1), reach(2));
                 Bounds { min: centre - reach, max: centre + reach }
             }
@@ -112,7 +113,8 @@ impl Shape {
             Self::Turned { centre, axes, half } => {
                 let from = line.origin - centre;
                 let own = |v: Vec3| vec3(v.dot(axes[0]), v.dot(axes[1]), v.dot(axes[2]));
-                let (near, far) = Bounds { min: -half, max: half }.span(&Line::new(own(from), own(line.direction)));
+                let (near, far) =
+                    Bounds { min: -half, max: half }.span(&Line::new(own(from), own(line.direction)));
                 (near <= far).then_some(near)
             }
             Self::Cone { from, to, radii } => hit_cone(line, from, to, radii),

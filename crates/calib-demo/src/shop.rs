@@ -74,7 +74,7 @@ fn gondola(stage: &mut Stage, random: &mut ChaCha8Rng, from: f32, to: f32, y: f3
     let body = Material::matt(0x6b_706f);
     stage.outline(from, y - GONDOLA_HALF, to, y + GONDOLA_HALF);
     stage.block([from, y - GONDOLA_HALF + 0.03, 0.0], [to, y + GONDOLA_HALF - 0.03, 0.14], body);
-    stage.block([from, y - 0.02, 0.14], [to, y + 0.02, GONDOLA_HEIGHT], white());
+    stage.block([from + 0.03, y - 0.02, 0.14], [to - 0.03, y + 0.02, GONDOLA_HEIGHT], white());
     for x in [from, to] {
         let inner = if x == from { x + 0.03 } else { x - 0.03 };
         stage.block([x, y - GONDOLA_HALF, 0.0], [inner, y + GONDOLA_HALF, GONDOLA_HEIGHT], oak());
@@ -109,7 +109,13 @@ fn wall_shelves(stage: &mut Stage, random: &mut ChaCha8Rng) {
     let bays = ((to - from) / BAY).round() as usize;
     for i in 0..=bays {
         let x = from + BAY * i as f32;
-        let (a, b) = if i == 0 { (x, x + 0.04) } else if i == bays { (x - 0.04, x) } else { (x - 0.02, x + 0.02) };
+        let (a, b) = if i == 0 {
+            (x, x + 0.04)
+        } else if i == bays {
+            (x - 0.04, x)
+        } else {
+            (x - 0.02, x + 0.02)
+        };
         stage.block([a, 0.0, 0.0], [b, depth, height], oak());
     }
     for bay in 0..bays {
@@ -133,13 +139,17 @@ fn wall_shelves(stage: &mut Stage, random: &mut ChaCha8Rng) {
 fn fridges(stage: &mut Stage, random: &mut ChaCha8Rng) {
     let [from, to] = FRIDGES;
     let [depth, height] = FRIDGE;
-    let body = Material::matt(0x3d_4247).gloss(0.03);
+    let body = Material::matt(0x7a_8083).gloss(0.03);
     let lit = Material::matt(0xf4_f7f8).glow(0.55);
     stage.outline(from, 0.0, to, depth);
     stage.block([from, 0.0, 0.0], [to, depth, 0.22], body);
     stage.block([from, 0.0, height - 0.2], [to, depth, height], body);
     stage.block([from, 0.0, 0.2], [to, 0.06, height], lit);
-    stage.block([from + 0.1, depth - 0.2, height - 0.22], [to - 0.1, depth - 0.1, height - 0.2], lit.glow(2.5));
+    stage.block(
+        [from + 0.1, depth - 0.2, height - 0.22],
+        [to - 0.1, depth - 0.1, height - 0.2],
+        lit.glow(2.5),
+    );
     let bays = ((to - from) / BAY).round() as usize;
     for i in 0..=bays {
         let x = (from + BAY * i as f32).clamp(from + 0.03, to - 0.03);
@@ -168,8 +178,12 @@ fn counter(stage: &mut Stage, random: &mut ChaCha8Rng) {
     stage.outline(x0, y0, x1, y1);
     stage.block([x0, y0, 0.0], [x1, y1, 0.1], steel());
     stage.block([x0, y0, 0.1], [x1, y1, 0.92], Material::matt(0x9c_7448).with(Finish::Boards { width: 0.1 }));
-    stage.block([x0 - 0.03, y0 - 0.03, 0.92], [x1 + 0.04, y1 + 0.03, 0.97], Material::matt(0xd6_d1c6).gloss(0.05));
-    stage.block([x0 + 0.1, y0 + 0.8, 1.36], [x1, y1 - 0.8, 1.39], steel());
+    stage.block(
+        [x0 - 0.03, y0 - 0.03, 0.92],
+        [x1 + 0.04, y1 + 0.03, 0.97],
+        Material::matt(0xd6_d1c6).gloss(0.05),
+    );
+    stage.block([x0 + 0.1, y0 + 0.8, 1.36], [x1, y1 - 0.8, 1.39], Material::matt(0xb4_bbb8).gloss(0.04));
     for y in [y0 + 0.8, 0.5 * (y0 + y1), y1 - 0.82] {
         stage.block([x0 + 0.1, y, 0.97], [x1 - 0.02, y + 0.02, 1.36], steel());
     }
@@ -198,11 +212,27 @@ fn checkout(stage: &mut Stage, [x, y]: [f32; 2]) {
     stage.block([x, y, 0.0], [x + width, y + length, 0.08], steel());
     stage.block([x, y, 0.08], [x + width, y + length, height], oak());
     stage.block([x - 0.02, y - 0.02, height - 0.04], [x + width + 0.02, y + length + 0.02, height], white());
-    stage.block([x + 0.1, y + 0.75, height], [x + 0.5, y + length - 0.04, height + 0.012], Material::matt(0x26_282a));
-    stage.block([x + 0.12, y + 0.3, height], [x + 0.48, y + 0.65, height + 0.02], Material::matt(0x88_8c90).gloss(0.1));
+    stage.block(
+        [x + 0.1, y + 0.75, height],
+        [x + 0.5, y + length - 0.04, height + 0.012],
+        Material::matt(0x26_282a),
+    );
+    stage.block(
+        [x + 0.12, y + 0.3, height],
+        [x + 0.48, y + 0.65, height + 0.02],
+        Material::matt(0x88_8c90).gloss(0.1),
+    );
     stage.rod([x + 0.6, y + 0.5, height], [x + 0.6, y + 0.5, height + 0.42], 0.02, steel());
-    stage.block([x + 0.56, y + 0.3, height + 0.3], [x + 0.6, y + 0.7, height + 0.58], Material::matt(0x1d_2023));
-    stage.block([x + 0.6, y + 0.33, height + 0.33], [x + 0.605, y + 0.67, height + 0.55], Material::matt(0x9f_c4d8).glow(0.7));
+    stage.block(
+        [x + 0.56, y + 0.3, height + 0.3],
+        [x + 0.6, y + 0.7, height + 0.58],
+        Material::matt(0x1d_2023),
+    );
+    stage.block(
+        [x + 0.6, y + 0.33, height + 0.33],
+        [x + 0.605, y + 0.67, height + 0.55],
+        Material::matt(0x9f_c4d8).glow(0.7),
+    );
     stage.block([x + 0.02, y + 0.5, height], [x + 0.09, y + 0.58, height + 0.16], Material::matt(0x2a_2c30));
     for (i, rgb) in [0xb4_4a3a, 0xd9_a441, 0x6d_8f4e, 0xe4_dcc8].into_iter().enumerate() {
         let at = y + 1.0 + 0.25 * i as f32;
@@ -267,7 +297,9 @@ fn details(stage: &mut Stage) {
         let rgb = if i % 2 == 0 { 0x4f_7a4a } else { 0x47_6f43 };
         stage.block([5.4, 13.3, z - 0.05], [5.85, 13.6, z + 0.02], Material::matt(rgb));
     }
-    for [x, y, tall] in [[11.4, 13.9, 1.5], [16.2, 13.9, 1.3], [23.3, 13.7, 1.7], [0.6, 13.7, 1.6], [23.4, 9.0, 1.4]] {
+    for [x, y, tall] in
+        [[11.4, 13.9, 1.5], [16.2, 13.9, 1.3], [23.3, 13.7, 1.7], [0.6, 13.7, 1.6], [23.4, 9.0, 1.4]]
+    {
         plant(stage, [x, y], tall);
     }
     stage.block([17.4, 13.3, 0.42], [19.8, 13.75, 0.47], oak());
@@ -275,7 +307,7 @@ fn details(stage: &mut Stage) {
     for x in [17.5, 19.6] {
         stage.block([x, 13.34, 0.0], [x + 0.06, 13.71, 0.42], steel());
     }
-    for (x, y, rgb) in [(8.4, 3.6, 0x5f_7f5c), (8.4, 6.6, 0xb0_6b3a), (17.7, 5.7, 0x6d_8f4e)] {
+    for (x, y, rgb) in [(8.4, 3.6, 0x5f_7f5c), (6.4, 6.6, 0xb0_6b3a), (17.7, 5.7, 0x6d_8f4e)] {
         stage.block([x - 0.8, y - 0.02, 2.75], [x + 0.8, y + 0.02, 3.15], Material::matt(rgb));
         stage.block([x - 0.6, y - 0.025, 2.9], [x + 0.3, y + 0.025, 2.98], Material::matt(0xf2_efe6));
         for side in [-0.7, 0.7] {

@@ -48,7 +48,18 @@ pub fn demo_site() -> DemoSite {
 /// The demonstration site.
 #[must_use]
 pub fn demo_site_with(lens: KnownLens) -> DemoSite {
+    let truth = cameras().into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
+    DemoSite { site: site(lens, TREMOR), truth, plan: plan() }
+}
+
+/// What an operator with this tremor, in pixels, drew and entered.
+pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
     let cameras = cameras();
+    let hand = |seed: usize, camera: &Camera, size: [u32; 2]| {
+        // One of its own for every image, so that one line more on one does not move those on others.
+        let random = ChaCha8Rng::seed_from_u64(1000 + seed as u64);
+        Hand { camera: *camera, size, tremor, random }
+    };
     let entries = cameras.iter().enumerate().map(|(i, (id, camera, size))| {
         let mut hand = hand(i, camera, *size);
         site_camera(id, &mut hand, lens)
@@ -61,25 +72,18 @@ pub fn demo_site_with(lens: KnownLens) -> DemoSite {
         .map(|(i, (id, camera, size))| (*id, hand(100 + i, camera, *size)))
         .collect();
     let links = links(&mut hands, 8);
-    let site = Site {
+    Site {
         format: Format::CalibSite,
         version: 1,
         name: Some("Farm shop and barn".into()),
         plan: Some(plan_entry()),
         cameras: entries,
-        distances: vec![taped(&links)].into_iter().flatten().collect(),
+        distances: taped(&links).into_iter().collect(),
         links,
         marks: marks(),
         georeference: None,
         solution: None,
-    };
-    let truth = cameras.into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
-    DemoSite { site, truth, plan: plan() }
-}
-
-/// A hand of its own for every image, so that one drawing more on one does not move those on others.
-fn hand(seed: usize, camera: &Camera, size: [u32; 2]) -> Hand {
-    Hand { camera: *camera, size, random: ChaCha8Rng::seed_from_u64(1000 + seed as u64) }
+    }
 }
 
 fn site_camera(id: &str, hand: &mut Hand, lens: KnownLens) -> SiteCamera {
@@ -113,7 +117,9 @@ fn title(id: &str) -> &'static str {
 }
 
 fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
-    let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = camera.lens.distortion else { return None };
+    let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = camera.lens.distortion else {
+        return None;
+    };
     let bare = DistortionEntry {
         model: DistortionModel::BrownConrady,
         k1: None,
@@ -169,7 +175,9 @@ fn efov(id: &str, hand: &Hand) -> Vec<Pixel> {
     let shown = |&[x, y]: &[f64; 2]| {
         let inward = Edge { from: WorldPoint { x, y, z: 0.0 }, to: middle };
         let on_way = (0..=STEPS).filter_map(|i| hand.pixel(inward.at(f64::from(i) / f64::from(STEPS))));
-        on_way.map(|Pixel { u, v }| Pixel { u: u.round(), v: v.round() }).find(|&p| is_inside(p, hand.size, MARGIN))
+        on_way
+            .map(|Pixel { u, v }| Pixel { u: u.round(), v: v.round() })
+            .find(|&p| is_inside(p, hand.size, MARGIN))
     };
     corners.iter().filter_map(shown).collect()
 }

@@ -69,7 +69,11 @@ fn build_rack(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32
             beam(stage, [x0 - 0.005, y0], [x0 + 0.05, y1]);
             beam(stage, [x1 - 0.05, y0], [x1, y1]);
         }
-        stage.block([x0 + 0.06, y0 + 0.06, z - 0.03], [x1 - 0.06, y1 - 0.06, z], Material::matt(0xb9_9a6c).with(Finish::Timber));
+        stage.block(
+            [x0 + 0.06, y0 + 0.06, z - 0.03],
+            [x1 - 0.06, y1 - 0.06, z],
+            Material::matt(0xb9_9a6c).with(Finish::Timber),
+        );
     }
     for z in [0.0, 0.9, 1.9] {
         shelf(stage, random, [x0 + 0.1, y0 + 0.1, x1 - 0.1, y1 - 0.1], z);

@@ -8,7 +8,7 @@ pub(crate) fn chance(seed: u32) -> f32 {
     (mix(seed) >> 8) as f32 / 16_777_216.0
 }
 
-/// Stirs the bits of an integer (the finaliser of MurmurHash3).
+/// Stirs the bits of an integer (the finaliser of `MurmurHash3`).
 #[inline]
 pub(crate) const fn mix(seed: u32) -> u32 {
     let mut h = seed;
@@ -76,7 +76,7 @@ mod tests {
             let mean = (0..6000).map(|i| joint(i as f32 * 1e-3, 0.6, 0.012, footprint)).sum::<f32>() / 6000.0;
             assert!((mean - 0.02).abs() < 1e-3, "{mean} at {footprint}");
         }
-        assert_eq!(joint(1.2, 0.6, 0.012, 0.001), 1.0);
+        assert!(joint(1.2, 0.6, 0.012, 0.001) > 0.999);
         assert_eq!(joint(1.5, 0.6, 0.012, 0.001), 0.0);
     }
 }

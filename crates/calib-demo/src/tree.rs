@@ -47,7 +47,8 @@ impl Tree {
         let mut open = vec![(0, 0..shapes.len())];
         while let Some((node, range)) = open.pop() {
             for (slot, part) in quarters(&mut order, range, &bounds).into_iter().enumerate() {
-                let around = order[part.clone()].iter().fold(Bounds::EMPTY, |all, &i| all.union(bounds[i as usize]));
+                let around =
+                    order[part.clone()].iter().fold(Bounds::EMPTY, |all, &i| all.union(bounds[i as usize]));
                 for axis in 0..3 {
                     nodes[node].min[axis][slot] = around.min.axis(axis);
                     nodes[node].max[axis][slot] = around.max.axis(axis);
@@ -142,8 +143,11 @@ impl Node {
         let (mut near, mut far) = ([0.0; 4], [limit; 4]);
         for axis in 0..3 {
             let (origin, inverse) = (line.origin.axis(axis), line.inverse.axis(axis));
-            let (front, back) =
-                if inverse < 0.0 { (&self.max[axis], &self.min[axis]) } else { (&self.min[axis], &self.max[axis]) };
+            let (front, back) = if inverse < 0.0 {
+                (&self.max[axis], &self.min[axis])
+            } else {
+                (&self.min[axis], &self.max[axis])
+            };
             for slot in 0..4 {
                 near[slot] = greater((front[slot] - origin) * inverse, near[slot]);
                 far[slot] = lesser((back[slot] - origin) * inverse, far[slot]);

@@ -120,7 +120,8 @@ pub(crate) fn world() -> &'static World {
 /// in the middle of a foot.
 #[must_use]
 pub fn visible(camera: &Camera, size: [u32; 2], point: WorldPoint, slack: f64) -> bool {
-    camera.world_to_pixel(point).is_some_and(|pixel| is_inside(pixel, size, 0.0)) && is_clear(camera, point, slack)
+    camera.world_to_pixel(point).is_some_and(|pixel| is_inside(pixel, size, 0.0))
+        && is_clear(camera, point, slack)
 }
 
 /// Whether a pixel lies inside an image, `margin` pixels from its border.
