@@ -1,1 +1,390 @@
+//! The command line as the contract has it: data on stdout, messages on stderr, exit codes.
 
+use calib_core::{
+    Annotation, BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Kind, Lens, Method, Pixel,
+    Site, SiteCamera, Solution, Stage, WorldPoint,
+};
+use calib_demo::random::{Drawn, RandomScene};
+use calib_tests::Scratch;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+/// A site of two cameras that can be solved and a grey image for the first.
+fn site() -> (Scratch, Site) {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let cameras = ["door", "yard"].map(|id| {
+        let scene = RandomScene::new(&mut random, Drawn::Directions, Some(80.0), Some(35.0));
+        SiteCamera {
+            annotations: scene.noisy(&mut random, 0.7),
+            sigma_px: Some(0.7),
+            efov_px: Some(scene.efov),
+            image: (id == "door").then(|| "door.png".into()),
+            ..SiteCamera::new(id, [1920, 1080])
+        }
+    });
+    let scratch = Scratch::new();
+    image::RgbImage::from_pixel(1920, 1080, image::Rgb([90, 90, 90])).save(scratch.path("door.png")).unwrap();
+    let site = Site { cameras: cameras.to_vec(), ..Site::new() };
+    scratch.write("site.json", site.to_json());
+    (scratch, site)
+}
+
+fn rewrite(scratch: &Scratch, site: &Site, change: impl FnOnce(&mut Value)) {
+    let mut document: Value = serde_json::from_str(&site.to_json()).unwrap();
+    change(&mut document);
+    scratch.write("site.json", document.to_string());
+}
+
+#[test]
+fn solving_reports_on_stdout_and_writes_the_solved_site() {
+    let (scratch, site) = site();
+    let text = scratch.calib(&["solve", "site.json"]).expect_code(0);
+    assert!(text.stdout.contains("door") && text.stdout.contains("yard"), "{}", text.stdout);
+    let json =
+        scratch.calib(&["solve", "site.json", "--format", "json", "-o", "solved.json"]).expect_code(0).json();
+    assert_eq!(json["door"]["method"], "maximum-likelihood");
+    assert_eq!(json["door"]["stage"], "partial");
+    let solved = scratch.read_json("solved.json");
+    assert_eq!(solved["cameras"][0]["solution"], json["door"]);
+    assert_eq!(
+        solved["cameras"][0]["annotations"].as_array().unwrap().len(),
+        site.cameras[0].annotations.len()
+    );
+    let one =
+        scratch.calib(&["solve", "site.json", "--camera", "yard", "--format", "json"]).expect_code(0).json();
+    assert!(one.get("door").is_none() && one.get("yard").is_some());
+}
+
+#[test]
+fn a_solved_site_solves_to_the_same_numbers() {
+    let (scratch, _) = site();
+    let first =
+        scratch.calib(&["solve", "site.json", "--format", "json", "-o", "solved.json"]).expect_code(0);
+    let again = scratch.calib(&["solve", "solved.json", "--format", "json"]).expect_code(0);
+    assert_eq!(first.stdout, again.stdout);
+}
+
+#[test]
+fn dashes_are_stdin_and_stdout() {
+    let (scratch, site) = site();
+    let run = scratch.calib_with(&["solve", "-", "-o", "-"], &site.to_json()).expect_code(0);
+    assert!(run.json()["cameras"][1]["solution"].is_object());
+    assert!(run.stderr.contains("door"), "the report goes where messages go");
+}
+
+#[test]
+fn an_existing_file_is_kept_unless_forced() {
+    let (scratch, _) = site();
+    scratch.write("solved.json", "mine");
+    let refused = scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(1);
+    assert!(refused.stderr.contains("--force") && refused.stdout.is_empty());
+    assert_eq!(std::fs::read_to_string(scratch.path("solved.json")).unwrap(), "mine");
+    scratch.calib(&["solve", "site.json", "-o", "solved.json", "--force"]).expect_code(0);
+    assert!(scratch.read_json("solved.json")["cameras"].is_array());
+}
+
+#[test]
+fn what_is_asked_wrongly_is_exit_2() {
+    let (scratch, _) = site();
+    scratch.calib(&["solve"]).expect_code(2);
+    scratch.calib(&["solve", "site.json", "--method", "guess"]).expect_code(2);
+    let unknown = scratch.calib(&["solve", "site.json", "--camera", "roof"]).expect_code(2);
+    assert!(unknown.stderr.contains("door, yard"), "{}", unknown.stderr);
+    scratch.calib(&["render", "site.json", "-o", "x.png"]).expect_code(2);
+}
+
+#[test]
+fn invalid_input_is_exit_3_and_names_file_and_pointer() {
+    let (scratch, site) = site();
+    rewrite(&scratch, &site, |document| document["cameras"][1]["colour"] = json!("red"));
+    let run = scratch.calib(&["solve", "site.json"]).expect_code(3);
+    assert!(run.stderr.contains("site.json") && run.stderr.contains("/cameras/1/colour"), "{}", run.stderr);
+    scratch.write("site.json", "{ not json");
+    scratch.calib(&["solve", "site.json"]).expect_code(3);
+    scratch.write("site.json", [0xff, 0xfe, 0x00]);
+    scratch.calib(&["solve", "site.json"]).expect_code(3);
+    let missing = scratch.calib(&["solve", "nothing.json"]).expect_code(3);
+    assert!(missing.stderr.contains("nothing.json"));
+}
+
+#[test]
+fn a_size_that_is_not_the_images_names_both() {
+    let (scratch, site) = site();
+    rewrite(&scratch, &site, |document| document["cameras"][0]["size_px"] = json!([1280, 720]));
+    let run = scratch.calib(&["render", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
+    assert!(run.stderr.contains("1920 x 1080") && run.stderr.contains("1280 x 720"), "{}", run.stderr);
+    assert!(!scratch.path("x.png").exists());
+}
+
+#[test]
+fn broken_images_are_invalid_input() {
+    let (scratch, _) = site();
+    for contents in [&b"not an image"[..], b"\x89PNG\r\n\x1a\n", b""] {
+        scratch.write("door.png", contents);
+        let run = scratch.calib(&["render", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
+        assert!(run.stderr.contains("door.png"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_camera_that_cannot_be_solved_does_not_keep_the_others() {
+    let (scratch, mut site) = site();
+    site.cameras[0].annotations.truncate(0);
+    scratch.write("site.json", site.to_json());
+    let run = scratch.calib(&["solve", "site.json", "--format", "json", "-o", "solved.json"]).expect_code(4);
+    let json = run.json();
+    assert!(json["door"]["error"]["advice"].as_str().unwrap().contains("Draw"));
+    assert!(json["yard"]["focal_px"].is_number());
+    assert!(scratch.read_json("solved.json")["cameras"][0]["error"]["code"].is_string());
+    assert!(run.stderr.contains("door"), "{}", run.stderr);
+}
+
+#[test]
+fn the_papers_method_is_there_to_compare() {
+    let (scratch, _) = site();
+    let json =
+        scratch.calib(&["solve", "site.json", "--method", "paper", "--format", "json"]).expect_code(0).json();
+    assert_eq!(json["door"]["method"], "paper");
+    assert!(json["door"].get("sigma").is_none(), "the paper's method knows no sigmas");
+}
+
+#[test]
+fn the_gate_is_exit_4() {
+    let (scratch, _) = site();
+    scratch.calib(&["check", "site.json", "--max-floor-error", "0.5"]).expect_code(0);
+    let run = scratch
+        .calib(&["check", "site.json", "--max-floor-error", "0.00001", "--format", "json"])
+        .expect_code(4);
+    assert_eq!(run.json()["ok"], json!(false));
+    scratch
+        .calib(&["check", "site.json", "--max-rms-px", "0.0001", "--max-floor-error", "0.5"])
+        .expect_code(4);
+}
+
+#[test]
+fn pictures_are_written_whole() {
+    let (scratch, _) = site();
+    for args in [
+        vec!["render", "site.json", "--camera", "door", "-o", "a.png"],
+        vec!["render", "site.json", "--camera", "door", "--sigma", "-o", "b.png"],
+        vec!["undistort", "site.json", "--camera", "door", "-o", "c.png"],
+    ] {
+        scratch.calib(&args).expect_code(0);
+        let drawn = image::open(scratch.path(args[args.len() - 1])).unwrap().into_rgb8();
+        assert_eq!(drawn.dimensions(), (1920, 1080));
+    }
+    scratch.calib(&["render", "site.json", "--plan", "-o", "d.png"]).expect_code(0);
+    assert!(image::open(scratch.path("d.png")).is_ok());
+    scratch.calib(&["report", "site.json", "-o", "e.html"]).expect_code(0);
+}
+
+#[test]
+fn a_data_uri_makes_a_site_one_file() {
+    use std::fmt::Write as _;
+    let (scratch, mut site) = site();
+    let mut tiny = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_pixel(2, 1, image::Rgb([1, 2, 3]))
+        .write_to(&mut tiny, image::ImageFormat::Png)
+        .unwrap();
+    let mut encoded = String::new();
+    for chunk in tiny.into_inner().chunks(3) {
+        let bits =
+            chunk.iter().fold(0_u32, |bits, &byte| bits << 8 | u32::from(byte)) << (8 * (3 - chunk.len()));
+        const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        for i in 0..4 {
+            let letter =
+                if i <= chunk.len() { LETTERS[(bits >> (18 - 6 * i) & 63) as usize] as char } else { '=' };
+            write!(encoded, "{letter}").unwrap();
+        }
+    }
+    site.cameras[0].image = Some(format!("data:image/png;base64,{encoded}"));
+    site.cameras[0].size_px = [2, 1];
+    site.cameras[0].annotations.clear();
+    scratch.write("site.json", site.to_json());
+    scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(1);
+    site.cameras[0].image = Some("data:image/png,plain".into());
+    scratch.write("site.json", site.to_json());
+    scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
+}
+
+#[test]
+fn the_schema_and_completions_are_printed() {
+    let scratch = Scratch::new();
+    assert!(scratch.calib(&["schema"]).expect_code(0).json()["properties"]["cameras"].is_object());
+    for shell in ["bash", "zsh", "fish", "powershell"] {
+        assert!(scratch.calib(&["completions", shell]).expect_code(0).stdout.contains("calib"));
+    }
+}
+
+/// A site of cameras whose solution is given, half of them with all five Brown-Conrady coefficients.
+fn given(count: usize) -> (Vec<Camera>, Site) {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let mut cameras = Vec::new();
+    let mut site = Site::new();
+    for index in 0..count {
+        let mut between = |low: f64, high: f64| random.random_range(low..high);
+        let focal = between(700.0, 2500.0);
+        let pinhole = Lens::pinhole(Pixel::new(between(900.0, 1000.0), between(500.0, 580.0)));
+        let brown = BrownConrady {
+            k1: between(-0.3, 0.1),
+            k2: between(-0.05, 0.1),
+            k3: between(-0.01, 0.01),
+            p1: between(-0.002, 0.002),
+            p2: between(-0.002, 0.002),
+        };
+        let bent = Lens { focal, distortion: Distortion::BrownConrady(brown), ..pinhole };
+        let camera = Camera {
+            position: WorldPoint::new(between(-50.0, 50.0), between(-50.0, 50.0), between(2.0, 8.0)),
+            yaw: between(-3.1, 3.1),
+            pitch: between(0.1, 1.4),
+            roll: between(-0.5, 0.5),
+            focal,
+            lens: if index % 2 == 0 { bent } else { pinhole },
+            covariance: Covariance::EXACT,
+        };
+        let solution = Solution {
+            method: Method::Given,
+            stage: Stage::Placed,
+            position_m: Some(camera.position),
+            yaw_deg: Some(camera.yaw.to_degrees()),
+            pitch_deg: Some(camera.pitch.to_degrees()),
+            roll_deg: Some(camera.roll.to_degrees()),
+            focal_px: focal,
+            principal_point_px: camera.lens.principal_point,
+            distortion: DistortionEntry::of(&camera.lens, focal),
+            ..bare()
+        };
+        let id = format!("c{index}");
+        site.cameras.push(SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) });
+        cameras.push(camera);
+    }
+    (cameras, site)
+}
+
+/// A solution with nothing but what a reader requires.
+fn bare() -> Solution {
+    serde_json::from_value(
+        json!({"method": "given", "stage": "lens", "focal_px": 1.0, "principal_point_px": [0, 0]}),
+    )
+    .unwrap()
+}
+
+fn rows(csv: &str) -> Vec<Vec<String>> {
+    csv.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn four_hundred_cameras_project_there_and_back() {
+    let (cameras, site) = given(400);
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let mut random = ChaCha8Rng::seed_from_u64(10);
+    let mut compared = 0;
+    for (index, camera) in cameras.iter().enumerate() {
+        let id = format!("c{index}");
+        let pixels: Vec<Pixel> = (0..5)
+            .map(|_| Pixel::new(random.random_range(0.0..1920.0), random.random_range(0.0..1080.0)))
+            .collect();
+        let input: String = pixels.iter().map(|p| format!("x,{},{}\n", p.u, p.v)).collect();
+        let args = ["project", "site.json", "--camera", &id, "--to", "floor"];
+        let floor = scratch.calib_with(&args, &format!("tag,u,v\n{input}")).expect_code(0).stdout;
+        let args = ["project", "site.json", "--camera", &id, "--to", "pixel"];
+        let found: Vec<Vec<String>> =
+            rows(&floor).into_iter().skip(1).filter(|row| !row[3].is_empty()).collect();
+        let back: String = found.iter().map(|row| format!("{},{},0\n", row[3], row[4])).collect();
+        let again = scratch.calib_with(&args, &format!("x_m,y_m,z_m\n{back}")).expect_code(0).stdout;
+        for (row, there) in rows(&again).iter().skip(1).zip(&found) {
+            let number = |text: &String| text.parse::<f64>().unwrap();
+            let off = (number(&row[3]) - number(&there[1])).hypot(number(&row[4]) - number(&there[2]));
+            assert!(off < 1e-6, "{id}: {off} px");
+            let exact = camera.pixel_to_floor(Pixel::new(number(&there[1]), number(&there[2])), 0.0).unwrap();
+            let range = exact.distance(camera.position.on_floor());
+            let off = (exact.x - number(&there[3])).hypot(exact.y - number(&there[4]));
+            assert!(off < 1e-6 * (1.0 + range * range / 100.0), "{id}: {off} m at {range} m");
+            compared += 1;
+        }
+    }
+    assert!(compared > 1000, "{compared} points");
+}
+
+#[test]
+fn every_status_says_what_is_so() {
+    let (_, mut site) = given(2);
+    let camera = &mut site.cameras[1];
+    camera.solution.as_mut().unwrap().pitch_deg = Some(20.0);
+    camera.solution.as_mut().unwrap().roll_deg = Some(0.0);
+    camera.solution.as_mut().unwrap().focal_px = 1200.0;
+    let efov = calib_core::default_efov(&camera.camera().unwrap(), camera.size()).polygon;
+    camera.solution.as_mut().unwrap().efov_m = efov;
+    let bent = &mut site.cameras[0];
+    bent.solution.as_mut().unwrap().distortion = Some(DistortionEntry {
+        k1: Some(-0.3),
+        ..DistortionEntry::new(calib_core::DistortionModel::BrownConrady)
+    });
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let status = |id: &str, to: &str, header: &str, row: &str| {
+        let args = ["project", "site.json", "--camera", id, "--to", to];
+        let out = scratch.calib_with(&args, &format!("{header}\n{row}\n")).expect_code(0).stdout;
+        rows(&out)[1].last().unwrap().clone()
+    };
+    assert_eq!(status("c1", "floor", "u,v", "960,1000"), "ok");
+    assert_eq!(status("c1", "floor", "u,v", "960,-2000"), "above-horizon");
+    assert_eq!(status("c1", "floor", "u,v", "960,1200"), "outside-image");
+    assert_eq!(status("c1", "floor", "u,v", "960,200"), "outside-efov");
+    assert_eq!(status("c0", "floor", "u,v", "90000,540"), "outside-lens");
+    let eye = site.cameras[1].camera().unwrap().position;
+    let behind = site.cameras[1].camera().unwrap();
+    let (sin, cos) = behind.yaw.sin_cos();
+    let at = |ahead: f64| format!("{},{},0", eye.x - sin * ahead, eye.y + cos * ahead);
+    assert_eq!(status("c1", "pixel", "x_m,y_m,z_m", &at(-5.0)), "behind-camera");
+    assert_eq!(status("c1", "pixel", "x_m,y_m,z_m", &at(3.0 * eye.z)), "ok");
+}
+
+#[test]
+fn a_table_that_is_none_is_refused_with_its_line() {
+    let (_, site) = given(1);
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let args = ["project", "site.json", "--camera", "c0", "--to", "floor"];
+    let run = scratch.calib_with(&args, "a,b\n1,2\n").expect_code(3);
+    assert!(run.stderr.contains("line 1") && run.stderr.contains("u,v"), "{}", run.stderr);
+    let run = scratch.calib_with(&args, "u,v\n1,2\n3,many\n").expect_code(3);
+    assert!(run.stderr.contains("line 3") && run.stderr.contains("many"), "{}", run.stderr);
+    scratch.calib_with(&args, "u,v\n1,2,3\n").expect_code(3);
+    let empty = scratch.calib_with(&args, "u,v\n").expect_code(0);
+    assert_eq!(empty.stdout.trim(), "u,v,x_m,y_m,status");
+}
+
+#[test]
+fn calibrations_are_chosen_by_time() {
+    let (_, mut site) = given(2);
+    site.cameras[1].id = "c0".into();
+    site.cameras[0].valid_to = Some("2026-06-01T00:00:00Z".into());
+    site.cameras[1].valid_from = Some("2026-06-01T00:00:00Z".into());
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let at = |time: &str| {
+        let args = ["project", "site.json", "--camera", "c0", "--to", "floor", "--at", time];
+        scratch.calib_with(&args, "u,v\n960,1079\n").expect_code(0).stdout
+    };
+    assert_ne!(at("2026-05-31T23:59:59Z"), at("2026-06-01T02:00:00+01:00"));
+    let args = ["project", "site.json", "--camera", "c0", "--to", "floor"];
+    scratch.calib_with(&args, "u,v\n960,1079\n").expect_code(2);
+    scratch.calib(&["check", "site.json", "--at", "noon"]).expect_code(2);
+}
+
+#[test]
+fn a_straight_segment_annotation_without_points_is_no_crash() {
+    let (scratch, mut site) = site();
+    site.cameras[0].annotations.push(Annotation::of_segments(Kind::EqualLength, vec![]));
+    // Everything at one point: lines without a direction.
+    let dot = vec![Pixel::new(5.0, 5.0); 2];
+    site.cameras[0].annotations.push(Annotation::of_segments(Kind::Vertical, vec![dot.clone(), dot.clone()]));
+    site.cameras[1].annotations = vec![Annotation::of_segments(Kind::EqualLength, vec![dot; 5])];
+    scratch.write("site.json", site.to_json());
+    let run = scratch.calib(&["solve", "site.json", "--format", "json"]);
+    assert!(run.code == 0 || run.code == 4, "{run:?}");
+    assert!(run.json()["door"].is_object());
+}

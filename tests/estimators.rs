@@ -1,8 +1,8 @@
 //! The estimators on random rooms: exact scenes, the Cramér-Rao bound, wrong lines, degenerate set-ups.
 
 use calib_core::{
-    Annotation, Camera, Code, Evidence, Fit, FitOptions, Held, Kind, Known, LensEntry, Lens, Method, Options, Pixel,
-    PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,
+    Annotation, Camera, Code, Evidence, Fit, FitOptions, Held, Kind, Known, Lens, LensEntry, Method, Options,
+    Pixel, PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
@@ -38,7 +38,11 @@ fn the_papers_method_finds_exact_scenes() {
         for scene in scenes(drawn, 40, 21) {
             let evidence = Evidence::new(&scene.annotations, &lens(), false);
             let (at, _) = paper_minimum(&evidence, Held::default(), SIZE[0]).unwrap();
-            assert!((at.focal / scene.camera.focal - 1.0).abs() < 1e-3, "{drawn:?} {at:?} {:?}", scene.camera);
+            assert!(
+                (at.focal / scene.camera.focal - 1.0).abs() < 1e-3,
+                "{drawn:?} {at:?} {:?}",
+                scene.camera
+            );
             assert!((at.pitch - scene.camera.pitch).to_degrees().abs() < 0.02);
             assert!((at.roll - scene.camera.roll).to_degrees().abs() < 1e-3);
         }
@@ -62,7 +66,9 @@ fn the_fit_finds_exact_scenes() {
 #[test]
 fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
     const DRAWS: usize = 12;
-    for (drawn, noise) in [(Drawn::Directions, 0.5), (Drawn::Directions, 2.0), (Drawn::Lengths, 0.5), (Drawn::Lengths, 2.0)] {
+    for (drawn, noise) in
+        [(Drawn::Directions, 0.5), (Drawn::Directions, 2.0), (Drawn::Lengths, 0.5), (Drawn::Lengths, 2.0)]
+    {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut ratios: [Vec<f64>; 3] = Default::default();
         let (mut covered, mut trials) = ([0; 3], 0);
@@ -94,7 +100,10 @@ fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
             ratios[i].sort_by(f64::total_cmp);
             let median = ratios[i][ratios[i].len() / 2];
             let share = covered[i] as f64 / trials as f64;
-            println!("{drawn:?} {noise} px, unknown {i}: {median:.3} of the bound, {:.1} % covered", 100.0 * share);
+            println!(
+                "{drawn:?} {noise} px, unknown {i}: {median:.3} of the bound, {:.1} % covered",
+                100.0 * share
+            );
             assert!(median < 1.05, "{median} times the bound");
             // 720 trials: one standard deviation of the share is 0.8 %.
             assert!(share > 0.925 && share < 0.975, "{share} covered");
@@ -132,7 +141,9 @@ fn one_wrong_line_is_named_and_good_ones_are_not() {
         good += found.residuals.len() - 1;
         wild += usize::from((found.camera.focal / scene.camera.focal).ln().abs() > 0.2);
     }
-    println!("{named} of {trials} named, {accused} of {good} good lines accused, {wild} results over 20 % off");
+    println!(
+        "{named} of {trials} named, {accused} of {good} good lines accused, {wild} results over 20 % off"
+    );
     assert!(trials > 60);
     assert!(named as f64 >= 0.98 * trials as f64, "{named} of {trials}");
     assert!((accused as f64) < 0.02 * good as f64, "{accused} of {good}");
@@ -184,7 +195,8 @@ impl Studio {
 
     /// Floor lines of one direction, side by side.
     fn parallels(&mut self, azimuth: f64) -> Annotation {
-        let lines = [(-2.0, 6.5), (-0.5, 6.0), (0.8, 7.0), (2.2, 6.5)].map(|(x, y)| self.floor(x, y, azimuth, 3.0));
+        let lines =
+            [(-2.0, 6.5), (-0.5, 6.0), (0.8, 7.0), (2.2, 6.5)].map(|(x, y)| self.floor(x, y, azimuth, 3.0));
         Annotation::of_segments(Kind::Parallel, lines.to_vec())
     }
 
@@ -271,7 +283,8 @@ fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
         let (verticals, angle) = (studio.verticals(), studio.right_angle(azimuth));
         let solution = solve(studio.site(vec![verticals, angle]));
         let answers = solution.alternatives.iter().map(|other| other.focal_px).chain([solution.focal_px]);
-        let nearest = answers.map(|focal| (focal / studio.camera.focal).ln().abs()).fold(f64::INFINITY, f64::min);
+        let nearest =
+            answers.map(|focal| (focal / studio.camera.focal).ln().abs()).fold(f64::INFINITY, f64::min);
         assert!(nearest < 0.25, "{azimuth}: the truth is among neither, {nearest}");
         if codes(&solution).contains(&Code::TwoSolutions) {
             found += 1;
@@ -290,7 +303,9 @@ fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
     let equal = Annotation::of_segments(Kind::EqualLength, side_by_side.clone());
     assert_named(&solve(studio.site(vec![verticals.clone(), equal])), Code::FocalUnobservable);
     let mut segments = side_by_side;
-    segments.extend([(-1.0, 4.5), (1.0, 8.0), (0.0, 5.0), (0.5, 7.0)].map(|(x, y)| studio.floor(x, y, 80.0, 1.0)));
+    segments.extend(
+        [(-1.0, 4.5), (1.0, 8.0), (0.0, 5.0), (0.5, 7.0)].map(|(x, y)| studio.floor(x, y, 80.0, 1.0)),
+    );
     let spread = Annotation::of_segments(Kind::EqualLength, segments);
     assert_healthy(&solve(studio.site(vec![verticals, spread])), &studio);
 }
@@ -298,7 +313,8 @@ fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
 #[test]
 fn a_level_camera_with_one_parallel_group_is_weak_and_a_right_angle_mends_it() {
     let mut studio = Studio::new(0.5, 75.0);
-    let lines = [(-2.0, 9.0), (-0.7, 9.0), (0.8, 9.0), (2.2, 9.0)].map(|(x, y)| studio.floor(x, y, 85.0, 4.0));
+    let lines =
+        [(-2.0, 9.0), (-0.7, 9.0), (0.8, 9.0), (2.2, 9.0)].map(|(x, y)| studio.floor(x, y, 85.0, 4.0));
     let verticals = studio.verticals();
     let group = Annotation::of_segments(Kind::Parallel, lines.to_vec());
     assert_named(&solve(studio.site(vec![verticals.clone(), group.clone()])), Code::FocalUnobservable);
@@ -367,7 +383,8 @@ fn the_weak_belief_does_not_move_what_the_lines_tell() {
     let mut studio = Studio::new(30.0, 75.0);
     let annotations = vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0)];
     let with = solve(studio.site(annotations.clone()));
-    let without = solve_with(studio.site(annotations), &Options { prior: false, ..Options::default() }).unwrap();
+    let without =
+        solve_with(studio.site(annotations), &Options { prior: false, ..Options::default() }).unwrap();
     assert_eq!(with.focal_px, without.focal_px);
     assert_eq!(with.pitch_deg, without.pitch_deg);
 }
@@ -379,7 +396,10 @@ fn a_known_length_an_upright_and_a_height_give_the_scale() {
     let truth = studio.camera.position.z;
     let length = Annotation {
         length_m: Some(2.0),
-        ..Annotation::of_segments(Kind::KnownLength, vec![studio.floor(0.0, 6.0, 30.0, 2.0), studio.floor(1.0, 5.0, 100.0, 2.0)])
+        ..Annotation::of_segments(
+            Kind::KnownLength,
+            vec![studio.floor(0.0, 6.0, 30.0, 2.0), studio.floor(1.0, 5.0, 100.0, 2.0)],
+        )
     };
     let upright = Annotation {
         foot: Some(studio.pixel(WorldPoint::new(0.5, 6.0, 0.0))),
@@ -467,7 +487,8 @@ fn what_a_method_does_not_use_is_named() {
     };
     let base = vec![studio.verticals(), studio.parallels(70.0)];
     let annotations: Vec<Annotation> = base.into_iter().chain([straight, lonely, known]).collect();
-    let count = |solution: &Solution| codes(solution).iter().filter(|&&code| code == Code::UnusedAnnotation).count();
+    let count =
+        |solution: &Solution| codes(solution).iter().filter(|&&code| code == Code::UnusedAnnotation).count();
     assert_eq!(count(&solve(studio.site(annotations.clone()))), 2, "the polyline, the lonely line");
     let paper = Options { method: Method::Paper, ..Options::default() };
     assert_eq!(count(&solve_with(studio.site(annotations), &paper).unwrap()), 3, "and the known length");

@@ -131,11 +131,19 @@ fn the_papers_method_is_as_good_as_in_scipy() {
         let lens = Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]));
         let error = |focal: f64, scene: &RandomScene| (focal / scene.camera.focal - 1.0).abs();
         let ours = scenes.iter().map(|(scene, noisy)| {
-            let (at, _) = paper_minimum(&Evidence::new(noisy, &lens, false), Held::default(), SIZE[0]).unwrap();
+            let (at, _) =
+                paper_minimum(&Evidence::new(noisy, &lens, false), Held::default(), SIZE[0]).unwrap();
             error(at.focal, scene)
         });
-        let (ours, theirs) = (median(ours.collect()), median(scenes.iter().zip(theirs).map(|((s, _), f)| error(f, s)).collect()));
-        println!("{drawn:?}: median focal error {:.3} % here, {:.3} % in SciPy", 100.0 * ours, 100.0 * theirs);
+        let (ours, theirs) = (
+            median(ours.collect()),
+            median(scenes.iter().zip(theirs).map(|((s, _), f)| error(f, s)).collect()),
+        );
+        println!(
+            "{drawn:?}: median focal error {:.3} % here, {:.3} % in SciPy",
+            100.0 * ours,
+            100.0 * theirs
+        );
         assert!(ours < 1.1 * theirs, "{ours} here, {theirs} in SciPy");
     }
 }

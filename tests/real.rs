@@ -1,8 +1,8 @@
 //! Real cameras: three surveillance views of one shelter with hand-drawn lines and known control points.
 
 use calib_core::{
-    Annotation, Camera, ControlPointEntry, DistortionEntry, DistortionModel, Kind, Known, LensEntry, Options, Pixel,
-    Site, SiteCamera, WorldPoint,
+    Annotation, Camera, ControlPointEntry, DistortionEntry, DistortionModel, Kind, Known, LensEntry, Options,
+    Pixel, Site, SiteCamera, WorldPoint,
 };
 use calib_tests::{Scratch, shared};
 use serde_json::Value;
@@ -91,13 +91,20 @@ fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
         } else {
             ["vertical", "floor_parallel", "floor_perpendicular"].map(|key| read(&lines[key]))
         };
-        let parallel = |id: &str, lines| Annotation { id: Some(id.into()), ..Annotation::of_segments(Kind::Parallel, lines) };
+        let parallel = |id: &str, lines| Annotation {
+            id: Some(id.into()),
+            ..Annotation::of_segments(Kind::Parallel, lines)
+        };
         let across = Annotation { at_right_angles_to: Some("along".into()), ..parallel("across", across) };
         let points = camera["control_points"].as_array().unwrap().iter().map(control_point);
         SiteCamera {
             image: Some(frames.join(camera["image"].as_str().unwrap()).to_string_lossy().into_owned()),
             lens: Some(lens),
-            annotations: vec![Annotation::of_segments(Kind::Vertical, vertical), parallel("along", along), across],
+            annotations: vec![
+                Annotation::of_segments(Kind::Vertical, vertical),
+                parallel("along", along),
+                across,
+            ],
             control_points: points.collect(),
             ..SiteCamera::new(id, serde_json::from_value(camera["size"].clone()).unwrap())
         }
@@ -213,7 +220,8 @@ fn the_command_line_solves_renders_and_checks_the_shelter() {
         scratch.calib(&["render", "solved.json", "--camera", id, "-o", &format!("{id}.png")]).expect_code(0);
         let drawn = image::open(scratch.path(&format!("{id}.png"))).unwrap().into_rgb8();
         let solved = scratch.read_json("solved.json");
-        let size = solved["cameras"].as_array().unwrap().iter().find(|c| c["id"] == id).unwrap()["size_px"].clone();
+        let size =
+            solved["cameras"].as_array().unwrap().iter().find(|c| c["id"] == id).unwrap()["size_px"].clone();
         assert_eq!(serde_json::json!([drawn.width(), drawn.height()]), size);
     }
     scratch.calib(&["render", "solved.json", "--plan", "-o", "plan.png"]).expect_code(0);

@@ -59,11 +59,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         CropArg::AllPixels => Crop::AllPixels,
     };
     let (width, height) = image.dimensions();
-    let map = Remap::new(&lens, width as usize, height as usize, crop);
-    let straight = map
-        .apply(image.as_raw())
-        .and_then(|bytes| RgbImage::from_raw(width, height, bytes))
-        .ok_or_else(|| anyhow::anyhow!("an image of {width} x {height} pixels is too small to be mapped"))?;
+    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be mapped");
+    let map = Remap::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
+    let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
+    let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     files::write(&args.output, &files::png(&straight)?, args.force)?;
     let centre = map.principal_point(lens.principal_point);
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));

@@ -39,8 +39,14 @@ pub struct Remap {
 
 impl Remap {
     /// The map of a lens for images of `width` x `height` pixels.
+    ///
+    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
     #[must_use]
-    pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Self {
+    pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
+        let bytes = width.checked_mul(height)?.checked_mul(3)?;
+        if width < 2 || height < 2 || bytes >= BLANK as usize {
+            return None;
+        }
         let (scale, offset) = view(lens, [width as f64, height as f64], crop);
         let mut remap = Self {
             width,
@@ -59,7 +65,7 @@ impl Remap {
             let fraction = &mut remap.fraction[start..start + width];
             pack(width, height, &u, &v, index, fraction);
         }
-        remap
+        Some(remap)
     }
 
     /// Focal of the new image when that of the raw one is `focal`, in pixels.
@@ -233,7 +239,7 @@ mod tests {
     fn every_pixel_shows_what_the_lens_shows_there() {
         let (width, height, lens) = (320, 180, barrel());
         for crop in [Crop::SameFocal, Crop::AllValid, Crop::AllPixels] {
-            let remap = Remap::new(&lens, width, height, crop);
+            let remap = Remap::new(&lens, width, height, crop).unwrap();
             let out = remap.apply(&ramp(width, height)).unwrap();
             let mut blank = 0;
             for y in 0..height {
@@ -260,6 +266,7 @@ mod tests {
 
     #[test]
     fn a_slice_of_the_wrong_size_is_refused() {
-        assert_eq!(Remap::new(&barrel(), 32, 18, Crop::SameFocal).apply(&[0; 5]), None);
+        assert_eq!(Remap::new(&barrel(), 32, 18, Crop::SameFocal).unwrap().apply(&[0; 5]), None);
+        assert_eq!(Remap::new(&barrel(), 32, 1, Crop::SameFocal), None);
     }
 }

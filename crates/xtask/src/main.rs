@@ -1,11 +1,57 @@
-//! Development commands.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`.
 
 mod accuracy;
+mod bench;
+mod check;
 
-use accuracy::Extent;
+use clap::{Parser, Subcommand};
 
-fn main() {
-    let arg =
-        |i: usize, default: usize| std::env::args().nth(i).and_then(|a| a.parse().ok()).unwrap_or(default);
-    accuracy::run(&Extent { scenes: arg(1, 40), draws: arg(2, 12) });
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run every check there is; those whose tools are missing are listed as SKIPPED
+    Test {
+        /// Install the missing tools first, and take a skip for a failure
+        #[arg(long)]
+        install: bool,
+    },
+    /// Measure, on one thread; prints one JSON object
+    Bench {
+        /// As JSON (the only form there is)
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print the table of accuracy as Markdown
+    Accuracy {
+        /// Scenes of each kind
+        #[arg(long, default_value_t = 60)]
+        scenes: usize,
+        /// Draws of noise per scene
+        #[arg(long, default_value_t = 24)]
+        draws: usize,
+    },
+}
+
+fn main() -> anyhow::Result<()> {
+    match Cli::parse().command {
+        Command::Test { install } => check::run(install),
+        Command::Bench { json: _ } => {
+            // An unoptimised number is worse than none.
+            if cfg!(debug_assertions) {
+                return check::rerun_optimised("bench");
+            }
+            bench::run();
+            Ok(())
+        }
+        Command::Accuracy { scenes, draws } => {
+            accuracy::run(&accuracy::Extent { scenes, draws });
+            Ok(())
+        }
+    }
 }

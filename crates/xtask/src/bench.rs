@@ -1,0 +1,122 @@
+//! Benchmarks: one JSON object on stdout. Times are of one thread; quote ratios to the peers of one
+//! run, never absolute times.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use calib_core::{
+    Annotation, BrownConrady, Camera, Covariance, Crop, Distortion, FloorProjector, Lens, Pixel, Remap,
+    WorldPoint,
+};
+use calib_demo::random::{Drawn, RandomScene};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Map, Value, json};
+
+use crate::accuracy;
+
+/// Every benchmark: the key it prints, and what measures it.
+const BENCHES: [(&str, fn() -> f64); 6] = [
+    ("pixel_to_floor_ns", || 1e9 * pixels_to_floor(Distortion::None)),
+    ("distorted_pixel_to_floor_ns", || 1e9 * pixels_to_floor(bent())),
+    ("undistort_1080p_ms", || 1e3 * undistort(false)),
+    ("undistort_1080p_cached_ms", || 1e3 * undistort(true)),
+    ("solve_option1_us", || 1e6 * solve(Drawn::Directions)),
+    ("solve_option2_us", || 1e6 * solve(Drawn::Lengths)),
+];
+
+/// Runs all benchmarks.
+pub(crate) fn run() {
+    let results: Map<String, Value> =
+        BENCHES.iter().map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
+    println!("{}", Value::Object(results));
+}
+
+/// Median seconds of `work` over some runs, after one to warm up.
+fn median(runs: usize, mut work: impl FnMut()) -> f64 {
+    work();
+    let mut took: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    took.sort_by(f64::total_cmp);
+    took[took.len() / 2]
+}
+
+/// The lens of `peers/time_peers.py`.
+fn bent() -> Distortion {
+    Distortion::BrownConrady(BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 })
+}
+
+fn camera(distortion: Distortion) -> Camera {
+    let focal = 1200.0;
+    Camera {
+        position: WorldPoint::new(0.0, 0.0, 3.0),
+        yaw: 0.0,
+        pitch: 0.6,
+        roll: 0.03,
+        focal,
+        lens: Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion },
+        covariance: Covariance::EXACT,
+    }
+}
+
+fn pixels_to_floor(distortion: Distortion) -> f64 {
+    const COUNT: usize = 1_000_000;
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let u: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1920.0)).collect();
+    let v: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1080.0)).collect();
+    let (mut x, mut y) = (vec![0.0; COUNT], vec![0.0; COUNT]);
+    let projector = FloorProjector::new(&camera(distortion), 0.0);
+    median(9, || projector.pixels_to_floor(black_box(&u), black_box(&v), &mut x, &mut y)) / COUNT as f64
+}
+
+fn undistort(cached: bool) -> f64 {
+    let (width, height) = (1920, 1080);
+    let lens = Lens {
+        principal_point: Pixel::new(960.0, 540.0),
+        focal: 0.7 * 1920.0,
+        distortion: Distortion::BrownConrady(BrownConrady {
+            k1: -0.2,
+            k2: 0.05,
+            p1: 0.001,
+            p2: -0.001,
+            k3: 0.01,
+        }),
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let image: Vec<u8> = (0..width * height * 3).map(|_| random.random()).collect();
+    let mut out = vec![0; image.len()];
+    let Some(kept) = Remap::new(&lens, width, height, Crop::SameFocal) else { return f64::NAN };
+    median(15, || {
+        let fresh = if cached { None } else { Remap::new(&lens, width, height, Crop::SameFocal) };
+        let map = fresh.as_ref().unwrap_or(&kept);
+        assert!(map.apply_into(black_box(&image), &mut out), "sizes match");
+        black_box(&out);
+    })
+}
+
+/// The complete default solve of one camera: median over the medians of 15 scenes.
+fn solve(drawn: Drawn) -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(700);
+    let scenes: Vec<(RandomScene, Vec<Annotation>)> = (0..15)
+        .map(|_| {
+            let scene = RandomScene::new(&mut random, drawn, None, None);
+            let noisy = scene.noisy(&mut random, 1.0);
+            (scene, noisy)
+        })
+        .collect();
+    let mut took: Vec<f64> = scenes
+        .iter()
+        .map(|(scene, noisy)| {
+            median(50, || {
+                black_box(accuracy::likelihood(black_box(noisy), scene, 1.0));
+            })
+        })
+        .collect();
+    took.sort_by(f64::total_cmp);
+    took[took.len() / 2]
+}

@@ -1,0 +1,255 @@
+//! `cargo xtask test`: every check there is, in the order in which they fail fastest.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+
+/// What a check needs beside Rust, and how to get it.
+struct Tool {
+    name: &'static str,
+    is_there: fn() -> bool,
+    install: &'static [&'static [&'static str]],
+}
+
+/// A check: its name, its command, and its tools.
+struct Check {
+    name: &'static str,
+    command: &'static [&'static str],
+    environment: &'static [(&'static str, &'static str)],
+    tools: &'static [&'static Tool],
+}
+
+const VENV: &str = "target/peers-venv";
+
+const PEERS: Tool = Tool {
+    name: "the peers' Python packages",
+    is_there: || !shared("peers").exists() || root().join(VENV).join("ready").exists(),
+    install: &[
+        &["python3", "-m", "venv", VENV],
+        &[
+            "target/peers-venv/bin/python",
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--requirement",
+            "../shared/peers/requirements.txt",
+        ],
+        &["touch", "target/peers-venv/ready"],
+    ],
+};
+
+const TYPOS: Tool = Tool {
+    name: "typos",
+    is_there: || runs("target/tools-venv/bin/typos", &["--version"]),
+    install: &[
+        &["python3", "-m", "venv", "target/tools-venv"],
+        &["target/tools-venv/bin/python", "-m", "pip", "install", "--quiet", "typos==1.52.0"],
+    ],
+};
+
+const FUZZ: Tool = Tool {
+    name: "cargo-fuzz",
+    is_there: || runs("target/tools/bin/cargo-fuzz", &["--version"]),
+    install: &[&["cargo", "install", "--quiet", "--locked", "--root", "target/tools", "cargo-fuzz"]],
+};
+
+const WEB: Tool = Tool {
+    name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
+    is_there: || has_wasm_target() || debian_rustc().is_some(),
+    install: &[
+        &["apt-get", "update", "--quiet"],
+        &["apt-get", "install", "--quiet", "--yes", "rustc-web", "cargo-web", "rust-web-src", "lld"],
+    ],
+};
+
+const PLAIN: Check = Check { name: "", command: &[], environment: &[], tools: &[] };
+
+/// The list is the registry.
+const CHECKS: &[Check] = &[
+    Check { name: "format", command: &["cargo", "fmt", "--all", "--check"], ..PLAIN },
+    Check { name: "spelling", command: &["target/tools-venv/bin/typos"], tools: &[&TYPOS], ..PLAIN },
+    Check {
+        name: "lints",
+        command: &[
+            "cargo",
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--all-features",
+            "--",
+            "--deny",
+            "warnings",
+        ],
+        ..PLAIN
+    },
+    Check {
+        name: "documentation",
+        command: &["cargo", "doc", "--workspace", "--no-deps", "--document-private-items"],
+        environment: &[("RUSTDOCFLAGS", "--deny warnings")],
+        ..PLAIN
+    },
+    Check {
+        name: "core without serde",
+        command: &["cargo", "check", "--package", "calib-core", "--no-default-features"],
+        ..PLAIN
+    },
+    Check { name: "core for wasm32", command: &["wasm32"], tools: &[&WEB], ..PLAIN },
+    Check {
+        name: "site parser under fuzzing",
+        command: &[
+            "cargo",
+            "fuzz",
+            "run",
+            "site",
+            "--fuzz-dir",
+            "crates/calib-core/fuzz",
+            "--",
+            "-max_total_time=30",
+            "-max_len=16384",
+            "-dict=crates/calib-core/fuzz/site.dict",
+        ],
+        // The fuzzer's instrumentation is unstable; a stable compiler has it, too.
+        environment: &[("RUSTC_BOOTSTRAP", "1")],
+        tools: &[&FUZZ],
+    },
+    Check {
+        name: "tests",
+        command: &["cargo", "test", "--workspace", "--all-features"],
+        tools: &[&PEERS],
+        ..PLAIN
+    },
+];
+
+/// Runs every check; with `install`, what is missing is installed first, and a skip is a failure.
+pub(crate) fn run(install: bool) -> anyhow::Result<()> {
+    let skips = root().join("target/skipped-tests.txt");
+    std::fs::create_dir_all(root().join("target"))?;
+    std::fs::write(&skips, "")?;
+    let (mut failed, mut skipped) = (Vec::new(), Vec::new());
+    for check in CHECKS {
+        let missing: Vec<&str> =
+            check.tools.iter().filter(|tool| !ready(tool, install)).map(|tool| tool.name).collect();
+        if !missing.is_empty() {
+            skipped.push(format!("{}: {} is missing", check.name, missing.join(", ")));
+            continue;
+        }
+        let start = Instant::now();
+        println!("\n== {}", check.name);
+        let passed = if check.command == ["wasm32"] { build_for_wasm()? } else { run_check(check, &skips)? };
+        println!(
+            "== {}: {} in {:.0} s",
+            check.name,
+            if passed { "passed" } else { "FAILED" },
+            start.elapsed().as_secs_f64()
+        );
+        if !passed {
+            failed.push(check.name);
+        }
+    }
+    let listed = std::fs::read_to_string(&skips)?;
+    println!();
+    for line in listed.lines().chain(skipped.iter().map(String::as_str)) {
+        println!("SKIPPED {}", line.trim_start_matches("SKIPPED ").trim_start_matches("MISSING "));
+    }
+    if install {
+        failed.extend(skipped.iter().map(String::as_str));
+        failed.extend(listed.lines().filter(|line| line.starts_with("MISSING")));
+    }
+    if !failed.is_empty() {
+        bail!("failed: {}", failed.join("; "));
+    }
+    println!("{} passed, 0 failed, {} skipped", CHECKS.len() - skipped.len(), skipped.len());
+    Ok(())
+}
+
+/// Runs this command again with optimisation.
+pub(crate) fn rerun_optimised(command: &str) -> anyhow::Result<()> {
+    let arguments = ["run", "--quiet", "--release", "--package", "xtask", "--", command];
+    if !Command::new("cargo").args(arguments).current_dir(root()).status()?.success() {
+        bail!("{command} failed");
+    }
+    Ok(())
+}
+
+fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
+    let (program, arguments) = check.command.split_first().context("a check without a command")?;
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(root()).env("CALIB_SKIPPED_LIST", skips);
+    command.envs(check.environment.iter().copied());
+    let tools = root().join("target/tools/bin");
+    if let Some(path) = std::env::var_os("PATH") {
+        let paths = std::iter::once(tools).chain(std::env::split_paths(&path));
+        command.env("PATH", std::env::join_paths(paths)?);
+    }
+    Ok(command.status().with_context(|| check.name)?.success())
+}
+
+fn ready(tool: &Tool, install: bool) -> bool {
+    if (tool.is_there)() {
+        return true;
+    }
+    if install {
+        println!("\n== installing {}", tool.name);
+        for command in tool.install {
+            let Some((program, arguments)) = command.split_first() else { continue };
+            let done = Command::new(program).args(arguments).current_dir(root()).status();
+            if !done.is_ok_and(|status| status.success()) {
+                println!("== {} failed", command.join(" "));
+                return false;
+            }
+        }
+    }
+    (tool.is_there)()
+}
+
+fn runs(program: &str, arguments: &[&str]) -> bool {
+    let output = Command::new(root().join(program)).args(arguments).output();
+    output.is_ok_and(|output| output.status.success())
+}
+
+const WASM: &str = "wasm32-unknown-unknown";
+
+fn has_wasm_target() -> bool {
+    let libraries = Command::new("rustc").args(["--print", "target-libdir", "--target", WASM]).output();
+    libraries.is_ok_and(|output| {
+        let path = String::from_utf8_lossy(&output.stdout);
+        output.status.success() && Path::new(path.trim()).exists()
+    })
+}
+
+/// Debian's own compiler, which comes with the sources of the standard library.
+fn debian_rustc() -> Option<PathBuf> {
+    let candidate = PathBuf::from("/usr/bin/rustc");
+    let sources = Path::new("/usr/lib/rustlib/src").exists()
+        || Path::new("/usr/src")
+            .read_dir()
+            .ok()?
+            .flatten()
+            .any(|e| e.file_name().to_string_lossy().starts_with("rustc-"));
+    (candidate.exists() && sources).then_some(candidate)
+}
+
+/// Checks the core for the browser, with the installed target or with Debian's toolchain.
+fn build_for_wasm() -> anyhow::Result<bool> {
+    let arguments = ["build", "--package", "calib-core", "--target", WASM];
+    if has_wasm_target() {
+        return Ok(Command::new("cargo").args(arguments).current_dir(root()).status()?.success());
+    }
+    let rustc = debian_rustc().context("no compiler for wasm32")?;
+    let mut command = Command::new("/usr/bin/cargo");
+    command.args(arguments).args(["-Z", "build-std=std,panic_abort", "--target-dir", "target/web-build"]);
+    command.env("RUSTC", rustc).env("RUSTC_BOOTSTRAP", "1").env_remove("RUSTUP_TOOLCHAIN");
+    command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
+    Ok(command.current_dir(root()).status()?.success())
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
+}
+
+fn shared(path: &str) -> PathBuf {
+    root().join("../shared").join(path)
+}
