@@ -1,6 +1,6 @@
 //! `calib undistort`: a camera's image without lens distortion.
 
-use calib_core::{Crop, Remap};
+use calib_core::{Crop, Straightened};
 use clap::ValueEnum;
 use image::RgbImage;
 
@@ -60,11 +60,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     };
     let (width, height) = image.dimensions();
     let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be mapped");
-    let map = Remap::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
+    let map = Straightened::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
     let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     files::write(&args.output, &files::png(&straight)?, args.force)?;
-    let centre = map.principal_point(lens.principal_point);
+    let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));
     files::say(format_args!("focal {focal}, principal point {:.2}, {:.2}", centre.u, centre.v));
     Ok(())

@@ -93,7 +93,7 @@ pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};
 pub use placement::{ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points};
 pub use projector::FloorProjector;
-pub use remap::{Crop, Remap};
+pub use remap::{Crop, Remap, Straightened};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical};
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};

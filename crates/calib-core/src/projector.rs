@@ -86,18 +86,30 @@ impl FloorProjector {
             Distortion::BrownConrady(brown) => Arch::new().dispatch(
                 #[inline(always)]
                 || {
-                    let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
-                    for start in (0..u.len()).step_by(LANES) {
-                        let count = LANES.min(u.len() - start);
-                        for i in 0..count {
-                            a[i] = (u[start + i] - cu) * inverse;
-                            b[i] = (v[start + i] - cv) * inverse;
-                        }
-                        undistort_in_step(&brown, self.most, &mut a, &mut b, count);
-                        for i in 0..count {
-                            (x[start + i], y[start + i]) = to_floor(a[i], b[i]);
-                        }
+                    let (us, u_rest) = u.as_chunks::<LANES>();
+                    let (vs, v_rest) = v.as_chunks::<LANES>();
+                    let (xs, x_rest) = x.as_chunks_mut::<LANES>();
+                    let (ys, y_rest) = y.as_chunks_mut::<LANES>();
+                    let chunk =
+                        |u: &[f64; LANES], v: &[f64; LANES], x: &mut [f64; LANES], y: &mut [f64; LANES]| {
+                            let mut a: [f64; LANES] = std::array::from_fn(|i| (u[i] - cu) * inverse);
+                            let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
+                            undistort_in_step(&brown, self.most, &mut a, &mut b);
+                            for i in 0..LANES {
+                                (x[i], y[i]) = to_floor(a[i], b[i]);
+                            }
+                        };
+                    for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
+                        chunk(u, v, x, y);
                     }
+                    // What is left over is filled up with the principal point.
+                    let fill = |rest: &[f64], with: f64| -> [f64; LANES] {
+                        std::array::from_fn(|i| rest.get(i).copied().unwrap_or(with))
+                    };
+                    let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+                    chunk(&fill(u_rest, cu), &fill(v_rest, cv), &mut x, &mut y);
+                    x_rest.copy_from_slice(&x[..x_rest.len()]);
+                    y_rest.copy_from_slice(&y[..y_rest.len()]);
                 },
             ),
             _ => {
@@ -142,13 +154,7 @@ impl FloorProjector {
 ///
 /// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
 #[inline(always)]
-fn undistort_in_step(
-    brown: &BrownConrady,
-    most: f64,
-    x: &mut [f64; LANES],
-    y: &mut [f64; LANES],
-    count: usize,
-) {
+fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
     /// In focal-normalised coordinates, squared: Newton's next step is its square.
     const TOLERANCE: f64 = 1e-14;
     const ROUNDS: usize = 12;
@@ -162,7 +168,6 @@ fn undistort_in_step(
         y[i] = bent_y[i] * radial;
     }
     for _ in 0..ROUNDS {
-        let mut worst = 0.0_f64;
         for i in 0..LANES {
             let point = [x[i], y[i]];
             let bent = brown.distort(point);
@@ -174,18 +179,18 @@ fn undistort_in_step(
             y[i] -= dy;
             step[i] = dx * dx + dy * dy;
         }
-        for &s in &step[..count] {
-            // NaN counts as converged here and is looked at below.
-            worst = worst.max(s);
-        }
         // The step just taken leaves an error of its square: 1e-14 becomes 1e-28 at the worst.
-        if worst < TOLERANCE {
+        // NaN counts as converged here and is looked at below.
+        if step.iter().fold(0.0_f64, |worst, &s| worst.max(s)) < TOLERANCE {
             break;
         }
     }
-    for i in 0..count {
-        let inside = x[i] * x[i] + y[i] * y[i] <= most * (1.0 - 1e-6);
-        if !(step[i] < TOLERANCE && inside) {
+    let is_solved = |i: usize, x: f64, y: f64| step[i] < TOLERANCE && x * x + y * y <= most * (1.0 - 1e-6);
+    if (0..LANES).all(|i| is_solved(i, x[i], y[i])) {
+        return;
+    }
+    for i in 0..LANES {
+        if !is_solved(i, x[i], y[i]) {
             let solved = Distortion::BrownConrady(*brown).undistort([bent_x[i], bent_y[i]]);
             [x[i], y[i]] = solved.unwrap_or([f64::NAN; 2]);
         }
