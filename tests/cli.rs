@@ -1,5 +1,7 @@
 //! The command line as the contract has it: data on stdout, messages on stderr, exit codes.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
 use calib_core::{
     Annotation, BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Kind, Lens, Method, Pixel,
     Site, SiteCamera, Solution, Stage, WorldPoint,

@@ -1,1 +1,59 @@
+//! The demonstration site: written, solved, rendered, and right.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::{Options, Site};
+use calib_tests::Scratch;
+
+#[test]
+fn the_demonstration_finds_its_cameras_within_their_sigmas() {
+    let demo = calib_demo::demo_site();
+    demo.site.check().unwrap();
+    let solved = demo.site.calibrate(&Options::default()).write_into(&demo.site);
+    for (camera, (id, truth)) in solved.cameras.iter().zip(&demo.truth) {
+        let found = camera.camera().unwrap_or_else(|| panic!("{id}: {:?}", camera.error));
+        let errors = [
+            (found.roll - truth.roll, calib_core::Covariance::ROLL),
+            (found.pitch - truth.pitch, calib_core::Covariance::PITCH),
+            (found.focal - truth.focal, calib_core::Covariance::FOCAL),
+        ];
+        for (error, index) in errors {
+            let sigma = found.covariance.sigma(index).unwrap();
+            assert!(error.abs() < 3.5 * sigma, "{id}, unknown {index}: {error} with a sigma of {sigma}");
+        }
+        // Two are placed by control points, the others by a hand that is 5 cm off.
+        assert!(found.position.distance(truth.position) < 0.15, "{id}");
+        let outliers =
+            camera.solution.iter().flat_map(|s| &s.residuals).filter(|residual| residual.outlier).count();
+        assert_eq!(outliers, 0, "{id}: nothing wrong was drawn");
+    }
+}
+
+#[test]
+fn the_first_command_of_the_readme_writes_what_it_says() {
+    let scratch = Scratch::new();
+    let run = scratch.calib(&["demo"]).expect_code(0);
+    assert!(run.stdout.contains("Errors against the truth") && run.stdout.contains("barn"), "{}", run.stdout);
+    let site =
+        Site::from_json(&std::fs::read_to_string(scratch.path("calib-demo/site.json")).unwrap()).unwrap();
+    for camera in &site.cameras {
+        for name in [
+            camera.image.clone().unwrap(),
+            format!("overlay-{}.png", camera.id),
+            format!("sigma-{}.png", camera.id),
+        ] {
+            let image = image::open(scratch.path("calib-demo").join(&name))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!([image.width(), image.height()], camera.size_px, "{name}");
+        }
+    }
+    assert!(image::open(scratch.path("calib-demo/overlay-plan.png")).is_ok());
+    let again = scratch.calib(&["solve", "calib-demo/site.json", "--format", "json"]).expect_code(0).json();
+    let solved = scratch.read_json("calib-demo/solved.json");
+    assert_eq!(solved["cameras"][0]["solution"], again["shop-1"]);
+    scratch.calib(&["report", "calib-demo/solved.json", "-o", "report.html"]).expect_code(0);
+    // A folder that the command wrote is written again; one that somebody else wrote is not.
+    std::fs::create_dir(scratch.path("mine")).unwrap();
+    scratch.write("mine/keep.txt", "mine");
+    scratch.calib(&["demo", "mine"]).expect_code(1);
+}

@@ -1,5 +1,7 @@
 //! The estimators on random rooms: exact scenes, the Cramér-Rao bound, wrong lines, degenerate set-ups.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
 use calib_core::{
     Annotation, Camera, Code, Evidence, Fit, FitOptions, Held, Kind, Known, Lens, LensEntry, Method, Options,
     Pixel, PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,

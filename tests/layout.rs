@@ -1,5 +1,7 @@
 //! The law of the layout, and the words that do not belong into the project.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
 use std::path::{Path, PathBuf};
 
 use calib_tests::root;

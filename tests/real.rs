@@ -1,5 +1,7 @@
 //! Real cameras: three surveillance views of one shelter with hand-drawn lines and known control points.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
 use calib_core::{
     Annotation, Camera, ControlPointEntry, DistortionEntry, DistortionModel, Kind, Known, LensEntry, Options,
     Pixel, Site, SiteCamera, WorldPoint,

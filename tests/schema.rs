@@ -1,5 +1,7 @@
 //! The JSON Schema and the reader say the same about site files.
 
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
 use calib_core::Site;
 use serde_json::{Value, json};
 
@@ -93,9 +95,12 @@ fn solving_writes_what_the_schema_allows() {
     assert_eq!(Site::from_json(&solved.to_json()).unwrap(), solved);
 }
 
-#[test]
-fn what_is_wrong_is_named_with_its_pointer() {
-    let wrong = [
+/// Where something is put, what, which pointer the message must have, and what it must say.
+type Wrong = (&'static str, Value, &'static str, &'static str);
+
+#[expect(clippy::too_many_lines, reason = "it is a list")]
+fn wrong() -> Vec<Wrong> {
+    vec![
         ("/cameras/0/lenses", json!({}), "/cameras/0/lenses", "unknown field"),
         ("/cameras/0/annotations/0/colour", json!("red"), "/cameras/0/annotations/0/colour", "unknown field"),
         (
@@ -169,8 +174,12 @@ fn what_is_wrong_is_named_with_its_pointer() {
         ("/version", json!(2), "/version", "only version"),
         ("/format", json!("other"), "/format", "calib-site"),
         ("/plan/metres_per_px", json!(0), "/plan/metres_per_px", "above 0"),
-    ];
-    for (pointer, value, expected, says) in wrong {
+    ]
+}
+
+#[test]
+fn what_is_wrong_is_named_with_its_pointer() {
+    for (pointer, value, expected, says) in wrong() {
         let error = Site::from_json(&with(pointer, value).to_string()).expect_err(pointer);
         assert_eq!(error.pointer, expected, "{error}");
         assert!(error.message.contains(says), "\"{error}\" does not say \"{says}\"");
@@ -200,4 +209,13 @@ fn the_schema_refuses_unknown_fields_too() {
     assert!(!validator().is_valid(&with("/cameras/0/lenses", json!({}))));
     assert!(!validator().is_valid(&with("/cameras/0/annotations/0/kind", json!("slanted"))));
     assert!(!validator().is_valid(&with("/cameras/0/annotations/0/segments/0/1", json!([1.0]))));
+}
+
+#[test]
+fn the_site_of_the_readme_is_read_and_solved() {
+    let readme = std::fs::read_to_string(calib_tests::root().join("README.md")).unwrap();
+    let text = readme.split("```json\n").nth(1).unwrap().split("```").next().unwrap();
+    let site = Site::from_json(text).unwrap_or_else(|error| panic!("{error}"));
+    let report = site.calibrate(&calib_core::Options::default());
+    assert!(report.is_complete(), "{:?}", report.cameras);
 }

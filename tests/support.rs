@@ -1,5 +1,11 @@
 //! What the whole-program tests share: the built program, a scratch folder, honest skips.
 
+/// The front page; its example is compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+#[derive(Debug)]
+pub struct Readme;
+
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

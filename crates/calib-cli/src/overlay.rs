@@ -83,7 +83,8 @@ fn label_grid_line(svg: &mut Svg, camera: &Camera, line: &[calib_core::WorldPoin
         .min_by(|one, other| one.0.total_cmp(&other.0));
     let Some((_, pixel)) = nearest else { return };
     let text = if along_y { format!("x {}", metres(a.x)) } else { format!("y {}", metres(a.y)) };
-    svg.text([pixel.u, pixel.v + 4.0 * svg.scale], &text, style::WHITE, Anchor::Middle);
+    // Below the edge of the field, and clear of its line.
+    svg.text([pixel.u, pixel.v + 15.0 * svg.scale], &text, style::WHITE, Anchor::Middle);
 }
 
 /// Metres with a real minus and no more digits than there are.
@@ -136,11 +137,8 @@ fn draw_annotation(svg: &mut Svg, entry: &SiteCamera, index: usize, annotation: 
             (false, false) => Stroke::new(colour, style::LINE),
         };
         svg.line(&points, false, stroke);
-        if annotation.kind == Kind::Perpendicular
-            && segment > 0
-            && let Some(middle) = middle(&points)
-        {
-            svg.text(middle, "\u{22a5}", colour, Anchor::Middle);
+        if annotation.kind == Kind::Perpendicular && segment > 0 {
+            draw_square(svg, &points, colour);
         }
         for &point in &points {
             svg.dot(point, style::HANDLE, if suspect { style::BAD } else { colour });
@@ -148,9 +146,18 @@ fn draw_annotation(svg: &mut Svg, entry: &SiteCamera, index: usize, annotation: 
     }
 }
 
-fn middle(points: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let (a, b) = (points.first()?, points.last()?);
-    Some([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])])
+/// A small square on the middle of a line: the sign of a right angle.
+fn draw_square(svg: &mut Svg, points: &[[f64; 2]], colour: &str) {
+    let (Some(a), Some(b)) = (points.first(), points.last()) else { return };
+    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+    let size = 10.0 * svg.scale / dx.hypot(dy).max(1.0);
+    let at = |along: f64, across: f64| {
+        [
+            0.5 * (a[0] + b[0]) + size * (along * dx - across * dy),
+            0.5 * (a[1] + b[1]) + size * (along * dy + across * dx),
+        ]
+    };
+    svg.line(&[at(0.0, 0.0), at(0.0, -1.0), at(1.0, -1.0), at(1.0, 0.0)], false, Stroke::new(colour, 1.5));
 }
 
 fn draw_control_points(svg: &mut Svg, site: &Site, entry: &SiteCamera) {

@@ -4,13 +4,11 @@ use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera, Solution, S
 use image::{Rgb, RgbImage};
 
 use crate::overlay::{grid_step, metres};
-use crate::style;
-use crate::svg::{Anchor, Stroke, Svg};
+use crate::style::{self, INK};
+use crate::svg::{Stroke, Svg, TAG_LETTER};
 
 /// Longest side of a picture of a site without a plan, in pixels.
 const LONGEST: f64 = 1600.0;
-/// Ink of a plan's labels: plans are light.
-const INK: &str = "#1B1F23";
 const GROUND: Rgb<u8> = Rgb([247, 248, 249]);
 
 /// The ground and the drawing of a site seen from above.
@@ -120,7 +118,7 @@ fn draw_camera(
     svg.dot([x, y], 4.5, style::WHITE);
     let text = format!("{}  {:.2} m", entry.name.as_deref().unwrap_or(&entry.id), camera.position.z);
     let size = style::TEXT * svg.scale;
-    let width = size * (0.56 * text.chars().count() as f64 + 1.0);
+    let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
     let shift = if angle.sin() > 0.0 { -2.4 * size } else { 0.8 * size };
     let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
     svg.tag(
@@ -146,7 +144,7 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     };
     svg.fill(&[at(1.0, 0.0), at(-0.7, 0.5), at(-0.35, 0.0), at(-0.7, -0.5)], INK, 0.9);
     let [x, y] = at(1.5, 0.0);
-    svg.text([x, y + 0.35 * style::TEXT * svg.scale], name, style::WHITE, Anchor::Middle);
+    svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name);
 }
 
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
@@ -157,10 +155,5 @@ fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
     let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(style::WHITE, 5.0) });
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(INK, 2.0) });
-    svg.text(
-        [0.5 * (x + end), y - 8.0 * svg.scale],
-        &format!("{} m", metres(length)),
-        style::WHITE,
-        Anchor::Middle,
-    );
+    svg.ink([0.5 * (x + end), y - 8.0 * svg.scale], &format!("{} m", metres(length)));
 }

@@ -15,9 +15,9 @@ use crate::stop::Stop;
 /// Which way to map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum To {
-    /// Columns u,v to x_m,y_m,status
+    /// Columns `u,v` to `x_m,y_m,status`
     Floor,
-    /// Columns x_m,y_m,z_m to u,v,status
+    /// Columns `x_m,y_m,z_m` to `u,v,status`
     Pixel,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Which way to map
     #[arg(long, value_enum)]
     to: To,
-    /// Height of the plane above the floor, in metres; with --to pixel, where there is no z_m
+    /// Height of the plane above the floor, in metres; with --to pixel, where there is no `z_m`
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
     /// Input CSV with a header; - is stdin

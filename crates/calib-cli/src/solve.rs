@@ -144,6 +144,11 @@ pub(crate) fn text(site: &Site, cameras: &[&SiteCamera]) -> String {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution);
     }
+    let about_site = site.solution.iter().flat_map(|solution| &solution.warnings);
+    for (index, warning) in about_site.enumerate() {
+        let title = if index == 0 { "\nsite\n" } else { "" };
+        let _ = writeln!(out, "{title}  {}: {}\n    {}", warning.code, warning.message, warning.advice);
+    }
     out
 }
 

@@ -37,6 +37,8 @@ pub(crate) fn kind(kind: Kind) -> &'static str {
 pub(crate) const WHITE: &str = "#FFFFFF";
 /// Outline of every line on an image, so that it is legible on any ground.
 pub(crate) const OUTLINE: &str = "#07090B";
+/// Text and lines on a plan: plans are light.
+pub(crate) const INK: &str = "#1B1F23";
 /// Suspects and gross errors.
 pub(crate) const BAD: &str = "#FF5470";
 /// Ground of a tag.

@@ -10,6 +10,9 @@ use resvg::usvg;
 
 use crate::style;
 
+/// Width of a letter over its height, on average.
+pub(crate) const TAG_LETTER: f64 = 0.49;
+
 /// How a line looks.
 #[derive(Clone, Copy)]
 pub(crate) struct Stroke<'a> {
@@ -116,11 +119,21 @@ impl Svg {
         );
     }
 
+    /// A text on a light ground, in dark ink without a halo.
+    pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str) {
+        let size = style::TEXT * self.scale;
+        let _ = writeln!(
+            self.body,
+            r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="middle" fill="{}">{}</text>"#,
+            style::INK,
+            escape(text)
+        );
+    }
+
     /// A text on a dark ground, its upper left corner at this pixel.
     pub(crate) fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: &str) {
         let size = style::TEXT * self.scale;
-        // The font's letters are about half as wide as they are high.
-        let width = size * (0.56 * text.chars().count() as f64 + 1.0);
+        let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
         let _ = writeln!(
             self.body,
             r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{:.1}" rx="{:.1}" fill="{}" fill-opacity="0.82"/><text x="{:.1}" y="{:.1}" font-size="{size:.1}" fill="{colour}">{}</text>"#,

@@ -1,6 +1,7 @@
 //! How good the floor is: the predicted error of lengths on it.
 
 use crate::camera::Camera;
+use crate::covariance::Covariance;
 use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
 use crate::space::{FloorPoint, Pixel, UndistortedPixel};
 use nalgebra::Matrix4;
@@ -99,6 +100,17 @@ pub(crate) fn floor_length_rel(
         }
     }
     Some(variance.max(0.0).sqrt())
+}
+
+/// As [`floor_length_rel`], of a placed camera with its whole covariance.
+pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+    let core =
+        [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
+    let index = [Covariance::ROLL, Covariance::PITCH, Covariance::FOCAL, Covariance::Z];
+    // From focal and height to their logs.
+    let scale = [1.0, 1.0, camera.focal.recip(), camera.position.z.recip()];
+    let covariance = Matrix4::from_fn(|i, j| camera.covariance.0[index[i]][index[j]] * scale[i] * scale[j]);
+    floor_length_rel(&core, grid, &covariance, camera.covariance.sigma(Covariance::Z).is_some())
 }
 
 /// A floor point in camera heights, with its derivatives by roll, pitch and log focal.

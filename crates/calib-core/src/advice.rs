@@ -137,7 +137,7 @@ pub fn draw_next(fit: &Fit, evidence: &Evidence, options: &FitOptions) -> Option
     /// Share of the error that must go, to be worth a click.
     const WORTH: f64 = 0.8;
     let kept: Evidence = without(evidence, &fit.outliers);
-    let grid = grid(&fit.camera, options);
+    let grid = grid(&fit.camera, options.efov, options.size);
     let sigma = fit.sigma;
     let rel = |evidence: &Evidence, state: &State| {
         let problem = Problem::new(evidence, options.held, options.priors, sigma, options.size[0]);

@@ -1,5 +1,6 @@
 //! The whole calibration of a site: every camera by itself, then placed.
 
+use crate::accuracy::placed_floor_length_rel;
 use crate::advice::{draw_next, warnings};
 use crate::annotation::{Annotation, Kind, Shape};
 use crate::camera::Camera;
@@ -7,13 +8,15 @@ use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
 use crate::efov::{default_efov, efov_on_floor};
 use crate::evidence::{Evidence, Source};
-use crate::fit::{Fit, FitOptions, Solved};
+use crate::fit::{Fit, FitOptions, Solved, grid};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
-use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points};
+use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points, with_placement_covariance};
 use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
-use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
+use crate::solution::{
+    Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, SiteSolution, Solution, Stage,
+};
 use crate::space::{FloorPoint, WorldPoint};
 
 /// How to calibrate.
@@ -40,6 +43,8 @@ impl Default for Options {
 pub struct Report {
     /// For every camera that was asked for: its index in the site, and the result.
     pub cameras: Vec<(usize, Result<Solution, Failure>)>,
+    /// What is to be said of the site as a whole.
+    pub site: SiteSolution,
 }
 
 impl Report {
@@ -47,6 +52,7 @@ impl Report {
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
+        solved.solution = (!self.site.warnings.is_empty()).then(|| self.site.clone());
         for (index, result) in &self.cameras {
             let camera = &mut solved.cameras[*index];
             (camera.solution, camera.error) = match result {
@@ -77,7 +83,29 @@ impl Site {
             .filter(|(_, camera)| asked(camera))
             .map(|(index, camera)| (index, self.calibrate_camera(camera, options)))
             .collect();
-        Report { cameras }
+        let warnings = self.unused_elements();
+        let site = SiteSolution {
+            components: Vec::new(),
+            scale: None,
+            loop_closure_m: None,
+            overlaps: Vec::new(),
+            warnings,
+        };
+        Report { cameras, site }
+    }
+
+    /// What ties cameras together is not used while every camera is solved by itself.
+    fn unused_elements(&self) -> Vec<Warning> {
+        let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
+        let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
+        let distances = self.distances.iter().filter(|distance| !distance.off).count();
+        let unused = |(count, what): (usize, &str)| {
+            let message = format!("{count} {what} are not used: every camera is solved by itself.");
+            let advice = "Place every camera by its polygon or by control points.";
+            (count > 0).then(|| Warning::new(Code::UnusedAnnotation, message, advice))
+        };
+        let list = [(links, "links"), (marks, "marks tied to pixels"), (distances, "distances")];
+        list.into_iter().filter_map(unused).collect()
     }
 
     fn calibrate_camera(&self, entry: &SiteCamera, options: &Options) -> Result<Solution, Failure> {
@@ -100,6 +128,9 @@ impl Site {
         solution.position_m = Some(camera.position);
         solution.yaw_deg = Some(camera.yaw.to_degrees());
         solution.stage = stage;
+        if options.method != Method::Paper {
+            placed_uncertainty(entry, &camera, stage, &mut solution);
+        }
         outside_lens(entry, &evidence, &mut solution.warnings);
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
@@ -141,6 +172,7 @@ impl Site {
             .filter_map(|point| point.control_point(self.plan.as_ref()))
             .collect();
         if !fixed && let Some(camera) = from_control_points(&first, &points) {
+            let camera = with_placement_covariance(&camera, &points, entry.sigma_px.unwrap_or(1.0));
             scale_conflict(entry, &first, camera.position.z, warnings);
             return (camera, Stage::Placed);
         }
@@ -153,7 +185,12 @@ impl Site {
         }
         match &entry.placement {
             Some(placement) => {
-                let placed = placement.placement().apply(&first);
+                let mut placed = placement.placement().apply(&first);
+                // What the hand did has no sigma; what the lines said of the height does not hold any more.
+                for i in 0..Covariance::SIZE {
+                    placed.covariance.0[Covariance::Z][i] = 0.0;
+                    placed.covariance.0[i][Covariance::Z] = 0.0;
+                }
                 scale_conflict(entry, &first, placed.position.z, warnings);
                 (placed, Stage::Placed)
             }
@@ -267,6 +304,17 @@ fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -
         .collect();
     list.sort_by_key(|residual| (residual.annotation, residual.segment));
     list
+}
+
+/// Sigmas, covariance and floor error of a camera that was placed, in place of those of stage 1.
+fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, stage: Stage, solution: &mut Solution) {
+    if stage == Stage::Partial {
+        return;
+    }
+    let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
+    let rel = placed_floor_length_rel(camera, &grid);
+    solution.sigma = Some(Sigmas::of(&camera.covariance, rel));
+    solution.covariance = CovarianceEntry::of(&camera.covariance);
 }
 
 /// The bare solution of a camera: pose and lens.

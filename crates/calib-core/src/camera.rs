@@ -255,7 +255,7 @@ impl Camera {
     }
 
     /// The camera with one of the unknowns of [`Covariance`] changed.
-    fn nudged(&self, index: usize, by: f64) -> Self {
+    pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
         match index {
             Covariance::X => camera.position.x += by,

@@ -119,7 +119,7 @@ impl Fit {
         };
         let best = &found.minima[chosen];
         let camera = camera_of(best, &problem, options, inflation);
-        let grid = grid(&camera, options);
+        let grid = grid(&camera, options.efov, options.size);
         let height_known = problem.free[LOG_HEIGHT] || options.held.height.is_some();
         let core_covariance = best.uncertainty.covariance * inflation;
         let rel = floor_length_rel(&best.state.core, &grid, &core_covariance, height_known);
@@ -163,11 +163,11 @@ fn alternatives(found: &Found, chosen: usize) -> (Vec<Solved>, bool) {
 }
 
 /// The grid of the EFOV drawn, or of the floor that counts as seen.
-pub(crate) fn grid(camera: &Camera, options: &FitOptions) -> Grid {
-    if options.efov.is_empty() {
-        Grid::of_floor(camera, &default_efov(camera, options.size).polygon)
+pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
+    if efov.is_empty() {
+        Grid::of_floor(camera, &default_efov(camera, size).polygon)
     } else {
-        Grid::of_polygon(camera, options.efov)
+        Grid::of_polygon(camera, efov)
     }
 }
 

@@ -91,7 +91,9 @@ pub use evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
 pub use fit::{Fit, FitOptions, Solved};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};
-pub use placement::{ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points};
+pub use placement::{
+    ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points, with_placement_covariance,
+};
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, Straightened};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};

@@ -361,7 +361,7 @@ mod tests {
                     let seen = raw.filter(|p| p.u > 1.0 && p.v > 1.0 && p.u < 319.0 && p.v < 179.0);
                     match seen {
                         Some(raw) => {
-                            assert!((f64::from(colour[1]) - (raw.v - 0.5)).abs() < 0.6, "{raw:?} {colour:?}")
+                            assert!((f64::from(colour[1]) - (raw.v - 0.5)).abs() < 0.6, "{raw:?} {colour:?}");
                         }
                         None => blank += usize::from(colour == [0; 3]),
                     }

@@ -15,8 +15,11 @@ use serde_json::{Map, Value, json};
 
 use crate::accuracy;
 
-/// Every benchmark: the key it prints, and what measures it.
-const BENCHES: [(&str, fn() -> f64); 6] = [
+/// The key that is printed, and what measures it.
+type Bench = (&'static str, fn() -> f64);
+
+/// Every benchmark.
+const BENCHES: [Bench; 6] = [
     ("pixel_to_floor_ns", || 1e9 * pixels_to_floor(Distortion::None)),
     ("distorted_pixel_to_floor_ns", || 1e9 * pixels_to_floor(bent())),
     ("undistort_1080p_ms", || 1e3 * undistort(false)),

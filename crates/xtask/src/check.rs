@@ -106,6 +106,8 @@ const CHECKS: &[Check] = &[
             "site",
             "--fuzz-dir",
             "crates/calib-core/fuzz",
+            "crates/calib-core/fuzz/corpus/site",
+            "crates/calib-core/fuzz/seeds",
             "--",
             "-max_total_time=30",
             "-max_len=16384",

@@ -30,10 +30,10 @@ enum Command {
     /// Print the table of accuracy as Markdown
     Accuracy {
         /// Scenes of each kind
-        #[arg(long, default_value_t = 60)]
+        #[arg(long, default_value_t = 200)]
         scenes: usize,
         /// Draws of noise per scene
-        #[arg(long, default_value_t = 24)]
+        #[arg(long, default_value_t = 60)]
         draws: usize,
     },
 }
