@@ -99,7 +99,7 @@ pub(crate) fn floor_length_rel(
             variance += covariance[(k, l)] * (product - common);
         }
     }
-    Some(variance.max(0.0).sqrt())
+    variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
 /// As [`floor_length_rel`], of a placed camera with its whole covariance.

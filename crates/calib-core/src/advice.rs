@@ -154,7 +154,8 @@ pub fn draw_next(fit: &Fit, evidence: &Evidence, options: &FitOptions) -> Option
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (then, candidate) = best;
-    (then < WORTH * now).then(|| DrawNext {
+    // A comparison with NaN is false: then nothing is advised.
+    (then < WORTH * now && then.is_finite()).then(|| DrawNext {
         kind: candidate.kind,
         message: format!(
             "{} would {} (then floor \u{b1} {:.1} %).",

@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
 use crate::efov::{default_efov, efov_on_floor};
-use crate::evidence::{Evidence, Source};
+use crate::evidence::{Evidence, Mute, Source};
 use crate::fit::{Fit, FitOptions, Solved, grid};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
@@ -131,11 +131,11 @@ impl Site {
         if options.method != Method::Paper {
             placed_uncertainty(entry, &camera, stage, &mut solution);
         }
-        outside_lens(entry, &evidence, &mut solution.warnings);
+        mute(entry, &evidence, &mut solution.warnings);
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
         self.add_control_residuals(entry, &camera, &mut solution.residuals);
-        Ok(solution)
+        check_finite(solution)
     }
 
     /// The lens, and what is held of the orientation, its own or that of the camera it is like.
@@ -201,7 +201,7 @@ impl Site {
     fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, residuals: &mut Vec<Residual>) {
         for (index, point) in entry.control_points.iter().enumerate() {
             let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
-            let Some(shown) = shown else { continue };
+            let Some(shown) = shown.filter(|shown| shown.is_finite()) else { continue };
             residuals.push(Residual {
                 of: ResidualOf::ControlPoint,
                 annotation: None,
@@ -293,6 +293,7 @@ fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Res
 
 fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -> Vec<Residual> {
     let mut list: Vec<Residual> = residuals
+        .filter(|(_, px)| px.is_finite())
         .map(|(source, px)| Residual {
             of: ResidualOf::Annotation,
             annotation: Some(source.annotation),
@@ -425,15 +426,41 @@ fn unused(
     }
 }
 
-fn outside_lens(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
-    for source in &evidence.outside_lens {
+fn mute(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
+    for (source, why) in &evidence.mute {
         let label = entry.annotations[source.annotation].label(source.annotation);
-        warnings.push(Warning::new(
-            Code::UnusedAnnotation,
-            format!("Segment {} of {label} has a point where the lens shows nothing.", source.segment),
-            "Move the point inward, or correct the distortion.",
-        ));
+        let (says, advice) = match why {
+            Mute::OutsideLens => (
+                "has a point where the lens shows nothing",
+                "Move the point inward, or correct the distortion.",
+            ),
+            Mute::NoLength => ("has no length", "Draw it again, or delete it."),
+        };
+        let message = format!("Segment {} of {label} {says}.", source.segment);
+        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
     }
+}
+
+/// A result with a number that is none is no result.
+fn check_finite(solution: Solution) -> Result<Solution, Failure> {
+    let pose = solution.camera().is_none_or(|camera| {
+        let angles = [camera.roll, camera.pitch, camera.yaw, camera.focal];
+        let known = camera.covariance.0.iter().flatten().all(|value| value.is_finite());
+        known && camera.position.is_finite() && angles.iter().all(|value| value.is_finite())
+    });
+    let quality =
+        [solution.rms_px, solution.chi2, solution.sigma_px].iter().flatten().all(|value| value.is_finite());
+    let others = solution.alternatives.iter().all(|other| {
+        [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
+    });
+    if pose && quality && others {
+        return Ok(solution);
+    }
+    Err(Failure::new(
+        FailureCode::NoSolution,
+        "The numbers drawn and entered are too extreme to be calculated with.",
+        "Look for a value that is thousands of times too large or too small.",
+    ))
 }
 
 fn priors_unused(entry: &SiteCamera, warnings: &mut Vec<Warning>) {

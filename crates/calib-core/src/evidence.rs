@@ -85,9 +85,21 @@ pub struct Evidence {
     pub length_groups: Vec<Option<f64>>,
     /// Persons and posts.
     pub uprights: Vec<Upright>,
-    /// Drawings with a point outside the lens.
-    pub outside_lens: Vec<Source>,
+    /// Drawings that say nothing, and why.
+    pub mute: Vec<(Source, Mute)>,
 }
+
+/// Why a drawing says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mute {
+    /// A point of it lies where the lens shows nothing.
+    OutsideLens,
+    /// Its ends coincide.
+    NoLength,
+}
+
+/// Least length of a segment that has a direction, in pixels.
+const LEAST: f64 = 1e-3;
 
 impl Evidence {
     /// What `annotations` say through `lens`. Those switched off are left out unless `off` is asked for.
@@ -144,9 +156,9 @@ impl Evidence {
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            match line_ends(points, lens) {
-                Some(ends) => self.lines.push(Line { ends, toward: toward(segment), source }),
-                None => self.outside_lens.push(source),
+            match line_ends(points, lens).ok_or(Mute::OutsideLens).and_then(with_length) {
+                Ok(ends) => self.lines.push(Line { ends, toward: toward(segment), source }),
+                Err(mute) => self.mute.push((source, mute)),
             }
         }
     }
@@ -158,9 +170,9 @@ impl Evidence {
             let source = Source { annotation: index, segment };
             let ends =
                 points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a, lens)?, end(b, lens)?]));
-            match ends {
-                Some(ends) => self.lengths.push(Length { ends, group, source }),
-                None => self.outside_lens.push(source),
+            match ends.ok_or(Mute::OutsideLens).and_then(with_length) {
+                Ok(ends) => self.lengths.push(Length { ends, group, source }),
+                Err(mute) => self.mute.push((source, mute)),
             }
         }
     }
@@ -173,7 +185,7 @@ impl Evidence {
         };
         match (end(foot, lens), end(head, lens)) {
             (Some(foot), Some(head)) => self.uprights.push(Upright { foot, head, height, source }),
-            _ => self.outside_lens.push(source),
+            _ => self.mute.push((source, Mute::OutsideLens)),
         }
     }
 }
@@ -221,6 +233,11 @@ fn end(pixel: Pixel, lens: &Lens) -> Option<End> {
         at: [straight.u - cu, straight.v - cv],
         spread: [a * a + b * b, a * c + b * d, c * c + d * d],
     })
+}
+
+fn with_length(ends: [End; 2]) -> Result<[End; 2], Mute> {
+    let [a, b] = ends.map(|end| end.at);
+    if (a[0] - b[0]).hypot(a[1] - b[1]) < LEAST { Err(Mute::NoLength) } else { Ok(ends) }
 }
 
 /// Two points that say about the line's direction and place what all its points say: the centroid

@@ -42,6 +42,8 @@
 //! assert_eq!(camera.pixel_to_floor(Pixel::new(960.0, -600.0), 0.0), None, "above the horizon");
 //! ```
 
+#![cfg_attr(not(feature = "serde"), expect(dead_code, reason = "only the site document uses all of it"))]
+
 // A module uses only those above it; a test holds this order.
 mod minimize;
 mod report;
@@ -87,7 +89,7 @@ pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from
 pub use covariance::Covariance;
 pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
 pub use efov::{Efov, default_efov, efov_on_floor};
-pub use evidence::{End, Evidence, Length, Line, Source, Toward, Upright};
+pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
 pub use fit::{Fit, FitOptions, Solved};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};

@@ -534,7 +534,7 @@ mod tests {
                         Upright { foot, head, height, source: source(200 + i) }
                     })
                     .collect(),
-                outside_lens: Vec::new(),
+                mute: Vec::new(),
             }
         })
     }
