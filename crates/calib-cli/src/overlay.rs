@@ -94,16 +94,17 @@ pub(crate) fn metres(value: f64) -> String {
 }
 
 fn draw_horizon(svg: &mut Svg, camera: &Camera, [w, h]: [f64; 2]) {
-    for piece in horizon(camera, [w, h]) {
+    let pieces = horizon(camera, [w, h]);
+    for piece in &pieces {
         svg.line(
-            &array(&piece),
+            &array(piece),
             false,
             Stroke::new(style::WHITE, style::HORIZON).dashed(&[14.0, 5.0, 3.0, 5.0]),
         );
-        let shown = |p: &&Pixel| p.u > 0.1 * w && p.u < 0.9 * w && p.v > 48.0 * svg.scale && p.v < h;
-        if let Some(at) = piece.iter().filter(shown).max_by(|a, b| a.u.total_cmp(&b.u)) {
-            svg.text([at.u, at.v - 7.0 * svg.scale], "horizon", style::WHITE, Anchor::Middle);
-        }
+    }
+    let shown = |p: &&Pixel| p.u > 0.1 * w && p.u < 0.9 * w && p.v > 48.0 * svg.scale && p.v < h;
+    if let Some(at) = pieces.iter().flatten().filter(shown).max_by(|a, b| a.u.total_cmp(&b.u)) {
+        svg.text([at.u, at.v - 7.0 * svg.scale], "horizon", style::WHITE, Anchor::Middle);
     }
 }
 

@@ -93,14 +93,33 @@ impl Lens {
         Some(Self { focal, distortion: self.distortion.rescaled(ratio)?, ..*self })
     }
 
-    /// `d undistorted / d raw` at `pixel`, by central differences of a hundredth of a pixel, rows u and v.
+    /// `d undistorted / d raw` at `pixel`, rows u and v; `None` outside the lens.
     #[must_use]
     pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        let raw = [(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal];
+        match self.distortion {
+            Distortion::None => Some([[1.0, 0.0], [0.0, 1.0]]),
+            Distortion::BrownConrady(brown) => {
+                let [a, b, d] = brown.jacobian(self.distortion.undistort(raw)?);
+                let determinant = a * d - b * b;
+                Some([[d / determinant, -b / determinant], [-b / determinant, a / determinant]])
+            }
+            Distortion::Division { lambda } => {
+                let [x, y] = raw;
+                let divisor = 1.0 + lambda * (x * x + y * y);
+                let square = divisor * divisor;
+                let cross = -2.0 * lambda * x * y / square;
+                let along = |c: f64| 1.0 / divisor - 2.0 * lambda * c * c / square;
+                (divisor > 0.0).then(|| [[along(x), cross], [cross, along(y)]])
+            }
+            Distortion::KannalaBrandt { .. } => self.jacobian_by_differences(pixel),
+        }
+    }
+
+    fn jacobian_by_differences(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
         // Truncation 1e-4 px^2 times the third derivative, rounding 1e-11: both far below a drawn pixel.
         const STEP: f64 = 0.01;
-        if self.distortion == Distortion::None {
-            return Some([[1.0, 0.0], [0.0, 1.0]]);
-        }
         let at = |du: f64, dv: f64| self.undistort(Pixel { u: pixel.u + du, v: pixel.v + dv });
         let (right, left) = (at(STEP, 0.0)?, at(-STEP, 0.0)?);
         let (down, up) = (at(0.0, STEP)?, at(0.0, -STEP)?);
@@ -449,6 +468,19 @@ mod tests {
             if let (Some(other), Some(straight)) = (lens.at_focal(focal), lens.undistort(Pixel { u, v })) {
                 let again = other.undistort(Pixel { u, v });
                 prop_assert!(again.is_some_and(|p| p.distance(straight) < 1e-7 * (1.0 + straight.u.abs())));
+            }
+        }
+
+        #[test]
+        fn the_slope_of_undistortion_is_that_of_differences(
+            distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
+        ) {
+            let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion };
+            let pixel = Pixel { u, v };
+            if let (Some(exact), Some(numeric)) = (lens.undistort_jacobian(pixel), lens.jacobian_by_differences(pixel)) {
+                for (a, b) in exact.iter().flatten().zip(numeric.iter().flatten()) {
+                    prop_assert!((a - b).abs() < 1e-5 * (1.0 + a.abs()).powi(2), "{exact:?} {numeric:?}");
+                }
             }
         }
 

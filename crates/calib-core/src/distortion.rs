@@ -1,0 +1,429 @@
+//! Problem 1, before all else: distortion from polylines along edges that are straight in space.
+//!
+//! The residual of a point is its distance from the best line through its undistorted polyline,
+//! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its slope J at the
+//! point, and the line `n . x = c` that makes the sum of squares least. Coefficients are those of
+//! coordinates divided by half the diagonal of the image until the focal is known.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::evidence::Source;
+use crate::lens::{BrownConrady, Distortion, Lens};
+use crate::minimize::{LeastSquares, least_squares};
+use crate::space::Pixel;
+
+/// Which coefficients are fitted, of which model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fitted {
+    /// Any of k1, k2, k3, p1, p2, in this order.
+    BrownConrady([bool; 5]),
+    /// lambda.
+    Division,
+    /// k1 to this one.
+    KannalaBrandt(usize),
+}
+
+impl Fitted {
+    fn len(&self) -> usize {
+        match self {
+            Self::BrownConrady(which) => which.iter().filter(|&&is| is).count(),
+            Self::Division => 1,
+            Self::KannalaBrandt(count) => *count,
+        }
+    }
+
+    /// The distortion with these values of what is fitted.
+    fn distortion(&self, values: &[f64]) -> Distortion {
+        match self {
+            Self::BrownConrady(which) => {
+                let mut left = values.iter();
+                let [k1, k2, k3, p1, p2] =
+                    which.map(|is| if is { left.next().copied().unwrap_or(0.0) } else { 0.0 });
+                Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })
+            }
+            Self::Division => Distortion::Division { lambda: values.first().copied().unwrap_or(0.0) },
+            Self::KannalaBrandt(_) => Distortion::KannalaBrandt {
+                k: std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0)),
+            },
+        }
+    }
+}
+
+/// The models tried, one after the other, when the data are to choose.
+const LADDER: [[bool; 5]; 3] =
+    [[true, false, false, false, false], [true, true, false, false, false], [true, true, true, false, false]];
+
+/// A polyline and where it was drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edge {
+    /// Raw pixels along an edge that is straight in space.
+    pub points: Vec<Pixel>,
+    /// Where it comes from.
+    pub source: Source,
+}
+
+/// What polylines say about a lens.
+#[derive(Clone, Debug)]
+pub struct LensFit {
+    /// The lens; its coefficients refer to half the diagonal of the image (Kannala-Brandt: to the focal).
+    pub lens: Lens,
+    /// What was fitted; `None` when the data support no distortion.
+    pub fitted: Option<Fitted>,
+    /// Root mean square distance of the points from their lines, in raw pixels, before and after.
+    pub straightness: [f64; 2],
+    /// Of every polyline, in raw pixels.
+    pub residuals: Vec<(Source, f64)>,
+    /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
+    /// of the longer edge, and in the corner, in pixels.
+    pub map_error: [f64; 3],
+    /// Polylines that say next to nothing, with what a distortion that moves the corner by 10 px
+    /// would bend them by, in pixels.
+    pub uninformative: Vec<(Source, f64)>,
+    /// Sum of squares over `sigma^2`.
+    pub chi2: f64,
+    /// Points minus two for every line minus coefficients.
+    pub dof: i64,
+}
+
+/// What a fit of a lens starts from, beside its polylines.
+#[derive(Clone, Debug)]
+pub struct LensOptions {
+    /// Principal point, raw pixel.
+    pub principal_point: Pixel,
+    /// Width and height of the image, in pixels.
+    pub size: [f64; 2],
+    /// What to fit; chosen by the data if absent.
+    pub fitted: Option<Fitted>,
+    /// The focal that Kannala-Brandt coefficients refer to, in pixels.
+    pub focal: Option<f64>,
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub sigma: f64,
+}
+
+/// One choice of coefficients on given polylines.
+#[derive(Clone)]
+struct Problem<'a> {
+    edges: Vec<&'a Edge>,
+    fitted: Fitted,
+    principal_point: Pixel,
+    unit: f64,
+    corners: [Pixel; 4],
+}
+
+impl Problem<'_> {
+    fn lens(&self, values: &[f64]) -> Lens {
+        Lens {
+            principal_point: self.principal_point,
+            focal: self.unit,
+            distortion: self.fitted.distortion(values),
+        }
+    }
+
+    /// `None` where the lens cannot be inverted over the whole image.
+    fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
+        let lens = self.lens(values);
+        if self.corners.iter().any(|&corner| lens.undistort(corner).is_none()) {
+            return None;
+        }
+        let mut all = Vec::new();
+        for edge in &self.edges {
+            all.extend(straightness(&lens, &edge.points)?);
+        }
+        Some(DVector::from_vec(all))
+    }
+
+    /// Central differences of the residuals, each with its own best line.
+    fn slopes(&self, values: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
+        const STEP: f64 = 1e-6;
+        let mut slopes = DMatrix::zeros(residuals.len(), values.len());
+        for index in 0..values.len() {
+            let nudged = |by: f64| {
+                let mut values = values.to_vec();
+                values[index] += by;
+                self.residuals(&values)
+            };
+            // At the border of what can be inverted one side is enough.
+            let column = match (nudged(STEP), nudged(-STEP)) {
+                (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * STEP),
+                (Some(ahead), None) => (ahead - residuals) / STEP,
+                (None, Some(behind)) => (residuals - behind) / STEP,
+                (None, None) => continue,
+            };
+            slopes.set_column(index, &column);
+        }
+        slopes
+    }
+
+    /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
+    fn solve(&self, starts: &[f64]) -> Option<(Vec<f64>, f64)> {
+        const ROUNDS: usize = 60;
+        starts
+            .iter()
+            .filter_map(|&first| {
+                let mut start = vec![0.0; self.fitted.len()];
+                *start.first_mut()? = first;
+                least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Normal equations of a fit of a lens.
+struct Normal {
+    square: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = Vec<f64>;
+    type Normal = Normal;
+
+    fn linearise(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
+        let residuals = self.residuals(values)?;
+        let slopes = self.slopes(values, &residuals);
+        let cost = residuals.norm_squared();
+        let normal = Normal { square: slopes.tr_mul(&slopes), gradient: slopes.tr_mul(&residuals) };
+        cost.is_finite().then_some((cost, normal))
+    }
+
+    fn step(&self, values: &Vec<f64>, normal: &Normal, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
+        let mut damped = normal.square.clone();
+        for i in 0..values.len() {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&(-&normal.gradient));
+        let promised: f64 = (0..values.len())
+            .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
+            .sum();
+        let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
+        Some((next, promised, step.amax()))
+    }
+}
+
+/// Distances of the points of a polyline from the best line through them once undistorted, in raw
+/// pixels; `None` where the lens shows nothing.
+fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
+    let straight: Vec<[f64; 2]> =
+        points.iter().map(|&p| lens.undistort(p).map(|s| [s.u, s.v])).collect::<Option<_>>()?;
+    let slopes: Vec<[[f64; 2]; 2]> =
+        points.iter().map(|&p| lens.undistort_jacobian(p)).collect::<Option<_>>()?;
+    // The weights hang on the line's direction: twice is enough, for they change slowly with it.
+    let mut weights = vec![1.0; points.len()];
+    let mut line = ([0.0, 0.0], 0.0);
+    for _ in 0..2 {
+        line = best_line(&straight, &weights);
+        for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&slopes) {
+            let [x, y] = line.0;
+            *weight = ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip();
+        }
+    }
+    let ([x, y], c) = best_line(&straight, &weights);
+    let distance = |([u, v], weight): (&[f64; 2], &f64)| (x * u + y * v - c) * weight.sqrt();
+    // The side of the line that counts as positive must not jump with the coefficients.
+    let sign = if x * line.0[0] + y * line.0[1] < 0.0 { -1.0 } else { 1.0 };
+    Some(straight.iter().zip(&weights).map(|pair| sign * distance(pair)).collect())
+}
+
+/// Unit normal and offset of the line with the least weighted sum of squared distances.
+fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64) {
+    let total: f64 = weights.iter().sum();
+    let mean = |k: usize| points.iter().zip(weights).map(|(p, w)| w * p[k]).sum::<f64>() / total;
+    let (mu, mv) = (mean(0), mean(1));
+    let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
+    for ([u, v], w) in points.iter().zip(weights) {
+        uu += w * (u - mu) * (u - mu);
+        uv += w * (u - mu) * (v - mv);
+        vv += w * (v - mv) * (v - mv);
+    }
+    let along = 0.5 * (2.0 * uv).atan2(uu - vv);
+    let normal = [-along.sin(), along.cos()];
+    (normal, normal[0] * mu + normal[1] * mv)
+}
+
+impl LensFit {
+    /// The fit of a lens to polylines. Those of fewer than three points say nothing.
+    ///
+    /// `None` when there is no polyline of three points.
+    #[must_use]
+    pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
+        let edges: Vec<&Edge> = edges.iter().filter(|edge| edge.points.len() > 2).collect();
+        let spare: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
+        if spare < 1 {
+            return None;
+        }
+        let problem = |fitted: Fitted| {
+            let kannala = matches!(fitted, Fitted::KannalaBrandt(_));
+            let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
+            let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
+            let [w, h] = options.size;
+            let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(Pixel::from);
+            Problem { edges: edges.clone(), fitted, principal_point: options.principal_point, unit, corners }
+        };
+        let chosen = match &options.fitted {
+            Some(fitted) => {
+                let problem = problem(fitted.clone());
+                problem.solve(&STARTS).map(|(values, cost)| (problem, values, cost))
+            }
+            None => climb(spare, options.sigma, &problem),
+        };
+        let plain = problem(Fitted::BrownConrady([false; 5]));
+        let before = plain.residuals(&[])?;
+        let rms = |squares: f64, count: i64| (squares / count.max(1) as f64).sqrt();
+        let before = rms(before.norm_squared(), spare);
+        let (problem, values, cost) = chosen.unwrap_or((plain, Vec::new(), before * before * spare as f64));
+        Some(Self::of(&problem, &values, cost, [before, spare as f64], options))
+    }
+
+    fn of(
+        problem: &Problem,
+        values: &[f64],
+        cost: f64,
+        [before, spare]: [f64; 2],
+        options: &LensOptions,
+    ) -> Self {
+        let lens = problem.lens(values);
+        let per_edge = |edge: &&Edge| {
+            let distances = straightness(&lens, &edge.points).unwrap_or_default();
+            let square = distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64;
+            (edge.source, square.sqrt())
+        };
+        let dof = spare as i64 - values.len() as i64;
+        Self {
+            lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
+            fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
+            straightness: [before, (cost / spare).sqrt()],
+            residuals: problem.edges.iter().map(per_edge).collect(),
+            map_error: map_error(problem, values, options),
+            uninformative: uninformative(problem, &lens, options),
+            chi2: cost / (options.sigma * options.sigma),
+            dof,
+        }
+    }
+}
+
+/// Values of the first coefficient from which a fit starts, in units of half the diagonal.
+const STARTS: [f64; 6] = [0.0, -0.15, 0.1, -0.35, -0.6, 0.3];
+
+/// The largest model of the ladder that the data support: by the Bayesian information criterion, and
+/// by how well it straightens polylines that it has not seen.
+fn climb<'a>(
+    spare: i64,
+    sigma: f64,
+    problem: &dyn Fn(Fitted) -> Problem<'a>,
+) -> Option<(Problem<'a>, Vec<f64>, f64)> {
+    let mut best: Option<(Problem<'a>, Vec<f64>, f64)> = None;
+    let straight = problem(Fitted::BrownConrady([false; 5]));
+    let mut lowest = (straight.residuals(&[])?.norm_squared(), 0_usize);
+    let mut unseen = lowest.0;
+    for which in LADDER {
+        let next = problem(Fitted::BrownConrady(which));
+        let count = next.fitted.len();
+        if spare <= count as i64 {
+            break;
+        }
+        let Some((values, cost)) = next.solve(&STARTS) else { break };
+        let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
+        let crossed = cross_validation(&next, &values);
+        if criterion(cost, count) >= criterion(lowest.0, lowest.1) || crossed >= unseen {
+            break;
+        }
+        lowest = (cost, count);
+        unseen = crossed;
+        best = Some((next, values, cost));
+    }
+    best
+}
+
+/// Sum of the squared residuals of every polyline under the fit to the others.
+fn cross_validation(problem: &Problem, values: &[f64]) -> f64 {
+    const ROUNDS: usize = 20;
+    (0..problem.edges.len())
+        .map(|left_out| {
+            let mut others = problem.clone();
+            let edge = others.edges.remove(left_out);
+            let found = least_squares(&others, values.to_vec(), ROUNDS).map(|(values, ..)| values);
+            let lens = problem.lens(found.as_deref().unwrap_or(values));
+            straightness(&lens, &edge.points).map_or(f64::INFINITY, |d| d.iter().map(|d| d * d).sum())
+        })
+        .sum()
+}
+
+/// Standard deviation of the undistorted position at three places, from the covariance of the coefficients.
+fn map_error(problem: &Problem, values: &[f64], options: &LensOptions) -> [f64; 3] {
+    const STEP: f64 = 1e-6;
+    let Some(residuals) = problem.residuals(values) else { return [f64::INFINITY; 3] };
+    let slopes = problem.slopes(values, &residuals);
+    let Some(covariance) = slopes.tr_mul(&slopes).try_inverse() else { return [f64::INFINITY; 3] };
+    let [w, h] = options.size;
+    let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
+    let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
+    [halfway, edge, [w, h]].map(|place| {
+        let at = |index: usize, by: f64| {
+            let mut values = values.to_vec();
+            values[index] += by;
+            problem.lens(&values).undistort(place.into())
+        };
+        let columns = (0..values.len()).map(|i| match (at(i, STEP), at(i, -STEP)) {
+            (Some(a), Some(b)) => [(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)],
+            _ => [f64::INFINITY; 2],
+        });
+        let slopes: Vec<[f64; 2]> = columns.collect();
+        let mut variance = 0.0;
+        for i in 0..values.len() {
+            for j in 0..values.len() {
+                variance += covariance[(i, j)] * (slopes[i][0] * slopes[j][0] + slopes[i][1] * slopes[j][1]);
+            }
+        }
+        options.sigma * variance.max(0.0).sqrt()
+    })
+}
+
+/// Polylines that a distortion of 10 px in the corner would not bend by one sigma.
+fn uninformative(problem: &Problem, lens: &Lens, options: &LensOptions) -> Vec<(Source, f64)> {
+    /// Movement of the corner, in pixels.
+    const CORNER: f64 = 10.0;
+    let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
+    let k1 = CORNER / half_diagonal;
+    let brown = |k1: f64| Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() });
+    let extra = Lens { focal: half_diagonal, distortion: brown(-k1), ..*lens };
+    let bend = |edge: &Edge| {
+        // The largest sagitta that the extra distortion gives to the edge.
+        let points: Vec<[f64; 2]> =
+            edge.points.iter().filter_map(|&p| extra.undistort(p)).map(|p| [p.u, p.v]).collect();
+        let plain: Vec<[f64; 2]> = edge.points.iter().map(|p| [p.u, p.v]).collect();
+        if points.len() < plain.len() {
+            return f64::INFINITY;
+        }
+        let moved: Vec<f64> = {
+            let (normal, _) = best_line(&plain, &vec![1.0; plain.len()]);
+            points
+                .iter()
+                .zip(&plain)
+                .map(|(a, b)| normal[0] * (a[0] - b[0]) + normal[1] * (a[1] - b[1]))
+                .collect()
+        };
+        sagitta(&plain, &moved)
+    };
+    let bent = problem.edges.iter().map(|edge| (edge.source, bend(edge)));
+    bent.filter(|(_, sagitta)| *sagitta < options.sigma).collect()
+}
+
+/// Range of movements across a line once a movement that keeps it straight is taken out.
+fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
+    let count = points.len() as f64;
+    let (first, last) = (points[0], points[points.len() - 1]);
+    let length = (last[0] - first[0]).hypot(last[1] - first[1]).max(f64::MIN_POSITIVE);
+    let along = |p: &[f64; 2]| {
+        ((p[0] - first[0]) * (last[0] - first[0]) + (p[1] - first[1]) * (last[1] - first[1])) / length
+    };
+    let (mean_t, mean_m) = (points.iter().map(along).sum::<f64>() / count, moved.iter().sum::<f64>() / count);
+    let (mut tt, mut tm) = (f64::MIN_POSITIVE, 0.0);
+    for (p, m) in points.iter().zip(moved) {
+        tt += (along(p) - mean_t).powi(2);
+        tm += (along(p) - mean_t) * (m - mean_m);
+    }
+    let off = points.iter().zip(moved).map(|(p, m)| m - mean_m - tm / tt * (along(p) - mean_t));
+    let (low, high) =
+        off.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)));
+    high - low
+}
