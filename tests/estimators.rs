@@ -491,7 +491,8 @@ fn what_a_method_does_not_use_is_named() {
     let annotations: Vec<Annotation> = base.into_iter().chain([straight, lonely, known]).collect();
     let count =
         |solution: &Solution| codes(solution).iter().filter(|&&code| code == Code::UnusedAnnotation).count();
-    assert_eq!(count(&solve(studio.site(annotations.clone()))), 2, "the polyline, the lonely line");
+    // A straight edge is used: for the lens.
+    assert_eq!(count(&solve(studio.site(annotations.clone()))), 1, "the lonely line");
     let paper = Options { method: Method::Paper, ..Options::default() };
-    assert_eq!(count(&solve_with(studio.site(annotations), &paper).unwrap()), 3, "and the known length");
+    assert_eq!(count(&solve_with(studio.site(annotations), &paper).unwrap()), 2, "and the known length");
 }

@@ -11,6 +11,7 @@ use crate::evidence::{Evidence, Mute, Source};
 use crate::fit::{Fit, FitOptions, Solved, grid};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
+use crate::optics::Optics;
 use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points, with_placement_covariance};
 use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
@@ -115,8 +116,12 @@ impl Site {
         {
             return Ok(given.clone());
         }
-        let (lens, held) = self.known_of(entry, options)?;
+        let optics = self.optics(entry);
+        let (lens, held) = (optics.lens, self.held_of(entry, options)?);
         let evidence = Evidence::new(&entry.annotations, &lens, false);
+        if evidence.is_empty() && optics.fit.is_some() {
+            return check_finite(lens_only(entry, &optics));
+        }
         let mut solution = match options.method {
             Method::Paper => paper(entry, &evidence, lens, held)?,
             Method::MaximumLikelihood | Method::Given => {
@@ -131,6 +136,9 @@ impl Site {
         if options.method != Method::Paper {
             placed_uncertainty(entry, &camera, stage, &mut solution);
         }
+        solution.residuals.extend(listed(optics.straightness.iter().copied(), &[]));
+        solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
+        solution.warnings.extend(optics.warnings(&entry.annotations));
         mute(entry, &evidence, &mut solution.warnings);
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
@@ -138,9 +146,9 @@ impl Site {
         check_finite(solution)
     }
 
-    /// The lens, and what is held of the orientation, its own or that of the camera it is like.
-    fn known_of(&self, entry: &SiteCamera, options: &Options) -> Result<(Lens, Held), Failure> {
-        let own = (entry.lens(), entry.held());
+    /// What is held of the orientation; the focal may be that of the camera this one is like.
+    fn held_of(&self, entry: &SiteCamera, options: &Options) -> Result<Held, Failure> {
+        let own = entry.held();
         let Some(like) = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()) else { return Ok(own) };
         let Some(other) = self.camera(like) else { return Ok(own) };
         let focal = match other.held().focal {
@@ -158,8 +166,7 @@ impl Site {
                 },
             )?,
         };
-        let lens = Lens { principal_point: entry.principal_point(), ..other.lens() };
-        Ok((lens, Held { focal: Some(focal), ..own.1 }))
+        Ok(Held { focal: Some(focal), ..own })
     }
 
     /// Stage 2: by control points, by the operator's move, turn and scale, or not at all.
@@ -244,7 +251,7 @@ fn likelihood(
     solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
     solution.warnings = warnings(&fit, &entry.annotations, next.as_ref());
     solution.draw_next = next;
-    unused(&entry.annotations, "The fit does not use", |kind| kind == Kind::Straight, &mut solution.warnings);
+    unused(&entry.annotations, "The fit does not use", |_| false, &mut solution.warnings);
     let off = Evidence::new(&entry.annotations, &lens, true);
     let at =
         criterion::Orientation { roll: fit.camera.roll, pitch: fit.camera.pitch, focal: fit.camera.focal };
@@ -285,7 +292,7 @@ fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Res
     let both = [evidence, &off].into_iter().flat_map(|evidence| residuals_at(evidence, at, height, width));
     solution.residuals = listed(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright | Kind::Straight);
+    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
     unused(&entry.annotations, "The paper's method does not use", unknown, &mut solution.warnings);
     priors_unused(entry, &mut solution.warnings);
     Ok(solution)
@@ -305,6 +312,35 @@ fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -
         .collect();
     list.sort_by_key(|residual| (residual.annotation, residual.segment));
     list
+}
+
+/// The solution of a camera whose straight edges are all that was drawn: its lens.
+fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
+    // Without a focal the width of the image is the unit of the coefficients.
+    let focal =
+        entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(entry.size()[0], |focal| focal.value);
+    let camera = Camera {
+        position: WorldPoint::default(),
+        yaw: 0.0,
+        pitch: 0.0,
+        roll: 0.0,
+        focal,
+        lens: optics.lens,
+        covariance: Covariance::EXACT,
+    };
+    let mut solution = Solution {
+        position_m: None,
+        yaw_deg: None,
+        pitch_deg: None,
+        roll_deg: None,
+        stage: Stage::Lens,
+        ..solution_of(&camera, Method::MaximumLikelihood)
+    };
+    solution.residuals = listed(optics.straightness.iter().copied(), &[]);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    solution.warnings = optics.warnings(&entry.annotations);
+    check_lens(entry, &camera, &mut solution.warnings);
+    solution
 }
 
 /// Sigmas, covariance and floor error of a camera that was placed, in place of those of stage 1.

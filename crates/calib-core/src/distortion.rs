@@ -107,7 +107,8 @@ struct Problem<'a> {
     fitted: Fitted,
     principal_point: Pixel,
     unit: f64,
-    corners: [Pixel; 4],
+    /// Radius, in units, of the image corner farthest from the principal point.
+    corner: f64,
 }
 
 impl Problem<'_> {
@@ -119,10 +120,10 @@ impl Problem<'_> {
         }
     }
 
-    /// `None` where the lens cannot be inverted over the whole image.
+    /// `None` where the lens folds back on itself before the corner, or at a point that was drawn.
     fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
         let lens = self.lens(values);
-        if self.corners.iter().any(|&corner| lens.undistort(corner).is_none()) {
+        if lens.distortion.max_radius() < self.corner {
             return None;
         }
         let mut all = Vec::new();
@@ -155,15 +156,16 @@ impl Problem<'_> {
     }
 
     /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
-    fn solve(&self, starts: &[f64]) -> Option<(Vec<f64>, f64)> {
+    fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
         const ROUNDS: usize = 60;
-        starts
-            .iter()
-            .filter_map(|&first| {
-                let mut start = vec![0.0; self.fitted.len()];
-                *start.first_mut()? = first;
-                least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost))
-            })
+        let count = self.fitted.len();
+        let padded = |values: &[f64]| -> Vec<f64> {
+            (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
+        };
+        let fixed = STARTS.iter().map(|start| padded(start));
+        fixed
+            .chain([padded(smaller)])
+            .filter_map(|start| least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost)))
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
@@ -257,52 +259,48 @@ impl LensFit {
             let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
             let [w, h] = options.size;
             let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(Pixel::from);
-            Problem { edges: edges.clone(), fitted, principal_point: options.principal_point, unit, corners }
+            let principal_point = options.principal_point;
+            let corner = corners.iter().map(|c| c.distance(principal_point) / unit).fold(0.0, f64::max);
+            Problem { edges: edges.clone(), fitted, principal_point, unit, corner }
         };
         let chosen = match &options.fitted {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
-                problem.solve(&STARTS).map(|(values, cost)| (problem, values, cost))
+                problem.solve(&[]).map(|(values, cost)| (problem, values, cost))
             }
             None => climb(spare, options.sigma, &problem),
         };
         let plain = problem(Fitted::BrownConrady([false; 5]));
         let before = plain.residuals(&[])?;
-        let rms = |squares: f64, count: i64| (squares / count.max(1) as f64).sqrt();
-        let before = rms(before.norm_squared(), spare);
-        let (problem, values, cost) = chosen.unwrap_or((plain, Vec::new(), before * before * spare as f64));
-        Some(Self::of(&problem, &values, cost, [before, spare as f64], options))
+        let before = before.norm_squared();
+        let (problem, values, cost) = chosen.unwrap_or((plain, Vec::new(), before));
+        Some(Self::of(&problem, &values, [before, cost], spare, options))
     }
 
-    fn of(
-        problem: &Problem,
-        values: &[f64],
-        cost: f64,
-        [before, spare]: [f64; 2],
-        options: &LensOptions,
-    ) -> Self {
+    fn of(problem: &Problem, values: &[f64], costs: [f64; 2], spare: i64, options: &LensOptions) -> Self {
+        let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
             let distances = straightness(&lens, &edge.points).unwrap_or_default();
             let square = distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64;
             (edge.source, square.sqrt())
         };
-        let dof = spare as i64 - values.len() as i64;
         Self {
             lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
-            straightness: [before, (cost / spare).sqrt()],
+            straightness: costs.map(|cost| (cost / points as f64).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
             map_error: map_error(problem, values, options),
             uninformative: uninformative(problem, &lens, options),
-            chi2: cost / (options.sigma * options.sigma),
-            dof,
+            chi2: costs[1] / (options.sigma * options.sigma),
+            dof: spare - values.len() as i64,
         }
     }
 }
 
-/// Values of the first coefficient from which a fit starts, in units of half the diagonal.
-const STARTS: [f64; 6] = [0.0, -0.15, 0.1, -0.35, -0.6, 0.3];
+/// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
+const STARTS: [[f64; 2]; 7] =
+    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.2, -0.05]];
 
 /// The largest model of the ladder that the data support: by the Bayesian information criterion, and
 /// by how well it straightens polylines that it has not seen.
@@ -319,13 +317,15 @@ fn climb<'a>(
         let next = problem(Fitted::BrownConrady(which));
         let count = next.fitted.len();
         if spare <= count as i64 {
-            break;
+            continue;
         }
-        let Some((values, cost)) = next.solve(&STARTS) else { break };
+        let smaller = best.as_ref().map_or(Vec::new(), |(_, values, _)| values.clone());
+        let Some((values, cost)) = next.solve(&smaller) else { continue };
         let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
         let crossed = cross_validation(&next, &values);
+        // A model too small for the lens fits badly and predicts worse: the next one may still be right.
         if criterion(cost, count) >= criterion(lowest.0, lowest.1) || crossed >= unseen {
-            break;
+            continue;
         }
         lowest = (cost, count);
         unseen = crossed;
@@ -334,18 +334,31 @@ fn climb<'a>(
     best
 }
 
-/// Sum of the squared residuals of every polyline under the fit to the others.
+/// Sum of the squared residuals of every polyline under a fit that has not seen it, in a few folds.
 fn cross_validation(problem: &Problem, values: &[f64]) -> f64 {
     const ROUNDS: usize = 20;
-    (0..problem.edges.len())
-        .map(|left_out| {
-            let mut others = problem.clone();
-            let edge = others.edges.remove(left_out);
-            let found = least_squares(&others, values.to_vec(), ROUNDS).map(|(values, ..)| values);
-            let lens = problem.lens(found.as_deref().unwrap_or(values));
+    const FOLDS: usize = 8;
+    let folds = problem.edges.len().min(FOLDS);
+    let fold = |fold: usize| {
+        let (unseen, seen): (Vec<_>, Vec<_>) =
+            problem.edges.iter().copied().enumerate().partition(|(i, _)| i % folds == fold);
+        let others = Problem { edges: seen.into_iter().map(|(_, edge)| edge).collect(), ..problem.clone() };
+        let found = least_squares(&others, values.to_vec(), ROUNDS).map(|(values, ..)| values);
+        let lens = problem.lens(found.as_deref().unwrap_or(values));
+        let squares = unseen.iter().map(|(_, edge)| {
             straightness(&lens, &edge.points).map_or(f64::INFINITY, |d| d.iter().map(|d| d * d).sum())
-        })
-        .sum()
+        });
+        squares.sum::<f64>()
+    };
+    (0..folds).map(fold).sum()
+}
+
+/// Distances of a polyline's points from straight under a lens that is held, root mean square in raw
+/// pixels; `None` where the lens shows nothing.
+#[must_use]
+pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
+    let distances = straightness(lens, points)?;
+    Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
 /// Standard deviation of the undistorted position at three places, from the covariance of the coefficients.

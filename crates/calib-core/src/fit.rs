@@ -114,7 +114,10 @@ impl Fit {
         let chosen = choose(&found.minima, &problem, options).ok_or_else(impossible)?;
         let dof = problem.dof();
         let inflation = match options.sigma {
-            None if dof >= ENOUGH => (found.minima[chosen].chi2 / dof as f64).max(1.0),
+            // A misfit of few lines is as good a judge: without it the sigmas would be a lie.
+            None if dof >= ENOUGH || is_misfit(found.minima[chosen].chi2, dof) => {
+                (found.minima[chosen].chi2 / dof as f64).max(1.0)
+            }
             _ => 1.0,
         };
         let best = &found.minima[chosen];

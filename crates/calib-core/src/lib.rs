@@ -82,6 +82,8 @@ mod elements;
 #[cfg(feature = "serde")]
 mod check;
 #[cfg(feature = "serde")]
+mod optics;
+#[cfg(feature = "serde")]
 mod calibrate;
 
 pub use advice::{DrawNext, draw_next, warnings};
@@ -89,7 +91,7 @@ pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape};
 pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
 pub use covariance::Covariance;
 pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
-pub use distortion::{Edge, Fitted, LensFit, LensOptions};
+pub use distortion::{Edge, Fitted, LensFit, LensOptions, straightness_rms};
 pub use efov::{Efov, default_efov, efov_on_floor};
 pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
 pub use fit::{Fit, FitOptions, Solved};

@@ -1,0 +1,181 @@
+//! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
+
+use crate::annotation::{Annotation, Kind};
+use crate::distortion::{Edge, Fitted, LensFit, LensOptions, straightness_rms};
+use crate::evidence::Source;
+use crate::lens::{Distortion, Lens};
+use crate::outliers::is_misfit;
+use crate::report::{Code, Warning};
+use crate::site::{Site, SiteCamera};
+use crate::solution::{Coefficient, DistortionEntry, DistortionModel};
+
+/// The lens of a camera, and what its straight edges said.
+pub(crate) struct Optics {
+    pub(crate) lens: Lens,
+    /// Where it was fitted.
+    pub(crate) fit: Option<LensFit>,
+    /// Root mean square distance of every polyline from straight, in raw pixels.
+    pub(crate) straightness: Vec<(Source, f64)>,
+}
+
+/// What a distortion entry asks to be fitted; `None` when its coefficients are given.
+fn asked(entry: &DistortionEntry) -> Option<Fitted> {
+    if entry.distortion().is_some() {
+        return None;
+    }
+    let wants = |coefficient: Coefficient| match &entry.fit {
+        Some(list) => list.contains(&coefficient),
+        None => matches!(coefficient, Coefficient::K1 | Coefficient::K2),
+    };
+    Some(match entry.model {
+        DistortionModel::BrownConrady => Fitted::BrownConrady(
+            [Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::P1, Coefficient::P2].map(wants),
+        ),
+        DistortionModel::Division => Fitted::Division,
+        DistortionModel::KannalaBrandt => {
+            let all = [Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::K4];
+            Fitted::KannalaBrandt(all.iter().rposition(|&k| wants(k)).map_or(1, |last| last + 1))
+        }
+    })
+}
+
+/// Lines of three points and more, of whatever kind, that are not switched off.
+fn edges(annotations: &[Annotation]) -> Vec<Edge> {
+    let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
+    used.flat_map(|(annotation, drawn)| {
+        let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
+        lines
+            .map(move |(segment, points)| Edge { points, source: Source { annotation, segment } })
+            .collect::<Vec<_>>()
+    })
+    .collect()
+}
+
+impl Site {
+    /// The lens of a camera: its own, or that of the camera it is like.
+    pub(crate) fn optics(&self, entry: &SiteCamera) -> Optics {
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.camera(id));
+        let owner = like.unwrap_or(entry);
+        let mut optics = self.own_optics(owner);
+        optics.lens.principal_point = entry.principal_point();
+        if like.is_some() {
+            optics.fit = None;
+        }
+        let own = edges(&entry.annotations);
+        optics.straightness = own
+            .iter()
+            .filter(|edge| entry.annotations[edge.source.annotation].kind == Kind::Straight)
+            .filter_map(|edge| Some((edge.source, straightness_rms(&optics.lens, &edge.points)?)))
+            .collect();
+        optics
+    }
+
+    fn own_optics(&self, entry: &SiteCamera) -> Optics {
+        let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
+        let given = Optics { lens: entry.lens(), fit: None, straightness: Vec::new() };
+        let fitted = distortion.map(asked);
+        if fitted == Some(None) {
+            return given;
+        }
+        // Without polylines, lines that happen to have a third point are not asked about the lens.
+        let straight = entry.annotations.iter().any(|a| a.kind == Kind::Straight && !a.off);
+        if !straight && fitted.is_none() {
+            return given;
+        }
+        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map(|focal| focal.value);
+        let options = LensOptions {
+            principal_point: entry.principal_point(),
+            size: entry.size(),
+            fitted: fitted.flatten(),
+            focal: distortion.and_then(|d| d.focal_px).or(focal),
+            sigma: entry.sigma_px.unwrap_or(1.0),
+        };
+        match LensFit::new(&self.edges_of(entry), &options) {
+            Some(fit) => Optics { lens: fit.lens, fit: Some(fit), straightness: Vec::new() },
+            None => given,
+        }
+    }
+
+    /// The edges of a camera and of those that are like it and have the same image.
+    fn edges_of(&self, owner: &SiteCamera) -> Vec<Edge> {
+        let is_like = |other: &&SiteCamera| {
+            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
+                && other.size_px == owner.size_px
+                && other.principal_point() == owner.principal_point()
+        };
+        // Theirs say nothing about the owner's annotations: they stand beyond the list.
+        let beyond = Source { annotation: usize::MAX, segment: 0 };
+        let shared = self.cameras.iter().filter(is_like).flat_map(|other| edges(&other.annotations));
+        edges(&owner.annotations)
+            .into_iter()
+            .chain(shared.map(|edge| Edge { source: beyond, ..edge }))
+            .collect()
+    }
+}
+
+impl Optics {
+    /// What the operator should know of the lens.
+    pub(crate) fn warnings(&self, annotations: &[Annotation]) -> Vec<Warning> {
+        /// Pixels by which the undistorted corner may be uncertain.
+        const MOST: f64 = 10.0;
+        let Some(fit) = &self.fit else {
+            return self.unfitted(annotations);
+        };
+        let label = |source: Source| annotations.get(source.annotation).map(|a| a.label(source.annotation));
+        let mut warnings: Vec<Warning> = fit
+            .uninformative
+            .iter()
+            .filter_map(|&(source, sagitta)| {
+                let message = format!(
+                    "{} says next to nothing about the lens: 10 px of distortion in the corner would bend it by {sagitta:.1} px.",
+                    label(source)?
+                );
+                let advice = "Draw long edges far from the image centre that do not point at it.";
+                Some(Warning::new(Code::UninformativePolyline, message, advice))
+            })
+            .collect();
+        let [_, _, corner] = fit.map_error;
+        if corner > MOST && fit.fitted.is_some() {
+            let how =
+                if corner.is_finite() { format!("by \u{b1} {corner:.0} px") } else { "altogether".into() };
+            warnings.push(Warning::new(
+                Code::UninformativePolyline,
+                format!("The straight edges leave the corners of the image uncertain {how}."),
+                "Draw straight edges that reach into the corners.",
+            ));
+        }
+        if is_misfit(fit.chi2, fit.dof) {
+            let [before, after] = fit.straightness;
+            warnings.push(Warning::new(
+                Code::Misfit,
+                format!("The edges drawn as straight are {after:.2} px rms off straight ({before:.2} px without a lens)."),
+                "Look for an edge that is not straight in space, or fit another model.",
+            ));
+        }
+        warnings
+    }
+
+    /// Straight edges beside a lens that is given: they check it, and change nothing.
+    fn unfitted(&self, annotations: &[Annotation]) -> Vec<Warning> {
+        let count = self.straightness.len();
+        if count == 0 {
+            return Vec::new();
+        }
+        let mean = self.straightness.iter().map(|(_, px)| px).sum::<f64>() / count as f64;
+        let first = self.straightness.first().map_or(0, |(source, _)| source.annotation);
+        let which =
+            if count == 1 { annotations[first].label(first) } else { format!("{count} straight edges") };
+        let bent = if self.lens.distortion == Distortion::None {
+            "no distortion"
+        } else {
+            "the distortion that is given"
+        };
+        vec![Warning::new(
+            Code::UnusedAnnotation,
+            format!(
+                "The fit does not use {which}: {bent} is held. They are {mean:.2} px off straight under it."
+            ),
+            "Take the coefficients out of lens.distortion to have them fitted.",
+        )]
+    }
+}
