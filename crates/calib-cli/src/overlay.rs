@@ -35,7 +35,11 @@ fn array(pixels: &[Pixel]) -> Vec<[f64; 2]> {
 
 /// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... metres.
 pub(crate) fn grid_step(polygon: &[FloorPoint]) -> f64 {
-    let reach = polygon.iter().flat_map(|a| polygon.iter().map(move |b| a.distance(*b))).fold(0.0, f64::max);
+    let span = |value: fn(&FloorPoint) -> f64| {
+        let values = || polygon.iter().map(value);
+        (values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)).max(0.0)
+    };
+    let reach = span(|p| p.x).hypot(span(|p| p.y));
     [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 24.0).unwrap_or(100.0)
 }
 

@@ -197,5 +197,7 @@ impl Svg {
 
 /// Text that is safe between the tags of a page.
 pub(crate) fn escape(text: &str) -> String {
+    // XML has no control characters.
+    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

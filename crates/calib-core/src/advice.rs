@@ -67,22 +67,16 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
         let message = format!("The lines fit another camera as well: {}.", list.join("; "));
         warn(Code::TwoSolutions, message, format!("One more line decides. {next}"));
     }
-    let percent = |rel: f64| format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel);
-    match fit.floor_length_rel {
-        Some(rel) if rel > UNUSABLE => warn(Code::Unusable, percent(rel), next.clone()),
-        Some(rel) if rel > WEAK => warn(Code::Weak, percent(rel), next.clone()),
-        Some(_) => {}
-        None => {
-            warn(
-                Code::Unusable,
-                "No floor is seen in the EFOV.".into(),
-                "Draw the EFOV on the floor.".into(),
-            );
-        }
-    }
+    warnings.extend(floor_warning(fit.floor_length_rel, &next));
+    let mut warn =
+        |code: Code, message: String, advice: String| warnings.push(Warning { code, message, advice });
     for source in &fit.outliers {
         let (label, pixels) = named(fit, annotations, *source);
-        let message = format!("{label} contradicts the others by {pixels:.1} px and was set aside.");
+        let message = if pixels.is_finite() {
+            format!("{label} contradicts the others by {pixels:.1} px and was set aside.")
+        } else {
+            format!("{label} lies above the horizon that the others give, and was set aside.")
+        };
         let advice = "Draw it again, delete it, or mark it \"keep\" if it is right.";
         warn(Code::Outlier, message, advice.into());
     }
@@ -90,6 +84,21 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
         warn(Code::Misfit, misfit(fit, annotations), "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens.".into());
     }
     warnings
+}
+
+/// What is to be said of the error of lengths on the floor, if it is large.
+pub(crate) fn floor_warning(rel: Option<f64>, advice: &str) -> Option<Warning> {
+    let percent = |rel: f64| format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel);
+    match rel {
+        Some(rel) if rel > UNUSABLE => Some(Warning::new(Code::Unusable, percent(rel), advice)),
+        Some(rel) if rel > WEAK => Some(Warning::new(Code::Weak, percent(rel), advice)),
+        Some(_) => None,
+        None => Some(Warning::new(
+            Code::Unusable,
+            "The camera sees no floor where its field of view is.",
+            "Check that floor lines and verticals were not exchanged; draw the field of view on the floor.",
+        )),
+    }
 }
 
 fn open_focal(fit: &Fit, sigma: f64) -> String {

@@ -1,6 +1,5 @@
 //! The whole calibration of a site: every camera by itself, then placed.
 
-use crate::accuracy::placed_floor_length_rel;
 use crate::advice::{draw_next, warnings};
 use crate::annotation::{Annotation, Kind, Shape};
 use crate::camera::Camera;
@@ -8,11 +7,12 @@ use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
 use crate::efov::{default_efov, efov_on_floor};
 use crate::evidence::{Evidence, Mute, Source};
-use crate::fit::{Fit, FitOptions, Solved, grid};
+use crate::fit::{Fit, FitOptions, Solved};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::residuals_at;
 use crate::optics::Optics;
-use crate::placement::{ControlPoint, STAGE_1_HEIGHT, from_control_points, with_placement_covariance};
+use crate::placement::STAGE_1_HEIGHT;
+use crate::placing::placed_uncertainty;
 use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
 use crate::solution::{
@@ -133,8 +133,8 @@ impl Site {
         solution.position_m = Some(camera.position);
         solution.yaw_deg = Some(camera.yaw.to_degrees());
         solution.stage = stage;
-        if options.method != Method::Paper {
-            placed_uncertainty(entry, &camera, stage, &mut solution);
+        if options.method != Method::Paper && stage > Stage::Partial {
+            placed_uncertainty(entry, &camera, &mut solution);
         }
         solution.residuals.extend(listed(optics.straightness.iter().copied(), &[]));
         solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
@@ -142,7 +142,7 @@ impl Site {
         mute(entry, &evidence, &mut solution.warnings);
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
-        self.add_control_residuals(entry, &camera, &mut solution.residuals);
+        self.add_control_residuals(entry, &camera, &mut solution);
         check_finite(solution)
     }
 
@@ -167,57 +167,6 @@ impl Site {
             )?,
         };
         Ok(Held { focal: Some(focal), ..own })
-    }
-
-    /// Stage 2: by control points, by the operator's move, turn and scale, or not at all.
-    fn place(&self, entry: &SiteCamera, first: Camera, warnings: &mut Vec<Warning>) -> (Camera, Stage) {
-        let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
-        let points: Vec<ControlPoint> = entry
-            .control_points
-            .iter()
-            .filter(|point| !point.off)
-            .filter_map(|point| point.control_point(self.plan.as_ref()))
-            .collect();
-        if !fixed && let Some(camera) = from_control_points(&first, &points) {
-            let camera = with_placement_covariance(&camera, &points, entry.sigma_px.unwrap_or(1.0));
-            scale_conflict(entry, &first, camera.position.z, warnings);
-            return (camera, Stage::Placed);
-        }
-        if !fixed && !points.is_empty() {
-            warnings.push(Warning::new(
-                Code::UnusedAnnotation,
-                format!("{} control point(s) do not place the camera.", points.len()),
-                "Two points inside the lens are needed, and more make it sure.",
-            ));
-        }
-        match &entry.placement {
-            Some(placement) => {
-                let mut placed = placement.placement().apply(&first);
-                // What the hand did has no sigma; what the lines said of the height does not hold any more.
-                for i in 0..Covariance::SIZE {
-                    placed.covariance.0[Covariance::Z][i] = 0.0;
-                    placed.covariance.0[i][Covariance::Z] = 0.0;
-                }
-                scale_conflict(entry, &first, placed.position.z, warnings);
-                (placed, Stage::Placed)
-            }
-            None => (first, Stage::Partial),
-        }
-    }
-
-    fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, residuals: &mut Vec<Residual>) {
-        for (index, point) in entry.control_points.iter().enumerate() {
-            let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
-            let Some(shown) = shown.filter(|shown| shown.is_finite()) else { continue };
-            residuals.push(Residual {
-                of: ResidualOf::ControlPoint,
-                annotation: None,
-                segment: None,
-                id: Some(point.id.clone().unwrap_or_else(|| index.to_string())),
-                px: shown.distance(point.px),
-                outlier: false,
-            });
-        }
     }
 }
 
@@ -343,17 +292,6 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
     solution
 }
 
-/// Sigmas, covariance and floor error of a camera that was placed, in place of those of stage 1.
-fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, stage: Stage, solution: &mut Solution) {
-    if stage == Stage::Partial {
-        return;
-    }
-    let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
-    let rel = placed_floor_length_rel(camera, &grid);
-    solution.sigma = Some(Sigmas::of(&camera.covariance, rel));
-    solution.covariance = CovarianceEntry::of(&camera.covariance);
-}
-
 /// The bare solution of a camera: pose and lens.
 fn solution_of(camera: &Camera, method: Method) -> Solution {
     Solution {
@@ -400,25 +338,6 @@ fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<f64> {
     let is_used = |r: &&Residual| !r.outlier && r.annotation.is_some_and(|index| !annotations[index].off);
     let squares: Vec<f64> = residuals.iter().filter(is_used).map(|r| r.px * r.px).collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-}
-
-/// A height that was entered or told by lines and the one that placement gave must be of one opinion.
-fn scale_conflict(entry: &SiteCamera, first: &Camera, placed: f64, warnings: &mut Vec<Warning>) {
-    /// Relative: what a hand can tell by dragging a polygon over a plan.
-    const HAND: f64 = 0.02;
-    let told = first.covariance.sigma(Covariance::Z);
-    if told.is_none() && entry.height_m.is_none() {
-        return;
-    }
-    let sigma = told.unwrap_or(0.0).hypot(HAND * placed);
-    let height = first.position.z;
-    if (height - placed).abs() > 3.0 * sigma {
-        warnings.push(Warning::new(
-            Code::ScaleConflict,
-            format!("The camera is {height:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."),
-            "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon.",
-        ));
-    }
 }
 
 /// Warns when the lens folds back on itself inside the image.

@@ -18,6 +18,8 @@ pub const MAX_BYTES: usize = 1 << 30;
 pub const MAX_VALUES: usize = 4_000_000;
 /// Most cameras in a site.
 pub const MAX_CAMERAS: usize = 10_000;
+/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
+const MAX_CORNERS: usize = 10_000;
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
 impl Site {
@@ -284,20 +286,28 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
         .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
         .collect();
     let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();
+    // Of every annotation: not looked at, on the chain that is followed, or known to end.
+    let (mut on_chain, mut ends) = (vec![false; annotations.len()], vec![false; annotations.len()]);
     for start in 0..annotations.len() {
+        let mut chain = Vec::new();
         let mut here = start;
-        // A chain longer than the list has come round.
-        for step in 0..=annotations.len() {
+        while !ends[here] {
+            on_chain[here] = true;
+            chain.push(here);
             let Some(id) = tie(here) else { break };
             let index = at.index(here);
             let field = index.key("at_right_angles_to");
             match by_id.get(id) {
                 None => return field.expected(quoted(id), "the id of a parallel annotation of this camera"),
-                Some(_) if step == annotations.len() => {
+                Some(&next) if on_chain[next] => {
                     return field.expected("ties that run in a circle", "a chain that ends");
                 }
                 Some(&next) => here = next,
             }
+        }
+        for link in chain {
+            on_chain[link] = false;
+            ends[link] = true;
         }
     }
     Ok(())
@@ -357,6 +367,11 @@ fn check_solution(at: &At, solution: &Solution) -> Checked {
     if let Some(distortion) = &solution.distortion {
         check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
     }
+    let efov = at.key("efov_m");
+    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
+    for (i, &point) in solution.efov_m.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
+    }
     solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
 }
 
@@ -371,6 +386,14 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     let broken = covariance.upper.iter().position(|value| !value.is_finite());
     if let Some(i) = broken {
         return at.key("upper").index(i).expected(covariance.upper[i], "a number");
+    }
+    // Row by row, the diagonal is the first of each row.
+    let mut first = 0;
+    for row in 0..n {
+        if covariance.upper[first] < 0.0 {
+            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
+        }
+        first += n - row;
     }
     Ok(())
 }

@@ -199,6 +199,7 @@ fn direction_of(
 ) -> (usize, bool) {
     // Follow the ties to the end of the chain; a checked site has no cycles, an unchecked one ends too.
     let mut chain = vec![index];
+    let mut seen = std::collections::HashSet::from([index]);
     let found = loop {
         let last = chain[chain.len() - 1];
         if let Some(direction) = directions[last] {
@@ -208,7 +209,7 @@ fn direction_of(
             annotations.iter().position(|a| a.kind == Kind::Parallel && a.id.as_ref() == Some(id))
         });
         match tied {
-            Some(next) if !chain.contains(&next) => chain.push(next),
+            Some(next) if seen.insert(next) => chain.push(next),
             _ => {
                 *groups += 1;
                 break (*groups - 1, false);

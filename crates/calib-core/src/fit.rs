@@ -9,7 +9,7 @@ use crate::criterion::{Held, Orientation};
 use crate::efov::default_efov;
 use crate::evidence::{Evidence, Source};
 use crate::lens::Lens;
-use crate::likelihood::{Priors, Problem, State};
+use crate::likelihood::{Priors, Problem, State, predictable};
 use crate::minima::{Found, Minimum, weak_belief};
 use crate::outliers::{Search, is_misfit, solve_without_outliers};
 use crate::placement::STAGE_1_HEIGHT;
@@ -128,7 +128,9 @@ impl Fit {
         let rel = floor_length_rel(&best.state.core, &grid, &core_covariance, height_known);
         check_open(best, rel, &problem)?;
         let (alternatives, two_solutions) = alternatives(&found, chosen);
-        let everything = Problem { aside: &[], ..problem.clone() };
+        // What was set aside is shown, too, as far as it has a prediction.
+        let shown = predictable(evidence, &best.state.core);
+        let everything = Problem { aside: &[], evidence: &shown, ..problem.clone() };
         Ok(Self {
             camera,
             chi2: best.chi2,

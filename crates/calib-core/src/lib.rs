@@ -84,6 +84,8 @@ mod check;
 #[cfg(feature = "serde")]
 mod optics;
 #[cfg(feature = "serde")]
+mod placing;
+#[cfg(feature = "serde")]
 mod calibrate;
 
 pub use advice::{DrawNext, draw_next, warnings};

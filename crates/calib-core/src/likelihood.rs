@@ -474,12 +474,18 @@ pub(crate) fn residuals_at(
 ) -> Vec<(Source, f64)> {
     let held =
         Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal), height: Some(height) };
-    let mut evidence = evidence.clone();
     let core = [at.roll, at.pitch, at.focal.ln(), height.ln()];
-    evidence.lengths.retain(|length| floor_length(&core, &length.ends).is_some());
-    evidence.uprights.retain(|upright| upright_residuals(&core, upright, 1.0).is_some());
+    let evidence = predictable(evidence, &core);
     let problem = Problem::new(&evidence, held, Priors::default(), 1.0, width);
     problem.state_at(core).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
+}
+
+/// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
+pub(crate) fn predictable(evidence: &Evidence, core: &Core) -> Evidence {
+    let mut evidence = evidence.clone();
+    evidence.lengths.retain(|length| floor_length(core, &length.ends).is_some());
+    evidence.uprights.retain(|upright| upright_residuals(core, upright, 1.0).is_some());
+    evidence
 }
 
 #[cfg(test)]

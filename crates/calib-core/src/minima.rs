@@ -37,7 +37,7 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
     for start in starts(problem, held) {
         let Some((mut state, chi2, _)) = least_squares(problem, start, ROUNDS) else { continue };
-        fold(&mut state);
+        fold(&mut state, problem);
         let Some(uncertainty) = problem.uncertainty(&state) else { continue };
         let minimum = Minimum { state, chi2, uncertainty };
         match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
@@ -54,14 +54,22 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
 pub(crate) fn minimum_near(problem: &Problem, state: &State) -> Option<Minimum> {
     let start = problem.state_at(state.core)?;
     let (mut state, chi2, _) = least_squares(problem, start, ROUNDS)?;
-    fold(&mut state);
+    fold(&mut state, problem);
     let uncertainty = problem.uncertainty(&state)?;
     Some(Minimum { state, chi2, uncertainty })
 }
 
 /// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.
-fn fold(state: &mut State) {
+fn fold(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
+    // A roll or pitch that is held or believed in keeps the range it was given in.
+    if !problem.free[ROLL]
+        || !problem.free[PITCH]
+        || problem.priors.roll.is_some()
+        || problem.priors.pitch.is_some()
+    {
+        return;
+    }
     let [roll, pitch, ..] = &mut state.core;
     if pitch.abs() > FRAC_PI_2 {
         *pitch = pitch.signum() * PI - *pitch;

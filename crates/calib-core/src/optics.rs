@@ -7,7 +7,7 @@ use crate::lens::{Distortion, Lens};
 use crate::outliers::is_misfit;
 use crate::report::{Code, Warning};
 use crate::site::{Site, SiteCamera};
-use crate::solution::{Coefficient, DistortionEntry, DistortionModel};
+use crate::solution::{Coefficient, DistortionEntry, DistortionModel, Method};
 
 /// The lens of a camera, and what its straight edges said.
 pub(crate) struct Optics {
@@ -71,6 +71,11 @@ impl Site {
     }
 
     fn own_optics(&self, entry: &SiteCamera) -> Optics {
+        if let Some(solution) =
+            entry.solution.as_ref().filter(|s| s.method == Method::Given && entry.annotations.is_empty())
+        {
+            return Optics { lens: solution.lens(), fit: None, straightness: Vec::new() };
+        }
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let given = Optics { lens: entry.lens(), fit: None, straightness: Vec::new() };
         let fitted = distortion.map(asked);

@@ -90,8 +90,13 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Foun
 
 /// The piece of evidence without which the rest agrees best, and the chi-square without it.
 fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
+    /// Pieces that are left out in turn, and those for which every start is tried again.
+    const MOST: usize = 100;
+    const EVERYWHERE: usize = 40;
+    let suspects = suspects(problem, best, search);
+    let everywhere = if suspects.len() <= EVERYWHERE { suspects.len() } else { EVERYWHERE / 4 };
     let mut lowest: Option<(f64, Source, f64)> = None;
-    for source in sources(problem).into_iter().filter(|&source| !(search.keep)(source)) {
+    for (rank, &source) in suspects.iter().take(MOST).enumerate() {
         let aside: Vec<Source> = problem.aside.iter().copied().chain([source]).collect();
         let without = Problem { aside: &aside, ..problem.clone() };
         // Without redundancy everything agrees, whatever is left out.
@@ -100,7 +105,8 @@ fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source,
         }
         // Far from the truth a gross error hides it: look everywhere, not only near.
         let near = minimum_near(&without, &best.state);
-        let anywhere = solve(&without, search.held, search.belief).minima.into_iter().next();
+        let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.belief));
+        let anywhere = anywhere.and_then(|found| found.minima.into_iter().next());
         let chi2 = near.iter().chain(&anywhere).map(|m| m.chi2).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
         if lowest.is_none_or(|(least, _, _)| score < least) {
@@ -108,6 +114,14 @@ fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source,
         }
     }
     lowest.map(|(_, source, chi2)| (source, chi2))
+}
+
+/// What may be set aside, the largest residuals first.
+fn suspects(problem: &Problem, best: &Minimum, search: Search) -> Vec<Source> {
+    let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
+    found.retain(|(source, _)| !(search.keep)(*source));
+    found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    found.into_iter().map(|(source, _)| source).collect()
 }
 
 fn sources(problem: &Problem) -> Vec<Source> {

@@ -68,14 +68,26 @@ pub struct ControlPoint {
 /// Points of one height only know the drop to it. The floor's first answer is then improved to least
 /// squares of the distances in pixels. `None` for fewer than two points that the lens shows.
 #[must_use]
-pub fn from_control_points(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
+pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let shown: Vec<ControlPoint> =
         points.iter().copied().filter(|point| camera.undistort(point.pixel).is_some()).collect();
     if shown.len() < 2 {
         return None;
     }
-    let start = linear(camera, &shown)?;
-    Some(closest_in_pixels(start, &shown))
+    let start = linear(camera, &shown, height)?;
+    let found = closest_in_pixels(start, &shown, height.is_some());
+    // Points at one pixel, or behind the camera, place nothing.
+    let is_placed = square_error(&found, &shown).is_finite() && found.position.is_finite();
+    (is_placed && by_place(&found, &shown).rank(1e-9) >= if height.is_some() { 3 } else { 4 })
+        .then_some(found)
+}
+
+/// Slopes of the points' pixels by position and yaw.
+fn by_place(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
+    let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
+    let columns = unknowns.map(|index| pixel_slopes(camera, points, index));
+    // A metre and a radian of a camera some metres off are of one size.
+    DMatrix::from_fn(2 * points.len(), unknowns.len(), |i, j| columns[j][i] / camera.focal)
 }
 
 /// Rays at yaw 0, in world axes.
@@ -84,20 +96,18 @@ fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
     points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
 }
 
-fn linear(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
+fn linear(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let rays = rays(camera, points);
     let count = points.len() as f64;
     // World coordinates may be of the size of a country: work about their middle.
     let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
     let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
-    let spread = points.iter().map(|p| (p.world.z - centre.z).abs()).fold(0.0, f64::max);
-    let drops = if spread > 1e-3 && points.len() > 2 { vec![false, true] } else { vec![true] };
-    drops
-        .into_iter()
-        .filter_map(|level| {
-            let (x0, y0, z0, yaw) =
-                if level { one_height(&rays, points, centre)? } else { all_heights(&rays, points, centre)? };
-            Some(Camera { position: WorldPoint { x: x0, y: y0, z: z0 }, yaw, ..*camera })
+    let candidates =
+        one_height(&rays, points, centre).into_iter().flatten().chain(all_heights(&rays, points, centre));
+    candidates
+        .map(|(x, y, z, yaw)| {
+            let z = height.unwrap_or(z);
+            Camera { position: WorldPoint { x, y, z }, yaw, ..*camera }
         })
         .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
 }
@@ -107,7 +117,7 @@ fn one_height(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
     centre: WorldPoint,
-) -> Option<(f64, f64, f64, f64)> {
+) -> Option<[(f64, f64, f64, f64); 2]> {
     let mut matrix = DMatrix::zeros(2 * rays.len(), 4);
     let mut right = DVector::zeros(2 * rays.len());
     for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
@@ -118,7 +128,10 @@ fn one_height(
     }
     let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
     let drop = x[2].hypot(x[3]);
-    (drop > 0.0).then(|| (centre.x + x[0], centre.y + x[1], centre.z + drop, x[3].atan2(x[2])))
+    let (x0, y0) = (centre.x + x[0], centre.y + x[1]);
+    (drop > 0.0).then(|| {
+        [(x0, y0, centre.z + drop, x[3].atan2(x[2])), (x0, y0, centre.z - drop, (-x[3]).atan2(-x[2]))]
+    })
 }
 
 /// Unknowns x0, y0, z0 cos, z0 sin, cos, sin relative to the mean height; the last pair is of length 1.
@@ -205,11 +218,14 @@ fn pixel_slopes(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f
 }
 
 /// Gauss-Newton on position and yaw with the step halved until it helps: never worse than its start.
-fn closest_in_pixels(start: Camera, points: &[ControlPoint]) -> Camera {
+fn closest_in_pixels(start: Camera, points: &[ControlPoint], hold_height: bool) -> Camera {
     const ROUNDS: usize = 50;
     let mut best = (start, square_error(&start, points));
     for _ in 0..ROUNDS {
-        let Some(step) = newton_step(&best.0, points) else { break };
+        let Some(mut step) = newton_step(&best.0, points, hold_height) else { break };
+        if hold_height {
+            step[2] = 0.0;
+        }
         let improved = (0..20).map(|halving| 0.5_f64.powi(halving)).find_map(|share| {
             let moved = moved(&best.0, step, share);
             let error = square_error(&moved, points);
@@ -234,7 +250,7 @@ fn moved(camera: &Camera, step: [f64; 4], share: f64) -> Camera {
 /// The least-squares step in x, y, z and yaw. With `(X, Y, Z)` the point in camera axes, its change
 /// with the position is minus the camera's axes, and with the yaw `R (q_y, -q_x, 0)` for `q` the
 /// point relative to the camera in the base system.
-fn newton_step(camera: &Camera, points: &[ControlPoint]) -> Option<[f64; 4]> {
+fn newton_step(camera: &Camera, points: &[ControlPoint], hold_height: bool) -> Option<[f64; 4]> {
     let rotation = camera_from_world(camera.roll, camera.pitch, camera.yaw);
     let mut matrix = DMatrix::zeros(2 * points.len(), 4);
     let mut right = DVector::zeros(2 * points.len());
@@ -245,7 +261,7 @@ fn newton_step(camera: &Camera, points: &[ControlPoint]) -> Option<[f64; 4]> {
         right[2 * i] = drawn.u - shown.u;
         right[2 * i + 1] = drawn.v - shown.v;
         let q = [point.world.x - camera.position.x, point.world.y - camera.position.y];
-        for k in 0..4 {
+        for k in (0..4).filter(|&k| !(hold_height && k == 2)) {
             let change: [f64; 3] = match k {
                 3 => rotation.map(|row| row[0] * q[1] - row[1] * q[0]),
                 axis => rotation.map(|row| -row[axis]),
@@ -304,12 +320,35 @@ mod tests {
                     let p = truth.world_to_pixel(world).unwrap();
                     ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
                 }).collect();
-                let found = with_placement_covariance(&from_control_points(&believed, &points).unwrap(), &points, 1.0);
+                let found = with_placement_covariance(&from_control_points(&believed, &points, None).unwrap(), &points, 1.0);
                 sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap()).powi(2);
             }
             // Chi-square of 100: between 0.55 and 1.6 of its mean but once in a hundred thousand.
             let ratio = sum / DRAWS as f64;
             prop_assert!(ratio > 0.5 && ratio < 1.7, "{ratio}");
+        }
+
+        #[test]
+        fn points_above_the_camera_leave_it_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
+            // Seen from below: a camera that looks up at a ceiling.
+            let camera = Camera { pitch: -camera.pitch.abs() - 0.3, ..camera };
+            let height = camera.position.z + rise;
+            let points: Vec<ControlPoint> = [(300.0, 300.0), (1600.0, 350.0), (900.0, 700.0), (400.0, 800.0)].iter().filter_map(|&(u, v)| {
+                let pixel = Pixel { u, v };
+                let above = camera.pixel_to_floor(pixel, height)?;
+                (above.distance(camera.position.on_floor()) < 40.0).then(|| ControlPoint { pixel, world: above.at_height(height) })
+            }).collect();
+            prop_assume!(points.len() == 4);
+            let unplaced = Camera { position: WorldPoint::new(0.0, 0.0, 3.0), yaw: 0.0, ..camera };
+            let found = from_control_points(&unplaced, &points, None).unwrap();
+            prop_assert!(found.position.distance(camera.position) < 1e-4, "{:?} not {:?}", found.position, camera.position);
+        }
+
+        #[test]
+        fn two_points_at_one_pixel_place_nothing(camera in any_camera(), u in 300.0..1500.0_f64) {
+            let pixel = Pixel { u, v: 900.0 };
+            let point = |x: f64| ControlPoint { pixel, world: WorldPoint::new(x, 5.0, 0.0) };
+            prop_assert_eq!(from_control_points(&camera, &[point(0.0), point(4.0)], None), None);
         }
 
         #[test]
@@ -327,7 +366,7 @@ mod tests {
             let apart = points.iter().flat_map(|a| points.iter().map(move |b| a.pixel.distance(b.pixel))).fold(0.0, f64::max);
             prop_assume!(apart > 300.0);
             let unplaced = Camera { position: WorldPoint::new(0.0, 0.0, 3.0), yaw: 0.0, ..camera };
-            let found = from_control_points(&unplaced, &points).unwrap();
+            let found = from_control_points(&unplaced, &points, None).unwrap();
             prop_assert!(found.position.distance(camera.position) < 1e-5, "{:?} not {:?}", found.position, camera.position);
         }
     }

@@ -161,7 +161,7 @@ pub struct Residual {
     /// Id of a control point, link or mark.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub id: Option<String>,
-    /// Distance from the prediction, in pixels.
+    /// Distance from the prediction, in pixels; of lines and lengths with a sign for the side.
     pub px: f64,
     /// Whether it was set aside.
     pub outlier: bool,
