@@ -117,6 +117,54 @@ fn a_size_that_is_not_the_images_names_both() {
     let run = scratch.calib(&["render", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
     assert!(run.stderr.contains("1920 x 1080") && run.stderr.contains("1280 x 720"), "{}", run.stderr);
     assert!(!scratch.path("x.png").exists());
+    scratch.calib(&["solve", "site.json"]).expect_code(3);
+}
+
+#[test]
+fn a_missing_image_is_told_and_does_not_keep_the_lines_from_being_solved() {
+    let (scratch, _) = site();
+    std::fs::remove_file(scratch.path("door.png")).unwrap();
+    let run = scratch.calib(&["solve", "site.json"]).expect_code(0);
+    assert!(run.stderr.contains("door.png"), "{}", run.stderr);
+    scratch.calib(&["render", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
+    scratch.calib(&["report", "site.json", "-o", "x.html"]).expect_code(0);
+}
+
+#[test]
+fn straight_edges_alone_give_the_lens() {
+    let (scratch, mut site) = site();
+    let bent = Lens {
+        principal_point: Pixel::new(960.0, 540.0),
+        focal: 1500.0,
+        distortion: Distortion::Division { lambda: -0.2 },
+    };
+    let edge = |from: [f64; 2], to: [f64; 2]| {
+        let points = (0..9).filter_map(|i| {
+            let t = f64::from(i) / 8.0;
+            let at = |k: usize| from[k] + t * (to[k] - from[k]);
+            bent.distort(calib_core::UndistortedPixel { u: at(0), v: at(1) })
+        });
+        Annotation { points: Some(points.collect()), ..Annotation::new(Kind::Straight) }
+    };
+    site.cameras.truncate(1);
+    site.cameras[0].annotations = vec![
+        edge([100.0, 60.0], [1800.0, 80.0]),
+        edge([120.0, 1000.0], [1850.0, 980.0]),
+        edge([60.0, 100.0], [90.0, 1000.0]),
+        edge([1830.0, 90.0], [1800.0, 1010.0]),
+        edge([300.0, 200.0], [1500.0, 1000.0]),
+    ];
+    let entry: DistortionEntry =
+        serde_json::from_value(json!({"model": "division", "fit": ["lambda"]})).unwrap();
+    site.cameras[0].lens =
+        Some(serde_json::from_value(json!({"focal_px": {"value": 1500.0, "fixed": true}})).unwrap());
+    site.cameras[0].lens.as_mut().unwrap().distortion = Some(entry);
+    scratch.write("site.json", site.to_json());
+    let json = scratch.calib(&["solve", "site.json", "--format", "json"]).expect_code(0).json();
+    assert_eq!(json["door"]["stage"], "lens");
+    assert!((json["door"]["distortion"]["lambda"].as_f64().unwrap() + 0.2).abs() < 1e-6, "{}", json["door"]);
+    scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.jpg"]).expect_code(0);
+    assert_eq!(std::fs::read(scratch.path("x.jpg")).unwrap()[..2], [0xff, 0xd8], "the name asks for JPEG");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! `calib check`: the quality gate.
 
-use calib_core::{Code, SiteCamera, Solution};
+use calib_core::{Code, Method, SiteCamera, Solution};
 
 use crate::files::{self, SiteFile};
 use crate::solve::Format;
@@ -11,7 +11,7 @@ use crate::stop::Stop;
 pub(crate) struct Args {
     /// Site file, or - for stdin; cameras without a solution are solved
     site: String,
-    /// Largest predicted relative error of lengths on the floor
+    /// Largest predicted relative error of lengths on the floor: 0.03 is 3 %
     #[arg(long, value_name = "REL", default_value_t = 0.03)]
     max_floor_error: f64,
     /// Largest root mean square of the residuals, in pixels
@@ -27,10 +27,23 @@ pub(crate) struct Args {
 
 /// Checks every camera against the gates.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    if !(args.max_floor_error > 0.0 && args.max_floor_error <= 1.0) {
+        let message = format!(
+            "--max-floor-error: found {}, expected a share up to 1: 0.03 is 3 %",
+            args.max_floor_error
+        );
+        return Err(Stop::Usage(message));
+    }
+    if args.max_rms_px.is_some_and(|most| most.is_nan() || most <= 0.0) {
+        return Err(Stop::Usage("--max-rms-px: expected a number of pixels above 0".into()));
+    }
     let file = SiteFile::read_at(&args.site, args.at.as_deref())?.solved();
     let verdicts: Vec<(&str, Vec<String>)> =
         file.site.cameras.iter().map(|camera| (camera.id.as_str(), faults(camera, args))).collect();
     let failed = verdicts.iter().filter(|(_, faults)| !faults.is_empty()).count();
+    if verdicts.is_empty() {
+        return Err(Stop::Unsolved(format!("{} has no cameras to check", file.path)));
+    }
     match args.format {
         Format::Json => {
             let list: Vec<_> = verdicts
@@ -42,8 +55,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         }
         Format::Text => {
             for (id, faults) in &verdicts {
-                let verdict = if faults.is_empty() { "ok".into() } else { faults.join("; ") };
-                files::print(&format!("{id}: {verdict}\n"))?;
+                let verdict =
+                    if faults.is_empty() { "ok".into() } else { format!("FAILED: {}", faults.join("; ")) };
+                let judged = file.site.camera(id).and_then(|camera| camera.solution.as_ref()).map(judged);
+                files::print(&format!("{id}: {verdict}{}\n", judged.unwrap_or_default()))?;
             }
         }
     }
@@ -62,9 +77,23 @@ fn faults(camera: &SiteCamera, args: &Args) -> Vec<String> {
     }
 }
 
+/// The numbers that were judged.
+fn judged(solution: &Solution) -> String {
+    let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
+    let floor = floor.map_or_else(String::new, |rel| format!(", floor \u{b1} {:.1} %", 100.0 * rel));
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", residuals {rms:.2} px rms"));
+    format!(" ({}{floor}{rms})", crate::solve::stage_name(solution.stage))
+}
+
 fn gate(solution: &Solution, args: &Args) -> Vec<String> {
     let mut faults = Vec::new();
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
+    if floor.is_none() && solution.method != Method::Given {
+        faults.push("nothing tells how good the floor is".into());
+    }
+    if args.max_rms_px.is_some() && solution.rms_px.is_none() {
+        faults.push("there are no residuals".into());
+    }
     if let Some(rel) = floor.filter(|&rel| rel > args.max_floor_error) {
         faults.push(format!(
             "floor lengths \u{b1} {:.1} %, allowed {:.1} %",

@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         progress.set_message(format!("rendering {id}"));
         let image = calib_demo::render(truth, camera.size_px);
         let name = camera.image.as_deref().unwrap_or("image.png");
-        files::write_atomically(&folder.join(name), &encoded(&image, name)?)?;
+        files::write_atomically(&folder.join(name), &files::encoded(&image, name)?)?;
         progress.inc(1);
     }
     let plan = demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()).unwrap_or("plan.png");
@@ -59,10 +59,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     ));
     let cameras: Vec<&SiteCamera> = solved.cameras.iter().collect();
     crate::solve::unsolved(&cameras)
-}
-
-fn encoded(image: &image::RgbImage, name: &str) -> Result<Vec<u8>, Stop> {
-    if name.ends_with(".png") { files::png(image) } else { files::jpeg(image) }
 }
 
 /// Makes the folder, or takes one that this command wrote before.
@@ -87,7 +83,7 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
             if sigma && camera.camera().is_none() {
                 continue;
             }
-            let (image, svg) = camera_view(&file, &camera.id, sigma)?;
+            let (image, svg) = camera_view(&file, camera, sigma)?;
             let path = folder.join(format!("{prefix}-{}.png", camera.id));
             files::write_atomically(&path, &files::png(&svg.draw_on(&image)?)?)?;
         }

@@ -31,7 +31,7 @@ impl SiteFile {
             read_limited(file, path)?
         };
         let text = String::from_utf8(bytes)
-            .map_err(|error| Stop::invalid(path, format!("not UTF-8 text: {error}")))?;
+            .map_err(|_| Stop::invalid(path, "not text; a site file (JSON) is expected here"))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let site = Site::from_json(text).map_err(|error| Stop::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
@@ -41,18 +41,13 @@ impl SiteFile {
     /// As [`Self::read`], with only the cameras whose calibration holds at a time.
     pub(crate) fn read_at(path: &str, time: Option<&str>) -> Result<Self, Stop> {
         let mut file = Self::read(path)?;
-        if let Some(time) = time {
-            let mut kept = Vec::new();
-            for camera in file.site.cameras {
-                if camera
-                    .is_valid_at(time)
-                    .map_err(|error| Stop::Usage(format!("--at: {}", error.message)))?
-                {
-                    kept.push(camera);
-                }
+        let mut kept = Vec::new();
+        for camera in file.site.cameras {
+            if holds_at(&camera, time)? {
+                kept.push(camera);
             }
-            file.site.cameras = kept;
         }
+        file.site.cameras = kept;
         Ok(file)
     }
 
@@ -95,8 +90,41 @@ impl SiteFile {
                 .map_err(|error| Stop::invalid(&self.path, format!("an image is not base64: {error}")));
         }
         let path = self.folder.join(image);
-        let file = File::open(&path).map_err(|error| Stop::invalid(path.display(), error))?;
+        let file = File::open(&path).map_err(|error| {
+            Stop::invalid(path.display(), format!("{error}; images are looked for beside {}", self.path))
+        })?;
         read_limited(file, &path.display().to_string())
+    }
+
+    /// Compares the size of every image that is there with the one in the site file; what is missing is told.
+    pub(crate) fn check_images(&self) -> Result<(), Stop> {
+        for camera in &self.site.cameras {
+            let Some(name) = camera.image.as_deref() else { continue };
+            if !name.starts_with("data:") && !self.folder.join(name).exists() {
+                say(format_args!(
+                    "calib: camera \"{}\": its image {name} is not there; solved without it",
+                    camera.id
+                ));
+                continue;
+            }
+            let found = size_of(&self.image_bytes(name)?).map_err(|error| {
+                Stop::invalid(shown(name), format!("camera \"{}\": {error:#}", camera.id))
+            })?;
+            self.check_size(camera, name, found)?;
+        }
+        Ok(())
+    }
+
+    fn check_size(&self, camera: &SiteCamera, name: &str, found: [u32; 2]) -> Result<(), Stop> {
+        if found == camera.size_px {
+            return Ok(());
+        }
+        let [w, h] = camera.size_px;
+        let what = format!(
+            "the image is {} x {} pixels, and size_px of camera \"{}\" in {} says {w} x {h}; correct the one that is wrong",
+            found[0], found[1], camera.id, self.path
+        );
+        Err(Stop::invalid(shown(name), what))
     }
 
     /// A camera's image, turned as its EXIF data says; its size must be the one in the site file.
@@ -109,15 +137,7 @@ impl SiteFile {
         })?;
         let image = decode(&self.image_bytes(name)?)
             .map_err(|error| Stop::invalid(shown(name), format!("{error:#}")))?;
-        let found = [image.width(), image.height()];
-        if found != camera.size_px {
-            let [w, h] = camera.size_px;
-            let what = format!(
-                "the image is {} x {} pixels, and size_px of camera \"{}\" in {} says {w} x {h}; correct the one that is wrong",
-                found[0], found[1], camera.id, self.path
-            );
-            return Err(Stop::invalid(shown(name), what));
-        }
+        self.check_size(camera, name, [image.width(), image.height()])?;
         Ok(image)
     }
 
@@ -129,6 +149,12 @@ impl SiteFile {
         let bytes = self.image_bytes(name)?;
         decode(&bytes).map(Some).map_err(|error| Stop::invalid(shown(name), format!("{error:#}")))
     }
+}
+
+/// Whether a calibration holds at a time, if one is asked for.
+pub(crate) fn holds_at(camera: &SiteCamera, time: Option<&str>) -> Result<bool, Stop> {
+    let Some(time) = time else { return Ok(true) };
+    camera.is_valid_at(time).map_err(|error| Stop::Usage(format!("--at: {}", error.message)))
 }
 
 /// A data: URI does not fill the screen.
@@ -157,8 +183,24 @@ fn read_limited(reader: impl std::io::Read, name: &str) -> Result<Vec<u8>, Stop>
     Ok(bytes)
 }
 
+/// Width and height of an image after EXIF turning, from its header.
+fn size_of(bytes: &[u8]) -> anyhow::Result<[u32; 2]> {
+    let (decoder, orientation) = decoder(bytes)?;
+    let (width, height) = decoder.dimensions();
+    use image::metadata::Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    let is_on_its_side = matches!(orientation, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH);
+    Ok(if is_on_its_side { [height, width] } else { [width, height] })
+}
+
 /// Decodes an image within limits and turns it as its EXIF data says.
 pub(crate) fn decode(bytes: &[u8]) -> anyhow::Result<RgbImage> {
+    let (decoder, orientation) = decoder(bytes)?;
+    let mut image = DynamicImage::from_decoder(decoder)?;
+    image.apply_orientation(orientation);
+    Ok(image.into_rgb8())
+}
+
+fn decoder(bytes: &[u8]) -> anyhow::Result<(impl image::ImageDecoder + '_, image::metadata::Orientation)> {
     let mut reader = ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format()?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(calib_core::MAX_SIDE);
@@ -167,9 +209,7 @@ pub(crate) fn decode(bytes: &[u8]) -> anyhow::Result<RgbImage> {
     reader.limits(limits);
     let mut decoder = reader.into_decoder().context("not a PNG or JPEG image")?;
     let orientation = decoder.orientation()?;
-    let mut image = DynamicImage::from_decoder(decoder)?;
-    image.apply_orientation(orientation);
-    Ok(image.into_rgb8())
+    Ok((decoder, orientation))
 }
 
 /// An image as PNG bytes.
@@ -177,6 +217,12 @@ pub(crate) fn png(image: &RgbImage) -> Result<Vec<u8>, Stop> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png)?;
     Ok(bytes.into_inner())
+}
+
+/// An image in the format that the name of a file asks for: JPEG for .jpg and .jpeg, else PNG.
+pub(crate) fn encoded(image: &RgbImage, name: &str) -> Result<Vec<u8>, Stop> {
+    let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
+    if matches!(extension.as_deref(), Some("jpg" | "jpeg")) { jpeg(image) } else { png(image) }
 }
 
 /// An image as JPEG bytes, good enough to judge lines by.
@@ -217,7 +263,7 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
 }
 
 /// Temporary files are for their owner's eyes only; what they become is an ordinary file.
-fn open_to_others(path: &Path) {
+pub(crate) fn open_to_others(path: &Path) {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;

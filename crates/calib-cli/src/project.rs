@@ -5,7 +5,7 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, FloorPoint, Pixel, SiteCamera, WorldPoint};
+use calib_core::{Camera, FloorPoint, Pixel, SiteCamera, WorldPoint, default_efov, efov_on_floor};
 use clap::ValueEnum;
 use csv::StringRecord;
 
@@ -71,6 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let part = tempfile::NamedTempFile::new_in(folder).with_context(|| format!("writing {}", args.output))?;
     table(&view, args, name, input, BufWriter::new(part.as_file()))?;
+    files::open_to_others(part.path());
     part.persist(path).with_context(|| format!("writing {}", args.output))?;
     Ok(())
 }
@@ -89,7 +90,12 @@ impl View {
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
             Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
-        let efov = entry.solution.as_ref().map(|solution| solution.efov_m.clone()).unwrap_or_default();
+        // A solution from elsewhere may come without its polygon on the floor.
+        let efov = match (&entry.solution, &entry.efov_px) {
+            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
+            (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
+            _ => default_efov(&camera, entry.size()).polygon,
+        };
         Ok(Self { camera, size: entry.size(), efov })
     }
 

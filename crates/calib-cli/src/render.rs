@@ -1,5 +1,6 @@
 //! `calib render`: overlays on an image, or all cameras on the plan.
 
+use calib_core::SiteCamera;
 use image::RgbImage;
 
 use crate::files::{self, SiteFile};
@@ -44,20 +45,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     }
     let file = file.solved();
     let (ground, svg) = match &args.camera {
-        Some(id) => camera_view(&file, id, args.sigma)?,
+        Some(id) => camera_view(&file, file.camera(id)?, args.sigma)?,
         None => plan_view(&file.site, file.plan_image()?),
     };
-    files::write(&args.output, &files::png(&svg.draw_on(&ground)?)?, args.force)
+    files::write(&args.output, &files::encoded(&svg.draw_on(&ground)?, &args.output)?, args.force)
 }
 
 /// A camera's image and what is drawn on it.
-pub(crate) fn camera_view(file: &SiteFile, id: &str, sigma: bool) -> Result<(RgbImage, Svg), Stop> {
-    let entry = file.camera(id)?;
+pub(crate) fn camera_view(file: &SiteFile, entry: &SiteCamera, sigma: bool) -> Result<(RgbImage, Svg), Stop> {
     let mut image = file.camera_image(entry)?;
     let mut svg = overlay(&file.site, entry);
     if sigma {
-        let camera =
-            entry.camera().ok_or_else(|| Stop::Unsolved(format!("camera \"{id}\" is not calibrated")))?;
+        let not_calibrated = || Stop::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
+        let camera = entry.camera().ok_or_else(not_calibrated)?;
         sigma_map::shade(&mut image, &mut svg, entry, &camera);
     }
     Ok((image, svg))

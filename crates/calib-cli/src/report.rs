@@ -47,7 +47,15 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
         include_str!("report.css")
     );
     summary(&mut html, &file.site.cameras);
-    let (ground, svg) = plan_view(&file.site, file.plan_image()?);
+    let picture = match file.plan_image() {
+        Ok(picture) => picture,
+        Err(Stop::Invalid(message)) => {
+            let _ = write!(html, "<p class=\"note bad\">{}</p>", escape(&message));
+            None
+        }
+        Err(stop) => return Err(stop),
+    };
+    let (ground, svg) = plan_view(&file.site, picture);
     if file.site.cameras.iter().any(|c| c.solution.as_ref().is_some_and(|s| s.stage >= Stage::Placed)) {
         let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", figure(&ground, &svg)?);
     }
@@ -125,8 +133,16 @@ fn section(html: &mut String, file: &SiteFile, camera: &SiteCamera) -> Result<()
     let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
     let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
     if camera.image.is_some() {
-        let (image, svg) = camera_view(file, &camera.id, false)?;
-        let _ = write!(html, "<figure>{}</figure>", figure(&image, &svg)?);
+        match camera_view(file, camera, false) {
+            Ok((image, svg)) => {
+                let _ = write!(html, "<figure>{}</figure>", figure(&image, &svg)?);
+            }
+            // A page without one picture is better than no page.
+            Err(Stop::Invalid(message)) => {
+                let _ = write!(html, "<p class=\"note bad\">{}</p>", escape(&message));
+            }
+            Err(stop) => return Err(stop),
+        }
     }
     match (&camera.solution, &camera.error) {
         (Some(solution), _) => details(html, camera, solution),
@@ -154,6 +170,9 @@ fn details(html: &mut String, camera: &SiteCamera, solution: &Solution) {
             escape(&warning.message),
             escape(&warning.advice)
         );
+    }
+    if let Some(next) = &solution.draw_next {
+        let _ = writeln!(html, "<p class=\"note\"><b>next</b> {}</p>", escape(&next.message));
     }
     for other in &solution.alternatives {
         let _ = writeln!(

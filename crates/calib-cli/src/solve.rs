@@ -37,10 +37,13 @@ pub(crate) struct Args {
     /// Solve this camera only (repeat for more)
     #[arg(long, value_name = "ID")]
     camera: Vec<String>,
+    /// Report the calibrations that hold at this time only (RFC 3339)
+    #[arg(long, value_name = "TIME")]
+    at: Option<String>,
     /// How stage 1 is solved
     #[arg(long, value_enum, default_value = "ml")]
     method: MethodArg,
-    /// Do not improve all cameras together
+    /// Keep every camera as it was solved by itself
     #[arg(long)]
     no_refine: bool,
     /// Do not let a weak belief about the focal help where the lines do not tell it
@@ -57,6 +60,7 @@ pub(crate) struct Args {
 /// Solves a site and reports.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let file = SiteFile::read(&args.site)?;
+    file.check_images()?;
     for id in &args.camera {
         if file.site.camera(id).is_none() {
             file.camera(id)?;
@@ -79,7 +83,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(output) = &args.output {
         files::write(output, solved.to_json().as_bytes(), args.force)?;
     }
-    let asked: Vec<&SiteCamera> = report.cameras.iter().map(|(index, _)| &solved.cameras[*index]).collect();
+    let mut asked: Vec<&SiteCamera> = Vec::new();
+    for (index, _) in &report.cameras {
+        let camera = &solved.cameras[*index];
+        if files::holds_at(camera, args.at.as_deref())? {
+            asked.push(camera);
+        }
+    }
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
         // stdout is the site: the report goes where messages go.
@@ -114,7 +124,11 @@ pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
             (Some(solution), _) => serde_json::to_value(solution)?,
             (None, error) => serde_json::json!({ "error": error }),
         };
-        map.insert(camera.id.clone(), value);
+        // An id may repeat with periods that do not overlap.
+        let period = camera.valid_from.as_deref().unwrap_or("before");
+        let key =
+            if map.contains_key(&camera.id) { format!("{} {period}", camera.id) } else { camera.id.clone() };
+        map.insert(key, value);
     }
     let mut text = serde_json::to_string_pretty(&map)?;
     text.push('\n');
@@ -152,6 +166,16 @@ pub(crate) fn text(site: &Site, cameras: &[&SiteCamera]) -> String {
     out
 }
 
+/// How far a solution got, in a word.
+pub(crate) fn stage_name(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Lens => "lens",
+        Stage::Partial => "partial",
+        Stage::Placed => "placed",
+        Stage::Refined => "refined",
+    }
+}
+
 fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution) {
     let sigma = solution.sigma.as_ref();
     let number = |value: Option<f64>, sigma: Option<f64>, digits: usize| match (value, sigma) {
@@ -159,12 +183,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
         (Some(value), None) => format!("{value:.digits$}"),
         (None, _) => "-".into(),
     };
-    let stage = match solution.stage {
-        Stage::Lens => "lens",
-        Stage::Partial => "partial",
-        Stage::Placed => "placed",
-        Stage::Refined => "refined",
-    };
+    let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
     let _ = writeln!(
         out,

@@ -1,6 +1,6 @@
 //! `calib undistort`: a camera's image without lens distortion.
 
-use calib_core::{Crop, Straightened};
+use calib_core::{Crop, Distortion, Straightened};
 use clap::ValueEnum;
 use image::RgbImage;
 
@@ -63,7 +63,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let map = Straightened::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
     let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
-    files::write(&args.output, &files::png(&straight)?, args.force)?;
+    files::write(&args.output, &files::encoded(&straight, &args.output)?, args.force)?;
+    if lens.distortion == Distortion::None {
+        files::say("the camera has no distortion: the image is as it was");
+    }
     let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));
     files::say(format_args!("focal {focal}, principal point {:.2}, {:.2}", centre.u, centre.v));

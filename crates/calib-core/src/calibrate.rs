@@ -9,7 +9,7 @@ use crate::efov::{default_efov, efov_on_floor};
 use crate::evidence::{Evidence, Mute, Source};
 use crate::fit::{Fit, FitOptions, Solved};
 use crate::lens::{Distortion, Lens};
-use crate::likelihood::residuals_at;
+use crate::likelihood::{Priors, residuals_at};
 use crate::optics::Optics;
 use crate::placement::STAGE_1_HEIGHT;
 use crate::placing::placed_uncertainty;
@@ -184,7 +184,8 @@ fn likelihood(
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
         held,
-        priors: entry.priors(),
+        // What is held needs no belief beside it.
+        priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
         weak_belief: prior,
         keep: &keep,

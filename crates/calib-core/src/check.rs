@@ -40,10 +40,11 @@ impl Site {
         let mut reader = serde_json::Deserializer::from_str(text);
         let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let pointer = pointer_of(error.path());
-            SiteError { pointer, message: error.into_inner().to_string() }
+            let message = in_plain_words(&error.into_inner().to_string());
+            named(text, SiteError { pointer, message })
         })?;
         reader.end().map_err(|error| at_root(error.to_string()))?;
-        site.check()?;
+        site.check().map_err(|error| named(text, error))?;
         Ok(site)
     }
 
@@ -71,6 +72,46 @@ impl Site {
         check_periods(&cameras, &self.cameras)?;
         check_elements(&root, self)
     }
+}
+
+/// What the JSON reader says, in the words of somebody who writes a site file.
+fn in_plain_words(message: &str) -> String {
+    const WORDS: [(&str, &str); 9] = [
+        ("expected f64", "expected a number, without quotes"),
+        ("expected u32", "expected a whole number, without quotes"),
+        (
+            "expected struct Known",
+            "expected {\"value\": ..., \"fixed\": true} or {\"value\": ..., \"sigma\": ...}",
+        ),
+        ("expected a string", "expected a text in quotes"),
+        ("expected a sequence", "expected a list in [ ]"),
+        ("expected a map", "expected an object in { }"),
+        ("EOF while parsing", "the file ends too early, something is not closed:"),
+        (
+            "trailing characters",
+            "more than there should be: a value too many, or a bracket closed too early or missing",
+        ),
+        ("invalid type:", "found"),
+    ];
+    WORDS.iter().fold(message.to_owned(), |said, (from, to)| said.replace(from, to))
+}
+
+/// The error with the camera and the annotation it is about, by the names the operator gave them.
+fn named(text: &str, error: SiteError) -> SiteError {
+    let Ok(document) = serde_json::from_str::<serde_json::Value>(text) else { return error };
+    let mut parts = error.pointer.split('/').skip(1);
+    let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return error };
+    let text_at = |pointer: String| document.pointer(&pointer).and_then(|v| v.as_str()).map(str::to_owned);
+    let Some(id) = text_at(format!("/cameras/{index}/id")) else { return error };
+    let mut about = format!("camera {}", quoted(&id));
+    if let (Some("annotations"), Some(number)) = (parts.next(), parts.next()) {
+        let at = |field: &str| text_at(format!("/cameras/{index}/annotations/{number}/{field}"));
+        let kind = at("kind").unwrap_or_default();
+        let name =
+            at("name").or_else(|| at("id")).map_or_else(String::new, |name| format!(" {}", quoted(&name)));
+        about = format!("{about}, {kind}{name} (annotation {number})");
+    }
+    SiteError { message: format!("{} ({about})", error.message), ..error }
 }
 
 /// About how many values a JSON text holds: one for every bracket and comma outside strings.
