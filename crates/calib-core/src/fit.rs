@@ -249,7 +249,10 @@ fn impossible() -> Failure {
 fn check_open(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
     /// Relative error of floor lengths beyond which there is no answer.
     const HOPELESS: f64 = 0.5;
-    if !best.uncertainty.singular || rel.is_some_and(|rel| rel < HOPELESS) {
+    /// Beyond it the fit may call itself an answer: the floor is anybody's guess.
+    const ABSURD: f64 = 10.0;
+    let is_told = !best.uncertainty.singular && rel.is_none_or(|rel| rel < ABSURD);
+    if is_told || rel.is_some_and(|rel| rel < HOPELESS) {
         return Ok(());
     }
     let names = ["roll", "pitch", "focal"];
