@@ -2,7 +2,7 @@
 
 use calib_core::{
     Annotation, Camera, FloorPoint, Kind, Pixel, ResidualOf, Site, SiteCamera, Solution, floor_grid, horizon,
-    on_image, prism,
+    line_name, on_image, prism,
 };
 
 use crate::style;
@@ -25,7 +25,7 @@ pub(crate) fn overlay(site: &Site, entry: &SiteCamera) -> Svg {
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
     svg.tag([margin, margin], &format!("{title}{}", summary(entry)), colour);
-    draw_legend(&mut svg, entry);
+    draw_legend(&mut svg, entry, colour);
     svg
 }
 
@@ -145,8 +145,13 @@ fn draw_annotation(svg: &mut Svg, entry: &SiteCamera, index: usize, annotation: 
         if annotation.kind == Kind::Perpendicular && segment > 0 {
             draw_square(svg, &points, colour);
         }
+        let colour = if suspect { style::BAD } else { colour };
         for &point in &points {
-            svg.dot(point, style::HANDLE, if suspect { style::BAD } else { colour });
+            svg.dot(point, style::HANDLE, colour);
+        }
+        if let Some([x, y]) = points.first() {
+            let name = line_name(&entry.annotations, index, segment);
+            svg.text([x + 7.0 * svg.scale, y - 5.0 * svg.scale], &name, colour, Anchor::Start);
         }
     }
 }
@@ -210,7 +215,7 @@ fn summary(entry: &SiteCamera) -> String {
 }
 
 /// Names of the kinds that are drawn, each in its colour.
-fn draw_legend(svg: &mut Svg, entry: &SiteCamera) {
+fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str) {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
     let used: Vec<_> =
@@ -220,9 +225,11 @@ fn draw_legend(svg: &mut Svg, entry: &SiteCamera) {
         .iter()
         .flat_map(|solution| &solution.residuals)
         .any(|residual| residual.outlier && residual.of == ResidualOf::Annotation);
+    let field = entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty());
     let rows: Vec<(&str, &str)> = used
         .iter()
         .map(|row| (row.title, style::kind(row.kind)))
+        .chain(field.then_some(("Field of view (dashed) and 2 m above it", camera)))
         .chain(outliers.then_some(("Set aside", style::BAD)))
         .collect();
     for (index, (title, colour)) in rows.iter().enumerate() {

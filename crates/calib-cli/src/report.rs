@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use base64::Engine as _;
-use calib_core::{Residual, ResidualOf, SiteCamera, Solution, Stage};
+use calib_core::{Residual, ResidualOf, SiteCamera, Solution, Stage, line_name};
 use image::RgbImage;
 
 use crate::files::{self, SiteFile};
@@ -200,7 +200,8 @@ fn label(camera: &SiteCamera, residual: &Residual) -> String {
     match (residual.of, residual.annotation) {
         (ResidualOf::Annotation, Some(index)) => {
             let annotation = camera.annotations.get(index).map_or_else(String::new, |a| a.label(index));
-            format!("{}, segment {}", escape(&annotation), residual.segment.unwrap_or(0))
+            let name = line_name(&camera.annotations, index, residual.segment.unwrap_or(0));
+            format!("{name} {}", escape(&annotation))
         }
         (ResidualOf::ControlPoint, _) => {
             format!("Control point {}", escape(residual.id.as_deref().unwrap_or("")))

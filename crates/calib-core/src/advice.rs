@@ -1,7 +1,7 @@
 //! What the operator should know of a fit, and what to draw next.
 
 use crate::accuracy::floor_length_rel;
-use crate::annotation::{Annotation, Kind};
+use crate::annotation::{Annotation, Kind, line_name};
 use crate::evidence::{End, Evidence, Length, Line, Source, Toward};
 use crate::fit::{Fit, FitOptions, grid};
 use crate::likelihood::{Problem, State, Uncertainty};
@@ -127,7 +127,7 @@ fn named(fit: &Fit, annotations: &[Annotation], source: Source) -> (String, f64)
     let pixels =
         fit.residuals.iter().find(|(s, _)| *s == source).map_or(f64::NAN, |(_, pixels)| pixels.abs());
     let label = annotations.get(source.annotation).map_or_else(String::new, |a| a.label(source.annotation));
-    (format!("Segment {} of {label}", source.segment), pixels)
+    (format!("{} of {label}", line_name(annotations, source.annotation, source.segment)), pixels)
 }
 
 fn misfit(fit: &Fit, annotations: &[Annotation]) -> String {

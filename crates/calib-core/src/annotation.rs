@@ -74,6 +74,8 @@ pub struct KindRow {
     pub name: &'static str,
     /// Its name on screen.
     pub title: &'static str,
+    /// With a number, the name of a line: V1, P3.
+    pub letter: char,
     /// How it is drawn.
     pub shape: Shape,
     /// The least number of segments that says anything.
@@ -84,19 +86,36 @@ pub struct KindRow {
 
 /// Every kind of annotation, in the order of tools, legends and reports.
 pub const KINDS: [KindRow; 7] = {
-    const fn row(kind: Kind, name: &'static str, title: &'static str, shape: Shape, least: usize) -> KindRow {
-        KindRow { kind, name, title, shape, least, has_length: matches!(kind, Kind::KnownLength) }
+    use Shape::{FootAndHead, Polyline, Segments};
+    const fn row(
+        kind: Kind,
+        names: (&'static str, &'static str, char),
+        shape: Shape,
+        least: usize,
+    ) -> KindRow {
+        let (name, title, letter) = names;
+        KindRow { kind, name, title, letter, shape, least, has_length: matches!(kind, Kind::KnownLength) }
     }
     [
-        row(Kind::Vertical, "vertical", "Vertical", Shape::Segments, 1),
-        row(Kind::Parallel, "parallel", "Parallel", Shape::Segments, 2),
-        row(Kind::Perpendicular, "perpendicular", "Right angle", Shape::Segments, 2),
-        row(Kind::EqualLength, "equal_length", "Equal length", Shape::Segments, 2),
-        row(Kind::KnownLength, "known_length", "Known length", Shape::Segments, 1),
-        row(Kind::Straight, "straight", "Straight edge", Shape::Polyline, 1),
-        row(Kind::Upright, "upright", "Upright", Shape::FootAndHead, 1),
+        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1),
+        row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2),
+        row(Kind::Perpendicular, ("perpendicular", "Right angle", 'R'), Segments, 2),
+        row(Kind::EqualLength, ("equal_length", "Equal length", 'E'), Segments, 2),
+        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1),
+        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1),
+        row(Kind::Upright, ("upright", "Upright", 'U'), FootAndHead, 1),
     ]
 };
+
+/// The name of a line on overlays and in messages: the letter of its kind, and its number among the
+/// lines of that kind, from 1.
+#[must_use]
+pub fn line_name(annotations: &[Annotation], annotation: usize, segment: usize) -> String {
+    let Some(kind) = annotations.get(annotation).map(|a| a.kind) else { return String::new() };
+    let count = |a: &Annotation| a.segments.as_ref().map_or(1, Vec::len);
+    let before: usize = annotations[..annotation].iter().filter(|a| a.kind == kind).map(count).sum();
+    format!("{}{}", kind.row().letter, before + segment + 1)
+}
 
 impl Kind {
     /// This kind's row in [`KINDS`].
@@ -202,5 +221,14 @@ mod tests {
         for row in &KINDS {
             assert_eq!(row.kind.row().name, row.name);
         }
+    }
+
+    #[test]
+    fn lines_are_numbered_by_kind() {
+        let of = |kind, count| Annotation::of_segments(kind, vec![Vec::new(); count]);
+        let annotations = [of(Kind::Vertical, 3), of(Kind::Parallel, 2), of(Kind::Vertical, 2)];
+        assert_eq!(line_name(&annotations, 0, 0), "V1");
+        assert_eq!(line_name(&annotations, 2, 1), "V5");
+        assert_eq!(line_name(&annotations, 1, 1), "P2");
     }
 }

@@ -1,7 +1,7 @@
 //! The whole calibration of a site: every camera by itself, then placed.
 
 use crate::advice::{draw_next, warnings};
-use crate::annotation::{Annotation, Kind, Shape};
+use crate::annotation::{Annotation, Kind, Shape, line_name};
 use crate::camera::Camera;
 use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
@@ -392,7 +392,8 @@ fn mute(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
             ),
             Mute::NoLength => ("has no length", "Draw it again, or delete it."),
         };
-        let message = format!("Segment {} of {label} {says}.", source.segment);
+        let name = line_name(&entry.annotations, source.annotation, source.segment);
+        let message = format!("{name} of {label} {says}.");
         warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
     }
 }

@@ -89,7 +89,7 @@ mod placing;
 mod calibrate;
 
 pub use advice::{DrawNext, draw_next, warnings};
-pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape};
+pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
 pub use covariance::Covariance;
 pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
