@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, Options, Site, SiteCamera};
+use calib_core::{Camera, Options, Sigmas, Site, SiteCamera};
 use calib_demo::DemoSite;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};
 use crate::plan_view::plan_view;
 use crate::render::camera_view;
+use crate::solve::Format;
 use crate::stop::Stop;
 
 /// By which a folder is known as one that this command wrote.
@@ -21,6 +22,9 @@ pub(crate) struct Args {
     /// Folder to write to
     #[arg(value_name = "DIR", default_value = "calib-demo")]
     folder: String,
+    /// How to report the errors
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
     /// Overwrite a folder that this command did not write
     #[arg(long)]
     force: bool,
@@ -52,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     files::write_atomically(&folder.join("solved.json"), solved.to_json().as_bytes())?;
     draw(folder, &progress)?;
     progress.finish_and_clear();
-    files::print(&comparison(&demo, &solved))?;
+    files::print(&comparison(&demo, &solved, args.format))?;
     say(format_args!(
         "\nWrote {}: site.json (as drawn), solved.json, and overlay-*.png, sigma-*.png and overlay-plan.png to look at.",
         folder.display()
@@ -95,42 +99,85 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Every error against the truth, beside the sigma that was predicted for it.
-fn comparison(demo: &DemoSite, solved: &Site) -> String {
-    use std::fmt::Write as _;
-    let mut out = String::from("Errors against the truth (\u{b1} the predicted sigma)\n");
-    let _ = writeln!(
-        out,
-        "{:10} {:>16} {:>16} {:>18} {:>16} {:>12} {:>12}",
-        "camera", "roll deg", "pitch deg", "focal %", "yaw deg", "position m", "floor m",
-    );
-    for (entry, (id, truth)) in solved.cameras.iter().zip(&demo.truth) {
-        let (Some(found), Some(solution)) = (entry.camera(), &entry.solution) else {
-            let _ = writeln!(out, "{id:10} not solved");
-            continue;
-        };
-        let sigma = solution.sigma.as_ref();
-        let cell = |error: f64, sigma: Option<f64>| match sigma {
+/// How far one camera's result is from the truth, each error with the sigma predicted for it.
+struct Errors {
+    roll_deg: (f64, Option<f64>),
+    pitch_deg: (f64, Option<f64>),
+    focal_percent: (f64, Option<f64>),
+    yaw_deg: (f64, Option<f64>),
+    position_m: f64,
+    floor_m: Option<f64>,
+}
+
+impl Errors {
+    fn of(entry: &SiteCamera, truth: &Camera) -> Option<Self> {
+        let (found, solution) = (entry.camera()?, entry.solution.as_ref()?);
+        let sigma = |value: fn(&Sigmas) -> Option<f64>| solution.sigma.as_ref().and_then(value);
+        let half = std::f64::consts::PI;
+        let turn = |a: f64, b: f64| ((a - b + half).rem_euclid(2.0 * half) - half).to_degrees();
+        Some(Self {
+            roll_deg: (turn(found.roll, truth.roll), sigma(|s| s.roll_deg)),
+            pitch_deg: (turn(found.pitch, truth.pitch), sigma(|s| s.pitch_deg)),
+            focal_percent: (
+                100.0 * (found.focal / truth.focal - 1.0),
+                sigma(|s| s.focal_px).map(|s| 100.0 * s / found.focal),
+            ),
+            yaw_deg: (turn(found.yaw, truth.yaw), sigma(|s| s.yaw_deg)),
+            position_m: found.position.distance(truth.position),
+            floor_m: floor_error(entry, &found, truth),
+        })
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let pair = |(error, sigma): (f64, Option<f64>)| serde_json::json!({ "error": error, "sigma": sigma });
+        serde_json::json!({
+            "roll_deg": pair(self.roll_deg),
+            "pitch_deg": pair(self.pitch_deg),
+            "focal_percent": pair(self.focal_percent),
+            "yaw_deg": pair(self.yaw_deg),
+            "position_m": self.position_m,
+            "floor_m": self.floor_m,
+        })
+    }
+
+    fn row(&self, id: &str) -> String {
+        let cell = |(error, sigma): (f64, Option<f64>)| match sigma {
             Some(sigma) => format!("{error:+.2} \u{b1} {sigma:.2}"),
             None => format!("{error:+.2}"),
         };
-        let turn = |a: f64, b: f64| {
-            ((a - b + 540_f64.to_radians()).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI)
-                .to_degrees()
-        };
-        let focal_sigma = sigma.and_then(|s| s.focal_px).map(|s| 100.0 * s / found.focal);
-        let _ = writeln!(
-            out,
+        format!(
             "{id:10} {:>16} {:>16} {:>18} {:>16} {:>12.2} {:>12}",
-            cell(turn(found.roll, truth.roll), sigma.and_then(|s| s.roll_deg)),
-            cell(turn(found.pitch, truth.pitch), sigma.and_then(|s| s.pitch_deg)),
-            cell(100.0 * (found.focal / truth.focal - 1.0), focal_sigma),
-            cell(turn(found.yaw, truth.yaw), sigma.and_then(|s| s.yaw_deg)),
-            found.position.distance(truth.position),
-            floor_error(entry, &found, truth).map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
-        );
+            cell(self.roll_deg),
+            cell(self.pitch_deg),
+            cell(self.focal_percent),
+            cell(self.yaw_deg),
+            self.position_m,
+            self.floor_m.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
+        )
     }
-    out
+}
+
+/// Every error against the truth; a sigma is missing where a hand placed the camera.
+fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
+    let cameras = || {
+        let pairs = solved.cameras.iter().zip(&demo.truth);
+        pairs.map(|(entry, (id, truth))| (id, Errors::of(entry, truth)))
+    };
+    if format == Format::Json {
+        let map: serde_json::Map<String, serde_json::Value> = cameras()
+            .map(|(id, errors)| (id.clone(), errors.map_or(serde_json::Value::Null, |e| e.json())))
+            .collect();
+        return format!("{:#}\n", serde_json::Value::Object(map));
+    }
+    let head = format!(
+        "Errors against the truth (\u{b1} the predicted sigma; none where a hand placed the camera)\n\
+         {:10} {:>16} {:>16} {:>18} {:>16} {:>12} {:>12}\n",
+        "camera", "roll deg", "pitch deg", "focal %", "yaw deg", "position m", "floor m",
+    );
+    cameras().fold(head, |text, (id, errors)| {
+        let row = errors.map_or_else(|| format!("{id:10} not solved"), |errors| errors.row(id));
+        format!("{text}{row}\n")
+    })
 }
 
 /// Root mean square distance on the floor between what both cameras see at pixels of the EFOV.

@@ -248,7 +248,18 @@ impl LensFit {
     /// `None` when there is no polyline of three points.
     #[must_use]
     pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
-        let edges: Vec<&Edge> = edges.iter().filter(|edge| edge.points.len() > 2).collect();
+        /// Points that are used: enough for any lens, and a bound on the time of a hostile file.
+        const MOST: usize = 20_000;
+        let mut room = MOST;
+        let edges: Vec<&Edge> = edges
+            .iter()
+            .filter(|edge| edge.points.len() > 2)
+            .take_while(|edge| {
+                let fits = edge.points.len() <= room;
+                room = room.saturating_sub(edge.points.len());
+                fits
+            })
+            .collect();
         let spare: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
         if spare < 1 {
             return None;
