@@ -18,6 +18,8 @@ struct Check {
     name: &'static str,
     command: &'static [&'static str],
     environment: &'static [(&'static str, &'static str)],
+    /// Folders that the command wants to be there.
+    folders: &'static [&'static str],
     tools: &'static [&'static Tool],
 }
 
@@ -65,7 +67,7 @@ const WEB: Tool = Tool {
     ],
 };
 
-const PLAIN: Check = Check { name: "", command: &[], environment: &[], tools: &[] };
+const PLAIN: Check = Check { name: "", command: &[], environment: &[], folders: &[], tools: &[] };
 
 /// The list is the registry.
 const CHECKS: &[Check] = &[
@@ -115,6 +117,7 @@ const CHECKS: &[Check] = &[
         ],
         // The fuzzer's instrumentation is unstable; a stable compiler has it, too.
         environment: &[("RUSTC_BOOTSTRAP", "1")],
+        folders: &["crates/calib-core/fuzz/corpus/site"],
         tools: &[&FUZZ],
     },
     Check {
@@ -178,6 +181,9 @@ pub(crate) fn rerun_optimised(command: &str) -> anyhow::Result<()> {
 
 fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
     let (program, arguments) = check.command.split_first().context("a check without a command")?;
+    for folder in check.folders {
+        std::fs::create_dir_all(root().join(folder))?;
+    }
     let mut command = Command::new(program);
     command.args(arguments).current_dir(root()).env("CALIB_SKIPPED_LIST", skips);
     command.envs(check.environment.iter().copied());
