@@ -2,7 +2,9 @@
 
 use crate::advice::{draw_next, warnings};
 use crate::annotation::{Annotation, Kind, Shape, line_name};
+use crate::bounds::At;
 use crate::camera::Camera;
+use crate::check::check_solution;
 use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
 use crate::efov::{default_efov, efov_on_floor};
@@ -410,7 +412,9 @@ fn check_finite(solution: Solution) -> Result<Solution, Failure> {
     let others = solution.alternatives.iter().all(|other| {
         [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
     });
-    if pose && quality && others {
+    // What cannot be read again must not be written.
+    let readable = check_solution(&At::root(), &solution).is_ok();
+    if pose && quality && others && readable {
         return Ok(solution);
     }
     Err(Failure::new(

@@ -383,7 +383,8 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
     optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
 }
 
-fn check_solution(at: &At, solution: &Solution) -> Checked {
+/// Whether a solution can be written and read again.
+pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
     let point = <[f64; 2]>::from(solution.principal_point_px);
     Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;

@@ -75,7 +75,9 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
         return None;
     }
     let start = linear(camera, &shown, height)?;
-    let found = closest_in_pixels(start, &shown, height.is_some());
+    let mut found = closest_in_pixels(start, &shown, height.is_some());
+    let half = std::f64::consts::PI;
+    found.yaw = (found.yaw + half).rem_euclid(2.0 * half) - half;
     // Points at one pixel, or behind the camera, place nothing.
     let is_placed = square_error(&found, &shown).is_finite() && found.position.is_finite();
     (is_placed && by_place(&found, &shown).rank(1e-9) >= if height.is_some() { 3 } else { 4 })
