@@ -253,17 +253,22 @@ pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
 
 /// Writes beside the file, then renames over it: a killed run leaves the old one or the new one.
 pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
+    write_through(path, |mut file| Ok(file.write_all(bytes)?))
+}
+
+/// As [`write_atomically`], what is written handed out piece by piece.
+pub(crate) fn write_through(path: &Path, fill: impl FnOnce(&File) -> Result<(), Stop>) -> Result<(), Stop> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file =
-        tempfile::NamedTempFile::new_in(folder).with_context(|| format!("writing {}", path.display()))?;
-    file.write_all(bytes)?;
-    open_to_others(file.path());
-    file.persist(path).with_context(|| format!("writing {}", path.display()))?;
+    let writing = || format!("writing {}", path.display());
+    let part = tempfile::NamedTempFile::new_in(folder).with_context(writing)?;
+    fill(part.as_file())?;
+    open_to_others(part.path());
+    part.persist(path).with_context(writing)?;
     Ok(())
 }
 
 /// Temporary files are for their owner's eyes only; what they become is an ordinary file.
-pub(crate) fn open_to_others(path: &Path) {
+fn open_to_others(path: &Path) {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;

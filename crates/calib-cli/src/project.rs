@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
-use anyhow::Context as _;
 use calib_core::{Camera, FloorPoint, Pixel, SiteCamera, WorldPoint, default_efov, efov_on_floor};
 use clap::ValueEnum;
 use csv::StringRecord;
@@ -67,13 +66,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         return table(&view, args, name, input, BufWriter::new(std::io::stdout().lock()));
     }
     files::check_free(&args.output, args.force)?;
-    let path = Path::new(&args.output);
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let part = tempfile::NamedTempFile::new_in(folder).with_context(|| format!("writing {}", args.output))?;
-    table(&view, args, name, input, BufWriter::new(part.as_file()))?;
-    files::open_to_others(part.path());
-    part.persist(path).with_context(|| format!("writing {}", args.output))?;
-    Ok(())
+    files::write_through(Path::new(&args.output), |file| {
+        table(&view, args, name, input, BufWriter::new(file))
+    })
 }
 
 /// A solved camera with what tells the status of a pixel.

@@ -71,17 +71,13 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
         let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
         polygon = clip(&polygon, |[x, y, w]| w * drop.abs() * reach - (x * cos + y * sin));
     }
-    let clipped = lost || !same(&polygon, &homogeneous);
+    let clipped = lost || polygon != homogeneous;
     let polygon = polygon
         .into_iter()
         .map(|[x, y, w]| FloorPoint { x: camera.position.x + x / w, y: camera.position.y + y / w })
         .filter(|point| point.is_finite())
         .collect();
     Efov { polygon, clipped }
-}
-
-fn same(a: &[[f64; 3]], b: &[[f64; 3]]) -> bool {
-    a == b
 }
 
 /// The part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).

@@ -2,8 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::bounds::{At, Bounds, Checked, count, known, name, optional, quoted};
-use crate::bounds::{MAX_ITEMS, pixels};
+use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, quoted};
 use crate::site::{Link, LinkKind, Mark, Site};
 
 /// Links, marks and the distances between them.

@@ -120,18 +120,7 @@ fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
     let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = camera.lens.distortion else {
         return None;
     };
-    let bare = DistortionEntry {
-        model: DistortionModel::BrownConrady,
-        k1: None,
-        k2: None,
-        k3: None,
-        k4: None,
-        p1: None,
-        p2: None,
-        lambda: None,
-        focal_px: None,
-        fit: None,
-    };
+    let bare = DistortionEntry::new(DistortionModel::BrownConrady);
     let distortion = match known {
         KnownLens::Given => DistortionEntry {
             k1: Some(k1),
