@@ -195,8 +195,8 @@ fn likelihood(
     let fit = Fit::new(evidence, &options)?;
     let next = draw_next(&fit, evidence, &options);
     let mut solution = solution_of(&fit.camera, Method::MaximumLikelihood);
-    solution.sigma = Some(Sigmas::of(&fit.camera.covariance, fit.floor_length_rel));
-    solution.covariance = CovarianceEntry::of(&fit.camera.covariance);
+    solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
+    solution.covariance = CovarianceEntry::of(&fit.camera);
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
     solution.dof = usize::try_from(fit.dof).ok();

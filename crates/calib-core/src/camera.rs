@@ -264,7 +264,12 @@ impl Camera {
             Covariance::YAW => camera.yaw += by,
             Covariance::PITCH => camera.pitch += by,
             Covariance::ROLL => camera.roll += by,
-            _ => camera.focal += by,
+            Covariance::FOCAL => camera.focal += by,
+            coefficient => {
+                let mut coefficients = camera.lens.distortion.coefficients();
+                coefficients[coefficient - Covariance::LENS] += by;
+                camera.lens.distortion = camera.lens.distortion.with_coefficients(coefficients);
+            }
         }
         camera
     }

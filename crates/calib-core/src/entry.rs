@@ -219,7 +219,10 @@ impl Solution {
             roll: self.roll_deg?.to_radians(),
             focal: self.focal_px,
             lens: self.lens(),
-            covariance: self.covariance.as_ref().map_or(Covariance::EXACT, CovarianceEntry::covariance),
+            covariance: self
+                .covariance
+                .as_ref()
+                .map_or(Covariance::EXACT, |entry| entry.covariance(self.focal_px, &self.lens().distortion)),
         })
     }
 
@@ -242,11 +245,31 @@ fn unit_in_file(index: usize) -> f64 {
     }
 }
 
+/// Name of an unknown in files.
+fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
+    let own = distortion.names();
+    Covariance::NAMES.get(index).or_else(|| own.get(index.checked_sub(Covariance::LENS)?)).copied()
+}
+
+/// The coefficients in a file are those for the camera's focal and change with it; those of a
+/// [`Lens`] are for a focal that stays. The slopes of the former by the latter and by the focal,
+/// where the latter are for a focal `ratio` times smaller.
+fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
+    let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
+    let mut slopes = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
+    for (i, &power) in powers.iter().enumerate() {
+        slopes[0][Covariance::LENS + i] = ratio.powi(power);
+        slopes[1][Covariance::LENS + i] = f64::from(power) * coefficients[i] * ratio.powi(power) / focal;
+    }
+    slopes
+}
+
 impl CovarianceEntry {
-    /// The matrix in metres, radians and pixels; names that are not of the camera are left out.
+    /// The matrix in metres, radians and pixels of a camera with this focal and distortion; names that
+    /// are not of the camera are left out.
     #[must_use]
-    pub fn covariance(&self) -> Covariance {
-        let index = |name: &String| Covariance::NAMES.iter().position(|known| known == name);
+    pub fn covariance(&self, focal: f64, distortion: &Distortion) -> Covariance {
+        let index = |known: &String| (0..Covariance::SIZE).find(|&i| name(i, distortion) == Some(known));
         let rows: Vec<Option<usize>> = self.of.iter().map(index).collect();
         let mut covariance = Covariance::EXACT;
         let mut upper = self.upper.iter();
@@ -259,16 +282,22 @@ impl CovarianceEntry {
                 }
             }
         }
-        covariance
+        let [scale, by_focal] = in_file(distortion, 1.0, focal);
+        covariance.sheared(&scale, &by_focal.map(|slope| -slope))
     }
 
     /// The entry of everything that was estimated; `None` when nothing was.
     #[must_use]
-    pub fn of(covariance: &Covariance) -> Option<Self> {
-        let rows: Vec<usize> = (0..Covariance::SIZE).filter(|&i| covariance.sigma(i).is_some()).collect();
+    pub fn of(camera: &Camera) -> Option<Self> {
+        let distortion = camera.lens.distortion;
+        let [scale, by_focal] = in_file(&distortion, camera.focal / camera.lens.focal, camera.focal);
+        let covariance = camera.covariance.sheared(&scale, &by_focal);
+        let is_estimated =
+            |&i: &usize| camera.covariance.sigma(i).is_some() && name(i, &distortion).is_some();
+        let rows: Vec<usize> = (0..Covariance::SIZE).filter(is_estimated).collect();
         let value = |a: usize, b: usize| covariance.0[a][b] * unit_in_file(a) * unit_in_file(b);
         (!rows.is_empty()).then(|| Self {
-            of: rows.iter().map(|&i| Covariance::NAMES[i].to_owned()).collect(),
+            of: rows.iter().filter_map(|&i| name(i, &distortion).map(str::to_owned)).collect(),
             upper: rows
                 .iter()
                 .enumerate()
@@ -279,18 +308,32 @@ impl CovarianceEntry {
 }
 
 impl Sigmas {
-    /// The diagonal of a covariance, and the error of floor lengths.
+    /// The diagonal of a camera's covariance as files have it, and the error of floor lengths.
     #[must_use]
-    pub fn of(covariance: &Covariance, floor_length_rel: Option<f64>) -> Self {
-        let sigma = |index: usize| covariance.sigma(index).map(|sigma| sigma * unit_in_file(index));
+    pub fn of(camera: &Camera, floor_length_rel: Option<f64>) -> Self {
+        let entry = CovarianceEntry::of(camera);
+        let (names, upper) = entry.as_ref().map_or((&[][..], &[][..]), |e| (&e.of[..], &e.upper[..]));
+        let sigma = |known: &str| {
+            let row = names.iter().position(|name| name == known)?;
+            // Rows of an upper triangle grow shorter by one.
+            let diagonal = (0..row).map(|i| names.len() - i).sum::<usize>();
+            upper.get(diagonal).map(|variance| variance.max(0.0).sqrt())
+        };
         Self {
-            x_m: sigma(Covariance::X),
-            y_m: sigma(Covariance::Y),
-            z_m: sigma(Covariance::Z),
-            yaw_deg: sigma(Covariance::YAW),
-            pitch_deg: sigma(Covariance::PITCH),
-            roll_deg: sigma(Covariance::ROLL),
-            focal_px: sigma(Covariance::FOCAL),
+            x_m: sigma("x_m"),
+            y_m: sigma("y_m"),
+            z_m: sigma("z_m"),
+            yaw_deg: sigma("yaw_deg"),
+            pitch_deg: sigma("pitch_deg"),
+            roll_deg: sigma("roll_deg"),
+            focal_px: sigma("focal_px"),
+            k1: sigma("k1"),
+            k2: sigma("k2"),
+            k3: sigma("k3"),
+            k4: sigma("k4"),
+            p1: sigma("p1"),
+            p2: sigma("p2"),
+            lambda: sigma("lambda"),
             floor_length_rel,
         }
     }

@@ -132,6 +132,52 @@ impl Lens {
 }
 
 impl Distortion {
+    /// Number of coefficients of the largest model.
+    pub const MOST: usize = 5;
+
+    /// Names of the coefficients in files, in the order of [`Self::coefficients`].
+    #[must_use]
+    pub const fn names(&self) -> &'static [&'static str] {
+        match self {
+            Self::None => &[],
+            Self::BrownConrady(_) => &["k1", "k2", "k3", "p1", "p2"],
+            Self::Division { .. } => &["lambda"],
+            Self::KannalaBrandt { .. } => &["k1", "k2", "k3", "k4"],
+        }
+    }
+
+    /// The coefficients; zeros beyond those the model has.
+    #[must_use]
+    pub const fn coefficients(&self) -> [f64; Self::MOST] {
+        match *self {
+            Self::None => [0.0; Self::MOST],
+            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => [k1, k2, k3, p1, p2],
+            Self::Division { lambda } => [lambda, 0.0, 0.0, 0.0, 0.0],
+            Self::KannalaBrandt { k: [k1, k2, k3, k4] } => [k1, k2, k3, k4, 0.0],
+        }
+    }
+
+    /// The same model with other coefficients.
+    #[must_use]
+    pub const fn with_coefficients(&self, [a, b, c, d, e]: [f64; Self::MOST]) -> Self {
+        match self {
+            Self::None => Self::None,
+            Self::BrownConrady(_) => Self::BrownConrady(BrownConrady { k1: a, k2: b, k3: c, p1: d, p2: e }),
+            Self::Division { .. } => Self::Division { lambda: a },
+            Self::KannalaBrandt { .. } => Self::KannalaBrandt { k: [a, b, c, d] },
+        }
+    }
+
+    /// With which power of the focal every coefficient grows when the map of pixels stays what it is.
+    #[must_use]
+    pub(crate) const fn powers(&self) -> [i32; Self::MOST] {
+        match self {
+            Self::None | Self::KannalaBrandt { .. } => [0; Self::MOST],
+            Self::BrownConrady(_) => [2, 4, 6, 1, 1],
+            Self::Division { .. } => [2, 0, 0, 0, 0],
+        }
+    }
+
     /// Radius of the largest disc of undistorted, focal-normalised coordinates on which the radial
     /// part grows; infinite where it always does. Beyond it the model is not a lens.
     #[must_use]
@@ -211,21 +257,11 @@ impl Distortion {
     /// `None` for Kannala-Brandt: its map of pixels exists at one focal only.
     #[must_use]
     pub fn rescaled(&self, ratio: f64) -> Option<Self> {
-        let square = ratio * ratio;
-        match *self {
-            Self::None => Some(Self::None),
-            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => {
-                Some(Self::BrownConrady(BrownConrady {
-                    k1: k1 * square,
-                    k2: k2 * square.powi(2),
-                    k3: k3 * square.powi(3),
-                    p1: p1 * ratio,
-                    p2: p2 * ratio,
-                }))
-            }
-            Self::Division { lambda } => Some(Self::Division { lambda: lambda * square }),
-            Self::KannalaBrandt { .. } => (ratio == 1.0).then_some(*self),
+        if let Self::KannalaBrandt { .. } = self {
+            return (ratio == 1.0).then_some(*self);
         }
+        let (coefficients, powers) = (self.coefficients(), self.powers());
+        Some(self.with_coefficients(std::array::from_fn(|i| coefficients[i] * ratio.powi(powers[i]))))
     }
 }
 

@@ -46,6 +46,8 @@
 
 // A module uses only those above it; a test holds this order.
 mod minimize;
+mod sparse;
+mod blocks;
 mod report;
 mod space;
 mod lens;

@@ -155,8 +155,8 @@ fn scale_conflict(first: &Camera, placed: f64, is_held: bool, warnings: &mut Vec
 pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, solution: &mut Solution) {
     let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
     let rel = placed_floor_length_rel(camera, &grid);
-    solution.sigma = Some(Sigmas::of(&camera.covariance, rel));
-    solution.covariance = CovarianceEntry::of(&camera.covariance);
+    solution.sigma = Some(Sigmas::of(camera, rel));
+    solution.covariance = CovarianceEntry::of(camera);
     solution.warnings.retain(|warning| !matches!(warning.code, Code::Weak | Code::Unusable));
     let next = solution.draw_next.as_ref().map(|next| next.message.clone());
     solution.warnings.extend(floor_warning(

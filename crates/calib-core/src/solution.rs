@@ -138,6 +138,27 @@ document! {
         /// In pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k1: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k2: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k3: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k4: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p1: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p2: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lambda: Option<f64>,
         /// Relative standard deviation of lengths on the floor inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,
