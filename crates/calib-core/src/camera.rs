@@ -223,7 +223,7 @@ impl Camera {
     /// `None` where there is no floor point.
     #[must_use]
     pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
-        /// Of a pixel, of a radian, of the focal's share: small against what bends, large against rounding.
+        /// Of a pixel: small against what bends, large against rounding.
         const STEP: f64 = 1e-4;
         let difference = |ahead: Option<FloorPoint>, behind: Option<FloorPoint>, step: f64| {
             let (a, b) = (ahead?, behind?);
@@ -236,22 +236,30 @@ impl Camera {
             };
             difference(at(1.0), at(-1.0), STEP)
         };
-        let by_unknown = |index: usize| {
-            let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
-            let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, 0.0);
-            difference(at(1.0), at(-1.0), step)
-        };
         let columns = [by_pixel(1.0, 0.0)?, by_pixel(0.0, 1.0)?];
         let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
         let pixel_part =
             std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
+        let slopes = self.floor_slopes(pixel)?;
+        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
+    }
+
+    /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
+    ///
+    /// `None` where there is no floor point.
+    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
+        const STEP: f64 = 1e-4;
         let mut slopes = [[0.0; 2]; Covariance::SIZE];
         for (index, slope) in slopes.iter_mut().enumerate() {
             if self.covariance.0[index][index] > 0.0 {
-                *slope = by_unknown(index)?;
+                let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
+                let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, 0.0);
+                let (a, b) = (at(1.0)?, at(-1.0)?);
+                *slope = [(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)];
             }
         }
-        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
+        Some(slopes)
     }
 
     /// The camera with one of the unknowns of [`Covariance`] changed.

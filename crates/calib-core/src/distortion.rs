@@ -204,25 +204,25 @@ impl LeastSquares for Problem<'_> {
 
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
 /// pixels; `None` where the lens shows nothing.
-fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
+pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
     let straight: Vec<[f64; 2]> =
         points.iter().map(|&p| lens.undistort(p).map(|s| [s.u, s.v])).collect::<Option<_>>()?;
     let slopes: Vec<[[f64; 2]; 2]> =
         points.iter().map(|&p| lens.undistort_jacobian(p)).collect::<Option<_>>()?;
     // The weights hang on the line's direction: twice is enough, for they change slowly with it.
     let mut weights = vec![1.0; points.len()];
-    let mut line = ([0.0, 0.0], 0.0);
     for _ in 0..2 {
-        line = best_line(&straight, &weights);
+        let ([x, y], _) = best_line(&straight, &weights);
         for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&slopes) {
-            let [x, y] = line.0;
             *weight = ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip();
         }
     }
     let ([x, y], c) = best_line(&straight, &weights);
     let distance = |([u, v], weight): (&[f64; 2], &f64)| (x * u + y * v - c) * weight.sqrt();
-    // The side of the line that counts as positive must not jump with the coefficients.
-    let sign = if x * line.0[0] + y * line.0[1] < 0.0 { -1.0 } else { 1.0 };
+    // The side of the line that counts as positive must not jump with the coefficients: the left of
+    // the way from the first point to the last.
+    let (first, last) = (straight.first()?, straight.last()?);
+    let sign = if x * (first[1] - last[1]) + y * (last[0] - first[0]) < 0.0 { -1.0 } else { 1.0 };
     Some(straight.iter().zip(&weights).map(|pair| sign * distance(pair)).collect())
 }
 

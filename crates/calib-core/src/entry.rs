@@ -8,7 +8,7 @@ use crate::likelihood::{Prior, Priors};
 use crate::placement::{ControlPoint, Placement};
 use crate::scene::Shape3;
 use crate::site::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
-use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Sigmas, Solution};
+use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution};
 use crate::space::{Pixel, PlanScale, WorldPoint};
 
 impl Plan {
@@ -199,6 +199,12 @@ impl SiteCamera {
             height: prior(self.height_m),
             weak_log_focal: None,
         }
+    }
+
+    /// Whether its solution was typed or imported, and nothing is drawn that could change it.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
     }
 
     /// The calibrated camera, if it was solved beyond its lens.

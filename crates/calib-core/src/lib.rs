@@ -68,6 +68,11 @@ mod efov;
 mod accuracy;
 mod fit;
 mod advice;
+mod sight;
+mod tie;
+mod graph;
+mod refine;
+mod adjustment;
 mod scene;
 mod projector;
 mod remap;
@@ -84,9 +89,19 @@ mod elements;
 #[cfg(feature = "serde")]
 mod check;
 #[cfg(feature = "serde")]
+mod options;
+#[cfg(feature = "serde")]
 mod optics;
 #[cfg(feature = "serde")]
 mod placing;
+#[cfg(feature = "serde")]
+mod stage_1;
+#[cfg(feature = "serde")]
+mod shared;
+#[cfg(feature = "serde")]
+mod joint;
+#[cfg(feature = "serde")]
+mod quality;
 #[cfg(feature = "serde")]
 mod calibrate;
 
@@ -113,9 +128,11 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 #[cfg(feature = "serde")]
 pub use bounds::{MAX_ITEMS, SiteError};
 #[cfg(feature = "serde")]
-pub use calibrate::{Options, Report};
+pub use calibrate::Report;
 #[cfg(feature = "serde")]
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
+#[cfg(feature = "serde")]
+pub use options::Options;
 #[cfg(feature = "serde")]
 pub use site::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,

@@ -218,25 +218,27 @@ impl<'a> Problem<'a> {
 
     /// Number of residuals minus number of unknowns.
     pub(crate) fn dof(&self) -> i64 {
+        let drawn = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
+        let mut count = drawn as i64;
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
+        let beside = self.used().iter().filter(|&&used| used).count();
+        let unknowns = self.free.iter().filter(|&&free| free).count() + beside;
+        count - unknowns as i64
+    }
+
+    /// Which directions and lengths any evidence hangs on.
+    pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances()];
-        let mut count = 0_i64;
         for line in self.lines() {
-            count += 1;
             if let Toward::Floor { group, .. } = line.toward {
                 used[group] = true;
             }
         }
-        for length in self.lengths() {
-            count += 1;
-            if self.evidence.length_groups[length.group].is_none() {
-                used[self.evidence.groups + length.group] = true;
-            }
+        for length in self.lengths().filter(|length| self.evidence.length_groups[length.group].is_none()) {
+            used[self.evidence.groups + length.group] = true;
         }
-        count += 2 * self.uprights().count() as i64;
-        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
-        count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
-        let unknowns = self.free.iter().filter(|&&free| free).count() + used.iter().filter(|&&u| u).count();
-        count - unknowns as i64
+        used
     }
 
     fn nuisances(&self) -> usize {
@@ -297,7 +299,7 @@ impl<'a> Problem<'a> {
     /// Calls `sink` with every residual in sigmas, its slope, its unknown beside the core, and its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
-    fn each_residual(
+    pub(crate) fn each_residual(
         &self,
         state: &State,
         mut sink: impl FnMut(f64, &Slope, Option<(usize, f64)>, Option<Source>),

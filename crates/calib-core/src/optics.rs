@@ -7,9 +7,10 @@ use crate::lens::{Distortion, Lens};
 use crate::outliers::is_misfit;
 use crate::report::{Code, Warning};
 use crate::site::{Site, SiteCamera};
-use crate::solution::{Coefficient, DistortionEntry, DistortionModel, Method};
+use crate::solution::{Coefficient, DistortionEntry, DistortionModel};
 
 /// The lens of a camera, and what its straight edges said.
+#[derive(Clone, Debug)]
 pub(crate) struct Optics {
     pub(crate) lens: Lens,
     /// Where it was fitted.
@@ -40,7 +41,7 @@ fn asked(entry: &DistortionEntry) -> Option<Fitted> {
 }
 
 /// Lines of three points and more, of whatever kind, that are not switched off.
-fn edges(annotations: &[Annotation]) -> Vec<Edge> {
+pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
     used.flat_map(|(annotation, drawn)| {
         let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
@@ -61,19 +62,12 @@ impl Site {
         if like.is_some() {
             optics.fit = None;
         }
-        let own = edges(&entry.annotations);
-        optics.straightness = own
-            .iter()
-            .filter(|edge| entry.annotations[edge.source.annotation].kind == Kind::Straight)
-            .filter_map(|edge| Some((edge.source, straightness_rms(&optics.lens, &edge.points)?)))
-            .collect();
+        optics.straightness = optics.straightness_under(&optics.lens, &entry.annotations);
         optics
     }
 
     fn own_optics(&self, entry: &SiteCamera) -> Optics {
-        if let Some(solution) =
-            entry.solution.as_ref().filter(|s| s.method == Method::Given && entry.annotations.is_empty())
-        {
+        if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             return Optics { lens: solution.lens(), fit: None, straightness: Vec::new() };
         }
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
@@ -119,6 +113,15 @@ impl Site {
 }
 
 impl Optics {
+    /// Root mean square distance of every straight edge from straight under a lens, in raw pixels.
+    pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
+        edges(annotations)
+            .iter()
+            .filter(|edge| annotations[edge.source.annotation].kind == Kind::Straight)
+            .filter_map(|edge| Some((edge.source, straightness_rms(lens, &edge.points)?)))
+            .collect()
+    }
+
     /// What the operator should know of the lens.
     pub(crate) fn warnings(&self, annotations: &[Annotation]) -> Vec<Warning> {
         /// Pixels by which the undistorted corner may be uncertain.

@@ -6,7 +6,7 @@ use crate::likelihood::Problem;
 use crate::minima::{Found, Minimum, minimum_near, solve};
 
 /// Normal quantile of the test's level of 1 %: at 5 % good lines would be dropped, and accuracy with them.
-const LEVEL: f64 = 2.326;
+pub(crate) const LEVEL: f64 = 2.326;
 
 /// How many standard deviations a chi-square lies above its mean (Wilson and Hilferty 1931).
 pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
@@ -25,7 +25,7 @@ pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
 /// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
 /// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
 /// fit without it, at 1 % for the worst of `count` pieces.
-fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
+pub(crate) fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
     /// Normal quantile of 0.005: two sides of 1 %.
     const ONE: f64 = 2.576;
     if dof_without < 3 {

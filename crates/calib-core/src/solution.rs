@@ -193,6 +193,9 @@ document! {
         /// In degrees, where it has a direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         turn_deg: Option<f64>,
+        /// Length of a post, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_m: Option<f64>,
         /// Standard deviations.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma: Option<Sigmas>,
@@ -234,8 +237,14 @@ document! {
     struct Overlap {
         /// Their ids.
         cameras: [String; 2],
-        /// Root mean square of the distances, in metres.
-        floor_rms_m: f64,
+        /// Root mean square of the distances on the floor between where the two put what both show, in
+        /// metres; absent where they share no evidence.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_rms_m: Option<f64>,
+        /// Predicted standard deviation of such a distance from the calibration alone, over the floor
+        /// that both see, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_sigma_m: Option<f64>,
     }
 }
 
@@ -304,4 +313,40 @@ pub enum Scale {
     Known,
     /// The height of 3 m of the first camera stands.
     Unknown,
+}
+
+impl Default for Sigmas {
+    fn default() -> Self {
+        let none = None;
+        Self {
+            x_m: none,
+            y_m: none,
+            z_m: none,
+            yaw_deg: none,
+            pitch_deg: none,
+            roll_deg: none,
+            focal_px: none,
+            k1: none,
+            k2: none,
+            k3: none,
+            k4: none,
+            p1: none,
+            p2: none,
+            lambda: none,
+            floor_length_rel: none,
+        }
+    }
+}
+
+impl SiteSolution {
+    /// Whether there is nothing to be said.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        let Self { components, scale, loop_closure_m, overlaps, warnings } = self;
+        components.is_empty()
+            && scale.is_none()
+            && loop_closure_m.is_none()
+            && overlaps.is_empty()
+            && warnings.is_empty()
+    }
 }

@@ -12,6 +12,7 @@
 //! }
 //! ```
 
+pub mod layout;
 pub mod random;
 
 // A module uses only those above it, but for the parts of the scene, which `world` puts together.

@@ -1,0 +1,454 @@
+//! How good the site is as a whole: where links and marks are, how far cameras disagree, what hangs
+//! together and what does not.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::adjustment::Suspect;
+use crate::camera::Camera;
+use crate::covariance::Covariance;
+use crate::graph::{floor_gaps, locate};
+use crate::joint::Together;
+use crate::report::{Code, Failure, Residual, ResidualOf, Warning};
+use crate::shared::TieOf;
+use crate::sight::{Drawn, Pose};
+use crate::site::{Link, Mark, Site};
+use crate::solution::{ElementSolution, Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
+use crate::space::{FloorPoint, WorldPoint};
+use crate::tie::{PLACE, Sighting, Thing, Tie};
+
+impl Together {
+    /// The cameras of the joint fit; those that took no part stand in for themselves as they are.
+    fn cameras(&self) -> Vec<Option<Camera>> {
+        let tied =
+            |joined: &Option<crate::joint::Joined>| joined.as_ref().filter(|j| j.is_tied).map(|j| j.camera);
+        self.cameras.iter().map(tied).collect()
+    }
+
+    /// Where a tie is and what every sighting of it is off, in pixels.
+    fn located(&self, index: usize) -> Option<(Thing, [f64; PLACE], Vec<(Sighting, f64)>)> {
+        let tie = &self.ties[index].1;
+        let cameras = self.cameras();
+        let seen: Vec<Sighting> =
+            tie.sightings.iter().filter(|seen| cameras[seen.view].is_some()).copied().collect();
+        if seen.is_empty() {
+            return None;
+        }
+        let all: Vec<Camera> = cameras.iter().map(|camera| camera.unwrap_or(crate::joint::NOBODY)).collect();
+        // What is off has no place in the fit: it is where a camera puts it.
+        let (thing, place) = if tie.off {
+            locate(&Tie { sightings: seen.clone(), ..tie.clone() }, &all, &|_| true)?
+        } else {
+            (tie.thing.clone(), tie.place)
+        };
+        let off = |seen: Sighting| Some((seen, off(&thing, &place, &seen, &all[seen.view])?));
+        Some((thing.clone(), place, seen.into_iter().filter_map(off).collect()))
+    }
+
+    fn is_aside(&self, tie: usize) -> bool {
+        self.aside.contains(&Suspect::Tie(tie))
+    }
+}
+
+/// Distance of a sighting from where its camera shows the thing, in raw pixels.
+fn off(thing: &Thing, place: &[f64; PLACE], seen: &Sighting, camera: &Camera) -> Option<f64> {
+    let px = match *thing {
+        Thing::Line { origin } => {
+            let drawn = Drawn::new(seen.pixel, &camera.lens, [false; 5])?;
+            Pose::new(*camera).show_line(origin, place[0], place[1]).distance(&drawn).0.abs()
+        }
+        _ => camera.world_to_pixel(thing.point(place, seen.point).0)?.distance(seen.pixel),
+    };
+    px.is_finite().then_some(px)
+}
+
+fn link_name(link: &Link, index: usize) -> String {
+    link.id.clone().unwrap_or_else(|| index.to_string())
+}
+
+fn mark_name(mark: &Mark, index: usize) -> String {
+    mark.id.clone().unwrap_or_else(|| index.to_string())
+}
+
+impl Site {
+    fn tie_name(&self, of: TieOf) -> (ResidualOf, String) {
+        match of {
+            TieOf::Link(i) => (ResidualOf::Link, link_name(&self.links[i], i)),
+            TieOf::Mark(i) => (ResidualOf::Mark, mark_name(&self.marks[i], i)),
+            TieOf::ControlPoint { camera, point } => {
+                let entry = &self.cameras[camera].control_points[point];
+                (ResidualOf::ControlPoint, entry.id.clone().unwrap_or_else(|| point.to_string()))
+            }
+        }
+    }
+
+    /// What links and marks are off in this camera, and which of its control points were set aside.
+    pub(crate) fn add_shared_residuals(&self, index: usize, together: &Together, solution: &mut Solution) {
+        for (tie, (of, _)) in together.ties.iter().enumerate() {
+            let (what, id) = self.tie_name(*of);
+            let outlier = together.is_aside(tie);
+            if let TieOf::ControlPoint { camera, .. } = of {
+                let own = solution.residuals.iter_mut().filter(|r| *camera == index && r.of == what);
+                own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = outlier);
+                if outlier && *camera == index {
+                    solution.warnings.push(Warning::new(
+                        Code::Outlier,
+                        format!("Control point {id} contradicts the others and was set aside."),
+                        "Check its coordinates and its pixel; \"keep\" has it used all the same.",
+                    ));
+                }
+                continue;
+            }
+            if !together.ties[tie].1.sightings.iter().any(|seen| seen.view == index) {
+                continue;
+            }
+            let Some((_, _, seen)) = together.located(tie) else { continue };
+            let square: f64 = seen.iter().filter(|(s, _)| s.view == index).map(|(_, px)| px * px).sum();
+            let count = seen.iter().filter(|(s, _)| s.view == index).count();
+            if count > 0 {
+                let px = (square / count as f64).sqrt();
+                let (annotation, segment) = (None, None);
+                solution.residuals.push(Residual {
+                    of: what,
+                    annotation,
+                    segment,
+                    id: Some(id),
+                    px,
+                    outlier,
+                });
+            }
+        }
+    }
+
+    /// Where links and marks are that took part, or would have.
+    pub(crate) fn elements(&self, together: &Together) -> [Vec<Option<ElementSolution>>; 2] {
+        let mut links = vec![None; self.links.len()];
+        let mut marks = vec![None; self.marks.len()];
+        for (index, (of, tie)) in together.ties.iter().enumerate() {
+            let Some((thing, place, seen)) = together.located(index) else { continue };
+            let covariance = together.covariances[index];
+            let mut found = element(&thing, &place, covariance, tie);
+            found.residuals = seen
+                .iter()
+                .map(|(seen, px)| SeenResidual {
+                    camera: self.cameras[seen.view].id.clone(),
+                    px: *px,
+                    outlier: together.is_aside(index),
+                })
+                .collect();
+            match of {
+                TieOf::Link(i) => links[*i] = Some(found),
+                TieOf::Mark(i) => marks[*i] = Some(found),
+                TieOf::ControlPoint { .. } => {}
+            }
+        }
+        [links, marks]
+    }
+
+    /// What hangs together, what gives the scale, how far cameras disagree.
+    pub(crate) fn quality(
+        &self,
+        together: &Together,
+        solutions: &[(usize, Result<Solution, Failure>)],
+    ) -> SiteSolution {
+        let id = |&view: &usize| self.cameras[view].id.clone();
+        let solved: Vec<usize> =
+            solutions.iter().filter(|(_, s)| s.is_ok()).map(|(index, _)| *index).collect();
+        let mut components: Vec<Vec<usize>> = together
+            .components
+            .iter()
+            .map(|c| c.views.iter().copied().filter(|view| !together.unreached.contains(view)).collect())
+            .filter(|views: &Vec<usize>| !views.is_empty())
+            .collect();
+        let mut warnings = Vec::new();
+        let is_shared = together.ties.iter().any(|(of, _)| !matches!(of, TieOf::ControlPoint { .. }));
+        if is_shared {
+            let alone: Vec<usize> =
+                solved.iter().copied().filter(|view| !components.iter().any(|c| c.contains(view))).collect();
+            components.extend(alone.iter().map(|&view| vec![view]));
+            warnings.extend(self.not_connected(&components, together, solutions));
+        }
+        let unscaled = together.components.iter().filter(|c| !c.is_scaled);
+        for component in unscaled.clone() {
+            let names: Vec<String> = component.views.iter().map(id).collect();
+            warnings.push(Warning::new(
+                Code::ScaleUnknown,
+                format!(
+                    "Nothing gives the scale of {}: camera {} stands at the height it was placed with.",
+                    names.join(", "),
+                    id(&component.root)
+                ),
+                "Enter one known distance, height or length, or two points of the plan.",
+            ));
+        }
+        let scale = (!together.components.is_empty())
+            .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
+        warnings.extend(self.set_aside(together));
+        SiteSolution {
+            components: components.iter().map(|views| views.iter().map(id).collect()).collect(),
+            scale,
+            loop_closure_m: together.loop_closure,
+            overlaps: self.overlaps(together, solutions),
+            warnings,
+        }
+    }
+
+    fn not_connected(
+        &self,
+        components: &[Vec<usize>],
+        together: &Together,
+        solutions: &[(usize, Result<Solution, Failure>)],
+    ) -> Vec<Warning> {
+        let largest = components.iter().max_by_key(|views| views.len());
+        let apart = components.iter().filter(|views| Some(*views) != largest);
+        let mut warnings: Vec<Warning> = apart
+            .map(|views| {
+                let names: Vec<&str> = views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
+                let unreached = views.iter().all(|view| together.unreached.contains(view));
+                let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
+                let message = match (unreached, by_hand) {
+                    (true, _) => format!(
+                        "What {} shares with other cameras is too little to place it.",
+                        names.join(", ")
+                    ),
+                    (false, true) => format!(
+                        "Nothing ties {} to the rest of the site: it stands where it was placed.",
+                        names.join(", ")
+                    ),
+                    (false, false) => format!("Nothing ties {} to the rest of the site.", names.join(", ")),
+                };
+                Warning::new(
+                    Code::NotConnected,
+                    message,
+                    "Link two points or more with a camera that is tied, or give control points.",
+                )
+            })
+            .collect();
+        // Tied, and yet free to slide: a line along its view, a point behind another.
+        for (index, solution) in solutions {
+            let Some(camera) =
+                solution.as_ref().ok().filter(|s| s.stage == Stage::Refined).and_then(Solution::camera)
+            else {
+                continue;
+            };
+            let wide =
+                |unknown: usize, limit: f64| camera.covariance.sigma(unknown).is_some_and(|s| s > limit);
+            if wide(Covariance::X, 100.0) || wide(Covariance::Y, 100.0) || wide(Covariance::YAW, 1.0) {
+                let message = format!("The links of {} leave open where it stands.", self.cameras[*index].id);
+                warnings.push(Warning::new(
+                    Code::NotConnected,
+                    message,
+                    "Link points far apart from each other.",
+                ));
+            }
+        }
+        warnings
+    }
+
+    fn set_aside(&self, together: &Together) -> Vec<Warning> {
+        let warning = |suspect: &Suspect| match *suspect {
+            Suspect::Tie(tie) => {
+                let (of, id) = self.tie_name(together.ties[tie].0);
+                let what = match of {
+                    ResidualOf::Link => "Link",
+                    ResidualOf::Mark => "Mark",
+                    ResidualOf::ControlPoint | ResidualOf::Annotation => return None,
+                };
+                let worst = together
+                    .located(tie)
+                    .and_then(|(_, _, seen)| seen.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+                let far = worst.map_or(String::new(), |(seen, px)| {
+                    format!(" ({px:.0} px in {})", self.cameras[seen.view].id)
+                });
+                Some(Warning::new(
+                    Code::Outlier,
+                    format!("{what} \"{id}\" contradicts the others and was set aside{far}."),
+                    "Check that every camera shows the same thing there; \"keep\" has it used all the same.",
+                ))
+            }
+            Suspect::Gap(gap) => {
+                let entry = &self.distances[together.gaps[gap].0];
+                let [a, b] = &entry.between;
+                Some(Warning::new(
+                    Code::Outlier,
+                    format!(
+                        "The distance between \"{a}\" and \"{b}\" contradicts the rest and was set aside."
+                    ),
+                    "Check the length and its unit.",
+                ))
+            }
+        };
+        together.aside.iter().filter_map(warning).collect()
+    }
+
+    /// Pairs of cameras that share evidence, or floor.
+    fn overlaps(
+        &self,
+        together: &Together,
+        solutions: &[(usize, Result<Solution, Failure>)],
+    ) -> Vec<Overlap> {
+        let all: Vec<Camera> =
+            together.cameras().iter().map(|camera| camera.unwrap_or(crate::joint::NOBODY)).collect();
+        let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
+        let known =
+            together.ties.iter().filter(|(of, tie)| !tie.off && !matches!(of, TieOf::ControlPoint { .. }));
+        for (_, tie) in known {
+            for (pair, square) in floor_gaps(tie, &all) {
+                let sum = measured.entry(pair).or_default();
+                sum.0 += square;
+                sum.1 += 1.0;
+            }
+        }
+        let mut predicted = self.predicted_overlaps(together, solutions);
+        let pairs: BTreeSet<[usize; 2]> = measured.keys().chain(predicted.keys()).copied().collect();
+        pairs
+            .into_iter()
+            .map(|pair| Overlap {
+                cameras: pair.map(|camera| self.cameras[camera].id.clone()),
+                floor_rms_m: measured.get(&pair).map(|(sum, count)| (sum / count).sqrt()),
+                floor_sigma_m: predicted.remove(&pair),
+            })
+            .collect()
+    }
+
+    fn predicted_overlaps(
+        &self,
+        together: &Together,
+        solutions: &[(usize, Result<Solution, Failure>)],
+    ) -> BTreeMap<[usize; 2], f64> {
+        struct Seen {
+            index: usize,
+            camera: Camera,
+            polygon: Vec<FloorPoint>,
+            bounds: [f64; 4],
+        }
+        let seen = |(index, solution): &(usize, Result<Solution, Failure>)| {
+            let solution = solution.as_ref().ok().filter(|s| s.stage > Stage::Partial)?;
+            let polygon = solution.efov_m.clone();
+            let fold = |value: &dyn Fn(&FloorPoint) -> f64, pick: fn(f64, f64) -> f64, start: f64| {
+                polygon.iter().map(value).fold(start, pick)
+            };
+            let bounds = [
+                fold(&|p| p.x, f64::min, f64::INFINITY),
+                fold(&|p| p.y, f64::min, f64::INFINITY),
+                fold(&|p| p.x, f64::max, f64::NEG_INFINITY),
+                fold(&|p| p.y, f64::max, f64::NEG_INFINITY),
+            ];
+            Some(Seen { index: *index, camera: solution.camera()?, polygon, bounds })
+        };
+        let all: Vec<Seen> = solutions.iter().filter_map(seen).collect();
+        let mut found = BTreeMap::new();
+        for (k, a) in all.iter().enumerate() {
+            for b in &all[k + 1..] {
+                let low = [a.bounds[0].max(b.bounds[0]), a.bounds[1].max(b.bounds[1])];
+                let high = [a.bounds[2].min(b.bounds[2]), a.bounds[3].min(b.bounds[3])];
+                if low[0] >= high[0] || low[1] >= high[1] {
+                    continue;
+                }
+                let common = common_points(low, high, &a.polygon, &b.polygon);
+                let across = together.pairs.get(&[a.index, b.index]).map(|block| &**block);
+                let variances: Vec<f64> =
+                    common.iter().filter_map(|&at| disagreement(at, &a.camera, &b.camera, across)).collect();
+                if !variances.is_empty() {
+                    let mean = variances.iter().sum::<f64>() / variances.len() as f64;
+                    found.insert([a.index, b.index], mean.max(0.0).sqrt());
+                }
+            }
+        }
+        found
+    }
+}
+
+/// Points of a grid over a box that lie in both polygons.
+fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoint]) -> Vec<FloorPoint> {
+    const STEPS: usize = 4;
+    let share = |i: usize| (i as f64 + 0.5) / STEPS as f64;
+    let grid = (0..STEPS * STEPS).map(|k| FloorPoint {
+        x: low[0] + share(k % STEPS) * (high[0] - low[0]),
+        y: low[1] + share(k / STEPS) * (high[1] - low[1]),
+    });
+    grid.filter(|at| is_inside(at, a) && is_inside(at, b)).collect()
+}
+
+/// Whether a ray from the point crosses the outline an odd number of times.
+fn is_inside(at: &FloorPoint, polygon: &[FloorPoint]) -> bool {
+    let mut inside = false;
+    for (i, a) in polygon.iter().enumerate() {
+        let b = &polygon[(i + 1) % polygon.len()];
+        if (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x) {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+/// Predicted variance of the distance between where two cameras put one point of the floor:
+/// the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`.
+fn disagreement(
+    at: FloorPoint,
+    a: &Camera,
+    b: &Camera,
+    across: Option<&[[f64; Covariance::SIZE]; Covariance::SIZE]>,
+) -> Option<f64> {
+    let slopes = |camera: &Camera| camera.floor_slopes(camera.world_to_pixel(at.at_height(0.0))?);
+    let (ja, jb) = (slopes(a)?, slopes(b)?);
+    let own = |camera: &Camera, slopes| -> f64 {
+        let [[xx, _], [_, yy]] = camera.covariance.carried(slopes);
+        xx + yy
+    };
+    let mut common = 0.0;
+    if let Some(across) = across {
+        for (i, row) in across.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                common += value * (ja[i][0] * jb[j][0] + ja[i][1] * jb[j][1]);
+            }
+        }
+    }
+    Some(own(a, &ja) + own(b, &jb) - 2.0 * common)
+}
+
+fn element(
+    thing: &Thing,
+    place: &[f64; PLACE],
+    covariance: Option<[[f64; PLACE]; PLACE]>,
+    tie: &Tie,
+) -> ElementSolution {
+    let (at, slopes) = thing.point(place, 0);
+    let at = match thing {
+        Thing::Mark { z, .. } => WorldPoint::new(place[0], place[1], *z),
+        _ => at,
+    };
+    // The foot of a mark moves with its place, not with the first point that was seen.
+    let slopes = match thing {
+        Thing::Mark { .. } => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]],
+        _ => slopes,
+    };
+    let turn = match thing {
+        Thing::Mark { .. } => Some(place[2]),
+        Thing::Line { .. } => Some(place[1]),
+        Thing::Point { .. } | Thing::Post | Thing::Measured => None,
+    };
+    let sigma = |slope: &[f64; PLACE]| {
+        let covariance = covariance?;
+        let variance: f64 = (0..PLACE)
+            .flat_map(|i| (0..PLACE).map(move |j| (i, j)))
+            .map(|(i, j)| slope[i] * covariance[i][j] * slope[j])
+            .sum();
+        (variance > 0.0).then(|| variance.sqrt())
+    };
+    let turn_index = if matches!(thing, Thing::Line { .. }) { 1 } else { 2 };
+    let mut by_turn = [0.0; PLACE];
+    by_turn[turn_index] = 1.0;
+    let sigmas = Sigmas {
+        x_m: sigma(&slopes[0]),
+        y_m: sigma(&slopes[1]),
+        yaw_deg: turn.filter(|_| tie.free[turn_index]).and_then(|_| sigma(&by_turn)).map(f64::to_degrees),
+        ..Sigmas::default()
+    };
+    ElementSolution {
+        at_m: at,
+        turn_deg: turn.map(f64::to_degrees),
+        length_m: (*thing == Thing::Post).then_some(place[2]),
+        sigma: (sigmas != Sigmas::default()).then_some(sigmas),
+        residuals: Vec::new(),
+    }
+}

@@ -1,0 +1,172 @@
+//! The site as one problem, on random layouts.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::{Camera, Options, Report, Stage};
+use calib_demo::layout::Layout;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+fn solve(layout: &Layout) -> Report {
+    layout.site.calibrate(&Options::default())
+}
+
+fn cameras(report: &Report) -> Vec<Camera> {
+    report
+        .cameras
+        .iter()
+        .map(|(_, solution)| {
+            let solution = solution.as_ref().unwrap();
+            assert_eq!(solution.stage, Stage::Refined, "{:?}", solution.warnings);
+            solution.camera().unwrap()
+        })
+        .collect()
+}
+
+fn turn(a: f64, b: f64) -> f64 {
+    (a - b + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+#[test]
+fn exact_layouts_are_found() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    for _ in 0..10 {
+        let mut layout = Layout::ring(&mut random, 3, 8, 0.0);
+        layout.place_first();
+        let report = solve(&layout);
+        for (found, truth) in cameras(&report).iter().zip(&layout.truth) {
+            let off = found.position.distance(truth.position);
+            assert!(off < 1e-5, "{off} m: {:?}", report.site.warnings);
+            assert!(turn(found.yaw, truth.yaw).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn three_cameras_without_a_plan() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let [mut position, mut height, mut yaw, mut gaps]: [Vec<f64>; 4] = Default::default();
+    let (mut covered, mut trials) = (0, 0);
+    for _ in 0..60 {
+        let mut layout = Layout::ring(&mut random, 3, 8, 1.0);
+        layout.place_first();
+        let report = solve(&layout);
+        let found = cameras(&report);
+        for (found, truth) in found.iter().zip(&layout.truth).skip(1) {
+            position.push(found.position.on_floor().distance(truth.position.on_floor()));
+            height.push((found.position.z - truth.position.z).abs());
+            yaw.push(turn(found.yaw, truth.yaw).to_degrees().abs());
+            for (index, off) in [
+                (calib_core::Covariance::X, found.position.x - truth.position.x),
+                (calib_core::Covariance::Y, found.position.y - truth.position.y),
+                (calib_core::Covariance::Z, found.position.z - truth.position.z),
+            ] {
+                trials += 1;
+                covered += usize::from(off.abs() < 1.96 * found.covariance.sigma(index).unwrap());
+            }
+        }
+        // Points of the floor that were not drawn, as every camera would put them.
+        for _ in 0..20 {
+            let at = calib_core::FloorPoint {
+                x: random.random_range(-3.0..3.0),
+                y: random.random_range(-3.0..3.0),
+            };
+            let put: Vec<_> = found
+                .iter()
+                .zip(&layout.truth)
+                .filter_map(|(found, truth)| {
+                    found.pixel_to_floor(truth.world_to_pixel(at.at_height(0.0))?, 0.0)
+                })
+                .collect();
+            for pair in put.windows(2) {
+                gaps.push(pair[0].distance(pair[1]));
+            }
+        }
+    }
+    let coverage = 100.0 * covered as f64 / trials as f64;
+    let [position, height, yaw, gap] = [position, height, yaw, gaps].map(|mut values| median(&mut values));
+    println!(
+        "position {position:.4} m, height {height:.4} m, yaw {yaw:.3} deg, disagreement {:.2} cm, coverage {coverage:.1} %",
+        100.0 * gap
+    );
+    assert!(position < 0.065, "{position} m");
+    assert!(yaw < 0.2, "{yaw} deg");
+    assert!(gap < 0.015, "{gap} m");
+    assert!((90.0..98.0).contains(&coverage), "{coverage} %");
+}
+
+#[test]
+fn a_wrong_link_is_named_and_the_site_stays_right() {
+    const TRIALS: usize = 100;
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let (mut named, mut accused, mut far) = (0, 0, 0);
+    for _ in 0..TRIALS {
+        let mut layout = Layout::ring(&mut random, 3, 20, 1.0);
+        layout.place_first();
+        let wrong = random.random_range(0..20);
+        let which = random.random_range(0..3);
+        let pixel = layout.site.links[wrong].seen[which].px.as_mut().unwrap();
+        let angle = random.random_range(0.0..std::f64::consts::TAU);
+        let by = random.random_range(30.0..200.0);
+        (pixel.u, pixel.v) = (pixel.u + by * f64::cos(angle), pixel.v + by * f64::sin(angle));
+        let report = solve(&layout);
+        let aside = |index: usize| {
+            report.links[index].as_ref().is_some_and(|l| l.residuals.iter().any(|r| r.outlier))
+        };
+        named += usize::from(aside(wrong));
+        accused += (0..20).filter(|&index| index != wrong && aside(index)).count();
+        let worst = cameras(&report)
+            .iter()
+            .zip(&layout.truth)
+            .map(|(a, b)| a.position.distance(b.position))
+            .fold(0.0, f64::max);
+        far += usize::from(worst > 0.5);
+    }
+    println!(
+        "{named} of {TRIALS} wrong links named, {accused} of {} good ones accused, {far} sites off",
+        19 * TRIALS
+    );
+    assert!(named >= 95 && accused <= TRIALS / 10 && far <= 2);
+}
+
+#[test]
+fn a_chain_drifts_and_a_loop_closes_it() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut drift = |closed: bool| {
+        let (mut worst, mut covered, mut closures) = (Vec::new(), (0, 0), Vec::new());
+        for _ in 0..8 {
+            let mut layout = Layout::chain(&mut random, 20, closed, 8, 1.0);
+            layout.place_first();
+            let report = solve(&layout);
+            let found = cameras(&report);
+            let off = found.iter().zip(&layout.truth).map(|(a, b)| a.position.distance(b.position));
+            worst.push(off.fold(0.0, f64::max));
+            closures.extend(report.site.loop_closure_m);
+            for (found, truth) in found.iter().zip(&layout.truth).skip(1) {
+                let sigma = found.covariance.sigma(calib_core::Covariance::X).unwrap();
+                covered.1 += 1;
+                covered.0 += usize::from((found.position.x - truth.position.x).abs() < 3.0 * sigma);
+            }
+        }
+        (median(&mut worst), covered, median_of(closures))
+    };
+    let (open, open_covered, _) = drift(false);
+    let (closed, closed_covered, closure) = drift(true);
+    println!(
+        "open chain {open:.3} m, closed {closed:.3} m, loop closure {closure:.3} m, inside 3 sigma {open_covered:?} {closed_covered:?}"
+    );
+    assert!(closed < 0.7 * open, "open {open} m, closed {closed} m");
+    for (inside, all) in [open_covered, closed_covered] {
+        assert!(inside as f64 > 0.95 * all as f64, "{inside} of {all} inside 3 sigma");
+    }
+}
+
+fn median_of(mut values: Vec<f64>) -> f64 {
+    assert!(!values.is_empty());
+    median(&mut values)
+}
