@@ -73,12 +73,14 @@ impl Site {
             Method::MaximumLikelihood | Method::Given => self.join(&firsts, options.refine),
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
-        let cameras: Vec<(usize, Result<Solution, Failure>)> = (0..self.cameras.len())
+        let mut cameras: Vec<(usize, Result<Solution, Failure>)> = (0..self.cameras.len())
             .filter(|&index| asked(&self.cameras[index]))
             .map(|index| (index, self.finish(index, &firsts[index], &together, options.method)))
             .collect();
-        let [links, marks] = self.elements(&together);
-        let mut site = self.quality(&together, &cameras);
+        let located = together.located();
+        self.add_shared_residuals(&together, &located, &mut cameras);
+        let [links, marks] = self.elements(&together, &located);
+        let mut site = self.quality(&together, &located, &cameras);
         if !is_joint {
             site.warnings.extend(self.unused_elements());
         }
@@ -136,7 +138,6 @@ impl Site {
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
         self.add_control_residuals(entry, &camera, &mut solution);
-        self.add_shared_residuals(index, together, &mut solution);
         check_finite(solution)
     }
 }

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use crate::camera::Camera;
+use crate::mosaic::lay;
 use crate::placement::{ControlPoint, from_control_points};
 use crate::sight::Pose;
 use crate::space::{FloorPoint, WorldPoint};
@@ -71,6 +72,7 @@ pub(crate) fn start(
             true
         })
         .collect();
+    let is_anchored = is_placed.clone();
     let mut components = components(cameras.len(), stands, ties, gaps);
     let mut tree = BTreeSet::new();
     for component in &mut components {
@@ -85,6 +87,11 @@ pub(crate) fn start(
         }
     }
     let loop_closure = loop_closure(cameras, &is_placed, ties, &tree);
+    let roots: BTreeSet<usize> = components.iter().map(|component| root(component, stands)).collect();
+    let may_move: Vec<bool> = (0..cameras.len())
+        .map(|view| is_placed[view] && !is_anchored[view] && !roots.contains(&view))
+        .collect();
+    lay(cameras, &may_move, ties);
     let mut lost = Vec::new();
     for (index, tie) in ties.iter_mut().enumerate().filter(|(_, tie)| !tie.off) {
         tie.sightings.retain(|seen| is_placed[seen.view]);
@@ -177,7 +184,7 @@ fn grow(
     let none = BTreeMap::new();
     let pairs = |a: usize| common.get(&a).unwrap_or(&none).iter().map(move |(&b, ties)| (ties.len(), a, b));
     let mut queue: BinaryHeap<(usize, std::cmp::Reverse<(usize, usize)>)> = BinaryHeap::new();
-    let mut push = |queue: &mut BinaryHeap<_>, a: usize| {
+    let push = |queue: &mut BinaryHeap<_>, a: usize| {
         queue.extend(pairs(a).map(|(count, a, b)| (count, std::cmp::Reverse((a, b)))));
     };
     component.iter().filter(|&&view| is_placed[view]).for_each(|&view| push(&mut queue, view));

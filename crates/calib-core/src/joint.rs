@@ -352,6 +352,14 @@ fn write_down(
     tie_indices: &[usize],
     together: &mut Together,
 ) {
+    let mut drawn: Vec<Vec<(Source, f64)>> = vec![Vec::new(); members.len()];
+    for (of, residual) in &adjusted.residuals {
+        let Of::Drawing { view, source } = of else { continue };
+        match drawn[*view].last_mut() {
+            Some((last, px)) if last == source => *px = px.hypot(*residual),
+            _ => drawn[*view].push((*source, *residual)),
+        }
+    }
     for (view, (&camera, member)) in cluster.iter().zip(members).enumerate() {
         let is_tied = !together.unreached.contains(&camera)
             && together.components.iter().any(|component| component.views.contains(&camera));
@@ -364,7 +372,7 @@ fn write_down(
             chi2: adjusted.chi2,
             dof: adjusted.dof,
             sigma: sigma * inflation.sqrt(),
-            residuals: drawings(adjusted, view, member, &found),
+            residuals: drawings(&drawn[view], &adjusted.nuisance[view], member, &found),
             misfit: adjusted.misfit,
         });
     }
@@ -379,27 +387,22 @@ fn write_down(
 }
 
 /// Residuals of a camera's drawings in pixels, those set aside among them.
-fn drawings(adjusted: &Adjusted, view: usize, member: &Before, camera: &Camera) -> Vec<(Source, f64)> {
+fn drawings(
+    in_sigmas: &[(Source, f64)],
+    nuisance: &[f64],
+    member: &Before,
+    camera: &Camera,
+) -> Vec<(Source, f64)> {
     let sigma = member.first.fit.as_ref().map_or(1.0, |fit| fit.sigma);
-    let mut found: Vec<(Source, f64)> = Vec::new();
-    for (of, residual) in &adjusted.residuals {
-        let Of::Drawing { view: of_view, source } = of else { continue };
-        if *of_view != view {
-            continue;
-        }
-        match found.last_mut() {
-            Some((last, px)) if last == source => *px = px.hypot(residual * sigma),
-            _ => found.push((*source, residual * sigma)),
-        }
-    }
+    let mut found: Vec<(Source, f64)> = in_sigmas.iter().map(|(source, r)| (*source, r * sigma)).collect();
     let aside = member.first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);
     if !aside.is_empty() {
         let evidence = crate::evidence::Evidence::new(&member.entry.annotations, &camera.lens, false);
         let core = [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(1e-9).ln()];
         let shown = crate::likelihood::predictable(&evidence, &core);
-        let nuisance = adjusted.nuisance[view].clone();
         let everything = Problem { aside: &[], evidence: &shown, ..stage_1_problem(member) };
-        let all = everything.residuals_in_pixels(&State { core, nuisance }).unwrap_or_default();
+        let all =
+            everything.residuals_in_pixels(&State { core, nuisance: nuisance.to_vec() }).unwrap_or_default();
         found.extend(all.into_iter().filter(|(source, _)| aside.contains(source)));
     }
     found

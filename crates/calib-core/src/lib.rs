@@ -70,6 +70,7 @@ mod fit;
 mod advice;
 mod sight;
 mod tie;
+mod mosaic;
 mod graph;
 mod refine;
 mod adjustment;

@@ -7,7 +7,7 @@ use crate::adjustment::Suspect;
 use crate::camera::Camera;
 use crate::covariance::Covariance;
 use crate::graph::{floor_gaps, locate};
-use crate::joint::Together;
+use crate::joint::{Joined, NOBODY, Together};
 use crate::report::{Code, Failure, Residual, ResidualOf, Warning};
 use crate::shared::TieOf;
 use crate::sight::{Drawn, Pose};
@@ -16,32 +16,45 @@ use crate::solution::{ElementSolution, Overlap, Scale, SeenResidual, Sigmas, Sit
 use crate::space::{FloorPoint, WorldPoint};
 use crate::tie::{PLACE, Sighting, Thing, Tie};
 
+/// Where a tie is and what every sighting of it is off, in pixels.
+#[derive(Clone, Debug)]
+pub(crate) struct Located {
+    thing: Thing,
+    place: [f64; PLACE],
+    seen: Vec<(Sighting, f64)>,
+}
+
 impl Together {
-    /// The cameras of the joint fit; those that took no part stand in for themselves as they are.
-    fn cameras(&self) -> Vec<Option<Camera>> {
+    /// The cameras of the joint fit; nobody stands in for those that took no part.
+    fn tied_cameras(&self) -> Vec<Camera> {
         let tied =
-            |joined: &Option<crate::joint::Joined>| joined.as_ref().filter(|j| j.is_tied).map(|j| j.camera);
+            |joined: &Option<Joined>| joined.as_ref().filter(|j| j.is_tied).map_or(NOBODY, |j| j.camera);
         self.cameras.iter().map(tied).collect()
     }
 
-    /// Where a tie is and what every sighting of it is off, in pixels.
-    fn located(&self, index: usize) -> Option<(Thing, [f64; PLACE], Vec<(Sighting, f64)>)> {
-        let tie = &self.ties[index].1;
-        let cameras = self.cameras();
-        let seen: Vec<Sighting> =
-            tie.sightings.iter().filter(|seen| cameras[seen.view].is_some()).copied().collect();
-        if seen.is_empty() {
-            return None;
-        }
-        let all: Vec<Camera> = cameras.iter().map(|camera| camera.unwrap_or(crate::joint::NOBODY)).collect();
-        // What is off has no place in the fit: it is where a camera puts it.
-        let (thing, place) = if tie.off {
-            locate(&Tie { sightings: seen.clone(), ..tie.clone() }, &all, &|_| true)?
-        } else {
-            (tie.thing.clone(), tie.place)
-        };
-        let off = |seen: Sighting| Some((seen, off(&thing, &place, &seen, &all[seen.view])?));
-        Some((thing.clone(), place, seen.into_iter().filter_map(off).collect()))
+    /// Every tie that a camera of the joint fit shows.
+    pub(crate) fn located(&self) -> Vec<Option<Located>> {
+        let cameras = self.tied_cameras();
+        let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_tied);
+        self.ties
+            .iter()
+            .map(|(_, tie)| {
+                let seen: Vec<Sighting> =
+                    tie.sightings.iter().filter(|seen| is_tied(seen.view)).copied().collect();
+                if seen.is_empty() {
+                    return None;
+                }
+                // What is off has no place in the fit: it is where a camera puts it.
+                let (thing, place) = if tie.off {
+                    locate(&Tie { sightings: seen.clone(), ..tie.clone() }, &cameras, &|_| true)?
+                } else {
+                    (tie.thing.clone(), tie.place)
+                };
+                let off = |seen: Sighting| Some((seen, off(&thing, &place, &seen, &cameras[seen.view])?));
+                let seen = seen.into_iter().filter_map(off).collect();
+                Some(Located { seen, thing, place })
+            })
+            .collect()
     }
 
     fn is_aside(&self, tie: usize) -> bool {
@@ -81,52 +94,55 @@ impl Site {
         }
     }
 
-    /// What links and marks are off in this camera, and which of its control points were set aside.
-    pub(crate) fn add_shared_residuals(&self, index: usize, together: &Together, solution: &mut Solution) {
-        for (tie, (of, _)) in together.ties.iter().enumerate() {
+    /// Writes into every camera what links and marks are off there, and which of its control points
+    /// were set aside.
+    pub(crate) fn add_shared_residuals(
+        &self,
+        together: &Together,
+        located: &[Option<Located>],
+        solutions: &mut [(usize, Result<Solution, Failure>)],
+    ) {
+        let mut by_camera: BTreeMap<usize, &mut Solution> =
+            solutions.iter_mut().filter_map(|(index, s)| Some((*index, s.as_mut().ok()?))).collect();
+        for (index, ((of, _), located)) in together.ties.iter().zip(located).enumerate() {
             let (what, id) = self.tie_name(*of);
-            let outlier = together.is_aside(tie);
+            let outlier = together.is_aside(index);
             if let TieOf::ControlPoint { camera, .. } = of {
-                let own = solution.residuals.iter_mut().filter(|r| *camera == index && r.of == what);
-                own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = outlier);
-                if outlier && *camera == index {
-                    solution.warnings.push(Warning::new(
-                        Code::Outlier,
-                        format!("Control point {id} contradicts the others and was set aside."),
-                        "Check its coordinates and its pixel; \"keep\" has it used all the same.",
-                    ));
-                }
+                let Some(solution) = by_camera.get_mut(camera).filter(|_| outlier) else { continue };
+                let own = solution.residuals.iter_mut().filter(|r| r.of == what);
+                own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = true);
+                solution.warnings.push(Warning::new(
+                    Code::Outlier,
+                    format!("Control point {id} contradicts the others and was set aside."),
+                    "Check its coordinates and its pixel; \"keep\" has it used all the same.",
+                ));
                 continue;
             }
-            if !together.ties[tie].1.sightings.iter().any(|seen| seen.view == index) {
-                continue;
+            let mut squares: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+            for (seen, px) in located.iter().flat_map(|located| &located.seen) {
+                let sum = squares.entry(seen.view).or_default();
+                *sum = (sum.0 + px * px, sum.1 + 1.0);
             }
-            let Some((_, _, seen)) = together.located(tie) else { continue };
-            let square: f64 = seen.iter().filter(|(s, _)| s.view == index).map(|(_, px)| px * px).sum();
-            let count = seen.iter().filter(|(s, _)| s.view == index).count();
-            if count > 0 {
-                let px = (square / count as f64).sqrt();
-                let (annotation, segment) = (None, None);
-                solution.residuals.push(Residual {
-                    of: what,
-                    annotation,
-                    segment,
-                    id: Some(id),
-                    px,
-                    outlier,
-                });
+            for (view, (sum, count)) in squares {
+                let Some(solution) = by_camera.get_mut(&view) else { continue };
+                let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
+                let id = Some(id.clone());
+                solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
             }
         }
     }
 
     /// Where links and marks are that took part, or would have.
-    pub(crate) fn elements(&self, together: &Together) -> [Vec<Option<ElementSolution>>; 2] {
+    pub(crate) fn elements(
+        &self,
+        together: &Together,
+        located: &[Option<Located>],
+    ) -> [Vec<Option<ElementSolution>>; 2] {
         let mut links = vec![None; self.links.len()];
         let mut marks = vec![None; self.marks.len()];
         for (index, (of, tie)) in together.ties.iter().enumerate() {
-            let Some((thing, place, seen)) = together.located(index) else { continue };
-            let covariance = together.covariances[index];
-            let mut found = element(&thing, &place, covariance, tie);
+            let Some(Located { thing, place, seen }) = &located[index] else { continue };
+            let mut found = element(thing, place, together.covariances[index], tie);
             found.residuals = seen
                 .iter()
                 .map(|(seen, px)| SeenResidual {
@@ -148,6 +164,7 @@ impl Site {
     pub(crate) fn quality(
         &self,
         together: &Together,
+        located: &[Option<Located>],
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> SiteSolution {
         let id = |&view: &usize| self.cameras[view].id.clone();
@@ -182,7 +199,7 @@ impl Site {
         }
         let scale = (!together.components.is_empty())
             .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
-        warnings.extend(self.set_aside(together));
+        warnings.extend(self.set_aside(together, located));
         SiteSolution {
             components: components.iter().map(|views| views.iter().map(id).collect()).collect(),
             scale,
@@ -244,7 +261,7 @@ impl Site {
         warnings
     }
 
-    fn set_aside(&self, together: &Together) -> Vec<Warning> {
+    fn set_aside(&self, together: &Together, located: &[Option<Located>]) -> Vec<Warning> {
         let warning = |suspect: &Suspect| match *suspect {
             Suspect::Tie(tie) => {
                 let (of, id) = self.tie_name(together.ties[tie].0);
@@ -253,9 +270,9 @@ impl Site {
                     ResidualOf::Mark => "Mark",
                     ResidualOf::ControlPoint | ResidualOf::Annotation => return None,
                 };
-                let worst = together
-                    .located(tie)
-                    .and_then(|(_, _, seen)| seen.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+                let worst = located[tie]
+                    .as_ref()
+                    .and_then(|located| located.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
                 let far = worst.map_or(String::new(), |(seen, px)| {
                     format!(" ({px:.0} px in {})", self.cameras[seen.view].id)
                 });
@@ -286,8 +303,7 @@ impl Site {
         together: &Together,
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> Vec<Overlap> {
-        let all: Vec<Camera> =
-            together.cameras().iter().map(|camera| camera.unwrap_or(crate::joint::NOBODY)).collect();
+        let all = together.tied_cameras();
         let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
         let known =
             together.ties.iter().filter(|(of, tie)| !tie.off && !matches!(of, TieOf::ControlPoint { .. }));

@@ -1,7 +1,7 @@
 //! What a site says that cameras have in common, as things of the joint fit: control points, links,
 //! marks and the distances between them.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::annotation::Known;
 use crate::likelihood::Prior;
@@ -64,19 +64,8 @@ impl Site {
                 let of = TieOf::ControlPoint { camera: i, point: k };
                 ties.extend(self.measured(point, i, noise[i]).map(|tie| (of, tie)));
             }
-            // One point does not tell which way a camera looks; that takes a hand, or a link.
-            let own = ties.iter().filter(|(of, tie)| {
-                !tie.off && matches!(of, TieOf::ControlPoint { camera, .. } if *camera == i)
-            });
-            let is_linked =
-                self.links.iter().any(|l| !l.off && l.seen.iter().any(|seen| seen.camera == entry.id))
-                    || self.marks.iter().any(|m| !m.off && m.seen.iter().any(|seen| seen.camera == entry.id));
-            if own.count() == 1 && entry.placement.is_none() && !is_linked {
-                ties.retain(|(of, tie)| {
-                    tie.off || !matches!(of, TieOf::ControlPoint { camera, .. } if *camera == i)
-                });
-            }
         }
+        self.forget_single_points(&mut ties);
         let links = self.links.iter().enumerate();
         ties.extend(links.map(|(i, link)| (TieOf::Link(i), linked(link, &camera, &noise))));
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
@@ -104,6 +93,33 @@ impl Site {
             keep: point.keep,
             off: point.off,
         })
+    }
+
+    /// One point does not tell which way a camera looks; that takes a hand, or a link.
+    fn forget_single_points(&self, ties: &mut Vec<(TieOf, Tie)>) {
+        let linked: HashSet<&str> = self
+            .links
+            .iter()
+            .filter(|link| !link.off)
+            .flat_map(|link| link.seen.iter().map(|seen| seen.camera.as_str()))
+            .chain(
+                self.marks
+                    .iter()
+                    .filter(|m| !m.off)
+                    .flat_map(|m| m.seen.iter().map(|seen| seen.camera.as_str())),
+            )
+            .collect();
+        let mut points: HashMap<usize, usize> = HashMap::new();
+        for (of, tie) in ties.iter().filter(|(_, tie)| !tie.off) {
+            if let TieOf::ControlPoint { camera, .. } = of {
+                *points.entry(*camera).or_default() += tie.sightings.len();
+            }
+        }
+        ties.retain(|(of, tie)| {
+            let TieOf::ControlPoint { camera, .. } = of else { return true };
+            let entry = &self.cameras[*camera];
+            tie.off || points[camera] > 1 || entry.placement.is_some() || linked.contains(entry.id.as_str())
+        });
     }
 
     fn distances_between(&self, ties: &[(TieOf, Tie)]) -> Vec<(usize, Gap)> {

@@ -5,9 +5,10 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Covariance, Crop, Distortion, FloorProjector, Lens, Pixel,
-    Straightened, WorldPoint,
+    Annotation, BrownConrady, Camera, Covariance, Crop, Distortion, FloorProjector, Lens, Options, Pixel,
+    Solution, Stage, Straightened, WorldPoint,
 };
+use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -19,19 +20,22 @@ use crate::accuracy;
 type Bench = (&'static str, fn() -> f64);
 
 /// Every benchmark.
-const BENCHES: [Bench; 6] = [
+const BENCHES: [Bench; 8] = [
     ("pixel_to_floor_ns", || 1e9 * pixels_to_floor(Distortion::None)),
     ("distorted_pixel_to_floor_ns", || 1e9 * pixels_to_floor(bent())),
     ("undistort_1080p_ms", || 1e3 * undistort(false)),
     ("undistort_1080p_cached_ms", || 1e3 * undistort(true)),
     ("solve_option1_us", || 1e6 * solve(Drawn::Directions)),
     ("solve_option2_us", || 1e6 * solve(Drawn::Lengths)),
+    ("refine_100_cameras_ms", || 1e3 * refine([10, 10])),
+    ("refine_1000_cameras_ms", || 1e3 * refine([40, 25])),
 ];
 
-/// Runs all benchmarks.
-pub(crate) fn run() {
+/// Runs all benchmarks whose key contains `filter`.
+pub(crate) fn run(filter: &str) {
+    let chosen = BENCHES.iter().filter(|(key, _)| key.contains(filter));
     let results: Map<String, Value> =
-        BENCHES.iter().map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
+        chosen.map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
     println!("{}", Value::Object(results));
 }
 
@@ -123,4 +127,16 @@ fn solve(drawn: Drawn) -> f64 {
         .collect();
     took.sort_by(f64::total_cmp);
     took[took.len() / 2]
+}
+
+/// A hall of cameras with eight links between neighbours, calibrated whole: stage 1, the start along
+/// the spanning tree, the joint fit, sigmas and quality.
+fn refine(sides: [usize; 2]) -> f64 {
+    let mut layout = Layout::grid(&mut ChaCha8Rng::seed_from_u64(900), sides, 8, 1.0);
+    layout.place_first();
+    median(3, || {
+        let report = black_box(&layout.site).calibrate(&Options::default());
+        let refined = |solution: &Solution| solution.stage == Stage::Refined;
+        assert!(report.cameras.iter().all(|(_, solution)| solution.as_ref().is_ok_and(refined)));
+    })
 }

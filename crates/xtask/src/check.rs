@@ -173,10 +173,11 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
 }
 
 /// Runs this command again with optimisation.
-pub(crate) fn rerun_optimised(command: &str) -> anyhow::Result<()> {
-    let arguments = ["run", "--quiet", "--release", "--package", "xtask", "--", command];
-    if !Command::new("cargo").args(arguments).current_dir(root()).status()?.success() {
-        bail!("{command} failed");
+pub(crate) fn rerun_optimised(command: &[&str]) -> anyhow::Result<()> {
+    let arguments = ["run", "--quiet", "--release", "--package", "xtask", "--"];
+    let mut cargo = Command::new("cargo");
+    if !cargo.args(arguments).args(command).current_dir(root()).status()?.success() {
+        bail!("{} failed", command.join(" "));
     }
     Ok(())
 }

@@ -26,6 +26,9 @@ enum Command {
         /// As JSON (the only form there is)
         #[arg(long)]
         json: bool,
+        /// Only the keys that contain this
+        #[arg(default_value = "")]
+        filter: String,
     },
     /// Print the table of accuracy as Markdown
     Accuracy {
@@ -41,12 +44,12 @@ enum Command {
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Test { install } => check::run(install),
-        Command::Bench { json: _ } => {
+        Command::Bench { json: _, filter } => {
             // An unoptimised number is worse than none.
             if cfg!(debug_assertions) {
-                return check::rerun_optimised("bench");
+                return check::rerun_optimised(&["bench", &filter]);
             }
-            bench::run();
+            bench::run(&filter);
             Ok(())
         }
         Command::Accuracy { scenes, draws } => {
