@@ -107,8 +107,8 @@ struct Problem<'a> {
     fitted: Fitted,
     principal_point: Pixel,
     unit: f64,
-    /// Radius, in units, of the image corner farthest from the principal point.
-    corner: f64,
+    /// Corners of the image from the principal point, in units.
+    corners: [[f64; 2]; 4],
 }
 
 impl Problem<'_> {
@@ -120,10 +120,10 @@ impl Problem<'_> {
         }
     }
 
-    /// `None` where the lens folds back on itself before the corner, or at a point that was drawn.
+    /// `None` where the lens folds back on itself before a corner of the image.
     fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
         let lens = self.lens(values);
-        if lens.distortion.max_radius() < self.corner {
+        if !self.corners.iter().all(|&corner| lens.distortion.reaches(corner)) {
             return None;
         }
         let mut all = Vec::new();
@@ -269,10 +269,11 @@ impl LensFit {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
             let [w, h] = options.size;
-            let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(Pixel::from);
             let principal_point = options.principal_point;
-            let corner = corners.iter().map(|c| c.distance(principal_point) / unit).fold(0.0, f64::max);
-            Problem { edges: edges.clone(), fitted, principal_point, unit, corner }
+            let Pixel { u: cu, v: cv } = principal_point;
+            let corners =
+                [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|[u, v]| [(u - cu) / unit, (v - cv) / unit]);
+            Problem { edges: edges.clone(), fitted, principal_point, unit, corners }
         };
         let chosen = match &options.fitted {
             Some(fitted) => {
@@ -311,7 +312,7 @@ impl LensFit {
 
 /// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
 const STARTS: [[f64; 2]; 7] =
-    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.2, -0.05]];
+    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
 /// The largest model of the ladder that the data support: by the Bayesian information criterion, and
 /// by how well it straightens polylines that it has not seen.
