@@ -3,7 +3,8 @@
 use calib_core::SiteCamera;
 use image::RgbImage;
 
-use crate::files::{self, SiteFile};
+use crate::args::{OutputArgs, SiteArgs};
+use crate::files::SiteFile;
 use crate::overlay::overlay;
 use crate::plan_view::plan_view;
 use crate::sigma_map;
@@ -14,8 +15,8 @@ use crate::svg::Svg;
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["camera", "plan"])))]
 pub(crate) struct Args {
-    /// Site file; cameras without a solution are solved
-    site: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Draw on this camera's image
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
@@ -25,21 +26,14 @@ pub(crate) struct Args {
     /// Shade the floor by its predicted error
     #[arg(long, conflicts_with = "plan")]
     sigma: bool,
-    /// PNG to write; - is stdout
-    #[arg(short, long, value_name = "OUT.png")]
-    output: String,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
-    /// Overwrite the output file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Draws and writes a PNG.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    files::check_free(&args.output, args.force)?;
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?;
+    args.output.check_free()?;
+    let file = args.site.read()?;
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
@@ -48,7 +42,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Some(id) => camera_view(&file, file.camera(id)?, args.sigma)?,
         None => plan_view(&file.site, file.plan_image()?),
     };
-    files::write(&args.output, &files::encoded(&svg.draw_on(&ground)?, &args.output)?, args.force)
+    args.output.write_image(&svg.draw_on(&ground)?)
 }
 
 /// A camera's image and what is drawn on it.

@@ -6,6 +6,7 @@ use base64::Engine as _;
 use calib_core::{Residual, ResidualOf, SiteCamera, Solution, Stage, line_name};
 use image::RgbImage;
 
+use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{self, SiteFile};
 use crate::plan_view::plan_view;
 use crate::render::camera_view;
@@ -15,25 +16,18 @@ use crate::svg::{Svg, escape};
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Site file; cameras without a solution are solved
-    site: String,
-    /// HTML to write; - is stdout
-    #[arg(short, long, value_name = "REPORT.html")]
-    output: String,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
-    /// Overwrite the output file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    site: SiteArgs,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Writes the page.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    files::check_free(&args.output, args.force)?;
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?.solved();
+    args.output.check_free()?;
+    let file = args.site.read()?.solved();
     let page = page(&file)?;
-    files::write(&args.output, page.as_bytes(), args.force)?;
+    args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
     crate::solve::unsolved(&cameras)
 }
