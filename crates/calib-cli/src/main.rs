@@ -7,6 +7,7 @@ mod args;
 mod check;
 mod demo;
 mod files;
+mod lens_grid;
 mod overlay;
 mod plan_view;
 mod project;

@@ -9,7 +9,7 @@ use image::RgbImage;
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{self, SiteFile};
 use crate::plan_view::plan_view;
-use crate::render::camera_view;
+use crate::render::{Extras, camera_view};
 use crate::stop::Stop;
 use crate::svg::{Svg, escape};
 
@@ -127,7 +127,7 @@ fn section(html: &mut String, file: &SiteFile, camera: &SiteCamera) -> Result<()
     let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
     let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
     if camera.image.is_some() {
-        match camera_view(file, camera, false) {
+        match camera_view(file, camera, Extras::default()) {
             Ok((image, svg)) => {
                 let _ = write!(html, "<figure>{}</figure>", figure(&image, &svg)?);
             }

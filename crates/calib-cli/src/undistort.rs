@@ -6,6 +6,7 @@ use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
+use crate::lens_grid::lens_of;
 use crate::stop::Stop;
 
 /// Which part of the undistorted plane to show.
@@ -41,11 +42,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     file.camera(&args.camera)?;
     let file = file.solved();
     let entry = file.camera(&args.camera)?;
-    // The lens may be known where the pose is not.
-    let (lens, focal) = match &entry.solution {
-        Some(solution) => (solution.lens(), Some(solution.focal_px)),
-        None => (entry.lens(), None),
-    };
+    let lens = lens_of(entry);
+    let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
     let image = file.camera_image(entry)?;
     let crop = match args.crop {
         CropArg::SameFocal => Crop::SameFocal,
