@@ -4,7 +4,7 @@
 
 use calib_core::{
     Annotation, BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Kind, Lens, Method, Pixel,
-    Site, SiteCamera, Solution, Stage, WorldPoint,
+    Site, SiteCamera, Solution, Stage, UndistortedPixel, WorldPoint,
 };
 use calib_demo::random::{Drawn, RandomScene};
 use calib_tests::Scratch;
@@ -142,7 +142,7 @@ fn straight_edges_alone_give_the_lens() {
         let points = (0..9).filter_map(|i| {
             let t = f64::from(i) / 8.0;
             let at = |k: usize| from[k] + t * (to[k] - from[k]);
-            bent.distort(calib_core::UndistortedPixel { u: at(0), v: at(1) })
+            bent.distort(UndistortedPixel { u: at(0), v: at(1) })
         });
         Annotation { points: Some(points.collect()), ..Annotation::new(Kind::Straight) }
     };
@@ -165,6 +165,40 @@ fn straight_edges_alone_give_the_lens() {
     assert!((json["door"]["distortion"]["lambda"].as_f64().unwrap() + 0.2).abs() < 1e-6, "{}", json["door"]);
     scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.jpg"]).expect_code(0);
     assert_eq!(std::fs::read(scratch.path("x.jpg")).unwrap()[..2], [0xff, 0xd8], "the name asks for JPEG");
+    scratch.calib(&["render", "site.json", "--camera", "door", "-o", "a.png"]).expect_code(0);
+    scratch.calib(&["render", "site.json", "--camera", "door", "--lens-grid", "-o", "b.png"]).expect_code(0);
+    let [plain, asked] = ["a.png", "b.png"].map(|name| std::fs::read(scratch.path(name)).unwrap());
+    assert_eq!(plain, asked, "a lens that was fitted is shown unasked");
+}
+
+#[test]
+fn the_grid_of_a_lens_is_straight_once_undistorted() {
+    let (scratch, mut site) = site();
+    site.cameras.truncate(1);
+    site.cameras[0].annotations.clear();
+    let lens = json!({"distortion": {"model": "division", "lambda": -0.2, "focal_px": 1500}});
+    site.cameras[0].lens = Some(serde_json::from_value(lens).unwrap());
+    let lens = site.cameras[0].lens();
+    scratch.write("site.json", site.to_json());
+    let drawn = |args: &[&str]| {
+        let all = [&["render", "site.json", "--camera", "door", "--force", "-o", "x.png"], args].concat();
+        scratch.calib(&all).expect_code(0);
+        let picture = image::open(scratch.path("x.png")).unwrap().into_rgb8();
+        move |x: f64, y: f64| picture.get_pixel(x as u32, y as u32).0 != [90, 90, 90]
+    };
+    let plain = drawn(&[]);
+    assert!((200..900).all(|y| !plain(960.5, f64::from(y))), "a lens that was given is shown when asked");
+    let bent = drawn(&["--lens-grid"]);
+    assert!((200..900).all(|y| bent(960.5, f64::from(y))), "the column through the principal point");
+    // The first column from the left that the middle of the image shows, followed up and down.
+    let x = (200..900).map(f64::from).find(|&x| bent(x, 580.0)).unwrap();
+    let column = lens.undistort(Pixel::new(x + 1.0, 580.5)).unwrap();
+    let followed: Vec<Pixel> = (-16..=16)
+        .filter_map(|i| lens.distort(UndistortedPixel { v: 540.0 + 30.0 * f64::from(i), ..column }))
+        .filter(|p| p.v > 60.0 && p.v < 1000.0)
+        .collect();
+    assert!(followed.iter().all(|p| bent(p.u, p.v)), "{followed:?}");
+    assert!(followed.iter().any(|p| p.u > x + 8.0), "the column is bent: {followed:?}");
 }
 
 #[test]

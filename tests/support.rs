@@ -1,4 +1,5 @@
-//! What the whole-program tests share: the built program, a scratch folder, honest skips.
+//! What the whole-program tests share: the built program, a scratch folder, how far two lenses are apart,
+//! honest skips.
 
 /// The front page; its example is compiled.
 #[cfg(doctest)]
@@ -11,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
+use calib_core::{Lens, Pixel, UndistortedPixel};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -175,6 +177,37 @@ pub fn peers_python() -> Option<PathBuf> {
     }
     skip("target/peers-venv is absent; `cargo xtask test --install` makes it", false);
     None
+}
+
+/// Root mean square distance over the image between two maps, once a similarity makes them as near
+/// as they can be: a scale and a turn of the undistorted plane are not distortion.
+///
+/// # Panics
+/// When more than a sixth of the image is outside one of them.
+#[must_use]
+pub fn map_distance(a: &Lens, b: &Lens, [w, h]: [f64; 2]) -> f64 {
+    let grid = (0..20 * 12)
+        .map(|k| Pixel::new(w * (f64::from(k % 20) + 0.5) / 20.0, h * (f64::from(k / 20) + 0.5) / 12.0));
+    let pairs: Vec<_> = grid.filter_map(|p| Some((a.undistort(p)?, b.undistort(p)?))).collect();
+    assert!(pairs.len() > 200, "{} of 240 points are inside both lenses", pairs.len());
+    let count = pairs.len() as f64;
+    let mean = |value: &dyn Fn(&(UndistortedPixel, UndistortedPixel)) -> f64| {
+        pairs.iter().map(value).sum::<f64>() / count
+    };
+    let (au, av, bu, bv) = (mean(&|p| p.0.u), mean(&|p| p.0.v), mean(&|p| p.1.u), mean(&|p| p.1.v));
+    let (mut dot, mut cross, mut square) = (0.0, 0.0, 0.0);
+    for (p, q) in &pairs {
+        let (x, y, s, t) = (p.u - au, p.v - av, q.u - bu, q.v - bv);
+        dot += x * s + y * t;
+        cross += x * t - y * s;
+        square += x * x + y * y;
+    }
+    let (c, s) = (dot / square, cross / square);
+    let off = pairs.iter().map(|(p, q)| {
+        let (x, y) = (p.u - au, p.v - av);
+        (c * x - s * y - (q.u - bu)).powi(2) + (s * x + c * y - (q.v - bv)).powi(2)
+    });
+    (off.sum::<f64>() / count).sqrt()
 }
 
 /// Says that a test was skipped, on the screen and in the list that `cargo xtask test` prints.

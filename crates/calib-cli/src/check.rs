@@ -2,24 +2,22 @@
 
 use calib_core::{Code, Method, SiteCamera, Solution};
 
-use crate::files::{self, SiteFile};
+use crate::args::SiteArgs;
+use crate::files;
 use crate::solve::Format;
 use crate::stop::Stop;
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Site file, or - for stdin; cameras without a solution are solved
-    site: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Largest predicted relative error of lengths on the floor: 0.03 is 3 %
     #[arg(long, value_name = "REL", default_value_t = 0.03)]
     max_floor_error: f64,
     /// Largest root mean square of the residuals, in pixels
     #[arg(long, value_name = "P")]
     max_rms_px: Option<f64>,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
     /// How to report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -37,7 +35,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if args.max_rms_px.is_some_and(|most| most.is_nan() || most <= 0.0) {
         return Err(Stop::Usage("--max-rms-px: expected a number of pixels above 0".into()));
     }
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?.solved();
+    let file = args.site.read()?.solved();
     let verdicts: Vec<(&str, Vec<String>)> =
         file.site.cameras.iter().map(|camera| (camera.id.as_str(), faults(camera, args))).collect();
     let failed = verdicts.iter().filter(|(_, faults)| !faults.is_empty()).count();

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};
 use crate::plan_view::plan_view;
-use crate::render::camera_view;
+use crate::render::{Extras, camera_view};
 use crate::solve::Format;
 use crate::stop::Stop;
 
@@ -87,7 +87,7 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
             if sigma && camera.camera().is_none() {
                 continue;
             }
-            let (image, svg) = camera_view(&file, camera, sigma)?;
+            let (image, svg) = camera_view(&file, camera, Extras { sigma, ..Extras::default() })?;
             let path = folder.join(format!("{prefix}-{}.png", camera.id));
             files::write_atomically(&path, &files::png(&svg.draw_on(&image)?)?)?;
         }

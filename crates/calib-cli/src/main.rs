@@ -3,9 +3,11 @@
 //! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
+mod args;
 mod check;
 mod demo;
 mod files;
+mod lens_grid;
 mod overlay;
 mod plan_view;
 mod project;
@@ -42,13 +44,13 @@ enum Command {
     Solve(solve::Args),
     /// Map pixels to the floor, or points of space to pixels (CSV)
     Project(project::Args),
-    /// Write a camera's image without lens distortion
+    /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
-    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan
+    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or JPEG for .jpg)
     Render(render::Args),
     /// Quality gate: exit 4 when a camera is unsolved or worse than asked
     Check(check::Args),
-    /// One self-contained HTML page to hand over: every overlay, number and warning
+    /// Write one self-contained HTML page to hand over: every overlay, number and warning
     Report(report::Args),
     /// Print the JSON Schema of the site file
     Schema,

@@ -5,14 +5,17 @@ use calib_core::{
     line_name, on_image, prism,
 };
 
-use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
+use crate::{lens_grid, style};
 
-/// Everything known of a camera, drawn on its image.
-pub(crate) fn overlay(site: &Site, entry: &SiteCamera) -> Svg {
+/// Everything known of a camera, drawn on its image; beneath it, if wanted, the grid that shows the lens.
+pub(crate) fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let size = entry.size();
     let mut svg = Svg::new(size, style::scale(size));
     let colour = style::camera(site.cameras.iter().position(|other| std::ptr::eq(other, entry)).unwrap_or(0));
+    if lens_grid {
+        lens_grid::draw(&mut svg, &lens_grid::lens_of(entry), size);
+    }
     if let (Some(solution), Some(camera)) = (&entry.solution, entry.camera()) {
         draw_floor(&mut svg, &camera, solution, size, colour);
         draw_horizon(&mut svg, &camera, size);
@@ -25,7 +28,7 @@ pub(crate) fn overlay(site: &Site, entry: &SiteCamera) -> Svg {
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
     svg.tag([margin, margin], &format!("{title}{}", summary(entry)), colour);
-    draw_legend(&mut svg, entry, colour);
+    draw_legend(&mut svg, entry, colour, lens_grid);
     svg
 }
 
@@ -215,7 +218,7 @@ fn summary(entry: &SiteCamera) -> String {
 }
 
 /// Names of the kinds that are drawn, each in its colour.
-fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str) {
+fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str, lens_grid: bool) {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
     let used: Vec<_> =
@@ -230,6 +233,7 @@ fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str) {
         .iter()
         .map(|row| (row.title, style::kind(row.kind)))
         .chain(field.then_some(("Field of view (dashed) and 2 m above it", camera)))
+        .chain(lens_grid.then_some(("Straight in the scene, bent by the lens", style::LENS)))
         .chain(outliers.then_some(("Set aside", style::BAD)))
         .collect();
     for (index, (title, colour)) in rows.iter().enumerate() {

@@ -8,7 +8,8 @@ use calib_core::{Camera, FloorPoint, Pixel, SiteCamera, WorldPoint, default_efov
 use clap::ValueEnum;
 use csv::StringRecord;
 
-use crate::files::{self, SiteFile};
+use crate::args::SiteArgs;
+use crate::files;
 use crate::stop::Stop;
 
 /// Which way to map.
@@ -23,8 +24,8 @@ enum To {
 /// Arguments of `calib project`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Site file; a camera without a solution is solved
-    site: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Which camera
     #[arg(long, value_name = "ID")]
     camera: String,
@@ -40,9 +41,6 @@ pub(crate) struct Args {
     /// Output CSV; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
     /// Overwrite the output file
     #[arg(long)]
     force: bool,
@@ -53,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if !args.height_m.is_finite() {
         return Err(Stop::Usage("--height-m: expected a number of metres".into()));
     }
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?;
+    let file = args.site.read()?;
     file.camera(&args.camera)?;
     let file = file.solved();
     let view = View::of(file.camera(&args.camera)?)?;

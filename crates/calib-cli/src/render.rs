@@ -3,7 +3,9 @@
 use calib_core::SiteCamera;
 use image::RgbImage;
 
-use crate::files::{self, SiteFile};
+use crate::args::{OutputArgs, SiteArgs};
+use crate::files::SiteFile;
+use crate::lens_grid::is_fitted;
 use crate::overlay::overlay;
 use crate::plan_view::plan_view;
 use crate::sigma_map;
@@ -14,47 +16,55 @@ use crate::svg::Svg;
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["camera", "plan"])))]
 pub(crate) struct Args {
-    /// Site file; cameras without a solution are solved
-    site: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Draw on this camera's image
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
     /// Draw all cameras on the plan
     #[arg(long)]
     plan: bool,
+    #[command(flatten)]
+    extras: Extras,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// What is drawn on a camera's image only when it is wanted.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub(crate) struct Extras {
     /// Shade the floor by its predicted error
     #[arg(long, conflicts_with = "plan")]
-    sigma: bool,
-    /// PNG to write; - is stdout
-    #[arg(short, long, value_name = "OUT.png")]
-    output: String,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
-    /// Overwrite the output file
-    #[arg(long)]
-    force: bool,
+    pub(crate) sigma: bool,
+    /// Draw a grid that is straight in the scene as the lens bends it; without the flag, where the lens was fitted
+    #[arg(long, conflicts_with = "plan")]
+    pub(crate) lens_grid: bool,
 }
 
 /// Draws and writes a PNG.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    files::check_free(&args.output, args.force)?;
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?;
+    args.output.check_free()?;
+    let file = args.site.read()?;
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
     let file = file.solved();
     let (ground, svg) = match &args.camera {
-        Some(id) => camera_view(&file, file.camera(id)?, args.sigma)?,
+        Some(id) => camera_view(&file, file.camera(id)?, args.extras)?,
         None => plan_view(&file.site, file.plan_image()?),
     };
-    files::write(&args.output, &files::encoded(&svg.draw_on(&ground)?, &args.output)?, args.force)
+    args.output.write_image(&svg.draw_on(&ground)?)
 }
 
 /// A camera's image and what is drawn on it.
-pub(crate) fn camera_view(file: &SiteFile, entry: &SiteCamera, sigma: bool) -> Result<(RgbImage, Svg), Stop> {
+pub(crate) fn camera_view(
+    file: &SiteFile,
+    entry: &SiteCamera,
+    Extras { sigma, lens_grid }: Extras,
+) -> Result<(RgbImage, Svg), Stop> {
     let mut image = file.camera_image(entry)?;
-    let mut svg = overlay(&file.site, entry);
+    // Under the shades of the error a second grid is only in the way.
+    let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_fitted(entry)));
     if sigma {
         let not_calibrated = || Stop::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
         let camera = entry.camera().ok_or_else(not_calibrated)?;

@@ -6,34 +6,28 @@ use base64::Engine as _;
 use calib_core::{Residual, ResidualOf, SiteCamera, Solution, Stage, line_name};
 use image::RgbImage;
 
+use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{self, SiteFile};
 use crate::plan_view::plan_view;
-use crate::render::camera_view;
+use crate::render::{Extras, camera_view};
 use crate::stop::Stop;
 use crate::svg::{Svg, escape};
 
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Site file; cameras without a solution are solved
-    site: String,
-    /// HTML to write; - is stdout
-    #[arg(short, long, value_name = "REPORT.html")]
-    output: String,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
-    /// Overwrite the output file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    site: SiteArgs,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Writes the page.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    files::check_free(&args.output, args.force)?;
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?.solved();
+    args.output.check_free()?;
+    let file = args.site.read()?.solved();
     let page = page(&file)?;
-    files::write(&args.output, page.as_bytes(), args.force)?;
+    args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
     crate::solve::unsolved(&cameras)
 }
@@ -133,7 +127,7 @@ fn section(html: &mut String, file: &SiteFile, camera: &SiteCamera) -> Result<()
     let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
     let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
     if camera.image.is_some() {
-        match camera_view(file, camera, false) {
+        match camera_view(file, camera, Extras::default()) {
             Ok((image, svg)) => {
                 let _ = write!(html, "<figure>{}</figure>", figure(&image, &svg)?);
             }

@@ -35,6 +35,8 @@ pub(crate) fn kind(kind: Kind) -> &'static str {
 
 /// Control points, marks, grid and horizon.
 pub(crate) const WHITE: &str = "#FFFFFF";
+/// Grid that is straight in the scene, bent by the lens.
+pub(crate) const LENS: &str = "#8CE6FF";
 /// Outline of every line on an image, so that it is legible on any ground.
 pub(crate) const OUTLINE: &str = "#07090B";
 /// Text and lines on a plan: plans are light.

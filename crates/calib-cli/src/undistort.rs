@@ -4,7 +4,9 @@ use calib_core::{Crop, Distortion, Straightened};
 use clap::ValueEnum;
 use image::RgbImage;
 
-use crate::files::{self, SiteFile};
+use crate::args::{OutputArgs, SiteArgs};
+use crate::files;
+use crate::lens_grid::lens_of;
 use crate::stop::Stop;
 
 /// Which part of the undistorted plane to show.
@@ -21,37 +23,27 @@ enum CropArg {
 /// Arguments of `calib undistort`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Site file; a camera without a solution is solved
-    site: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Which camera
     #[arg(long, value_name = "ID")]
     camera: String,
-    /// PNG to write; - is stdout
-    #[arg(short, long, value_name = "OUT.png")]
-    output: String,
     /// Which part to show
     #[arg(long, value_enum, default_value = "same-focal")]
     crop: CropArg,
-    /// Calibrations that hold at this time (RFC 3339)
-    #[arg(long, value_name = "TIME")]
-    at: Option<String>,
-    /// Overwrite the output file
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Writes the image, and says which focal and principal point it has.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    files::check_free(&args.output, args.force)?;
-    let file = SiteFile::read_at(&args.site, args.at.as_deref())?;
+    args.output.check_free()?;
+    let file = args.site.read()?;
     file.camera(&args.camera)?;
     let file = file.solved();
     let entry = file.camera(&args.camera)?;
-    // The lens may be known where the pose is not.
-    let (lens, focal) = match &entry.solution {
-        Some(solution) => (solution.lens(), Some(solution.focal_px)),
-        None => (entry.lens(), None),
-    };
+    let lens = lens_of(entry);
+    let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
     let image = file.camera_image(entry)?;
     let crop = match args.crop {
         CropArg::SameFocal => Crop::SameFocal,
@@ -63,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let map = Straightened::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
     let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
-    files::write(&args.output, &files::encoded(&straight, &args.output)?, args.force)?;
+    args.output.write_image(&straight)?;
     if lens.distortion == Distortion::None {
         files::say("the camera has no distortion: the image is as it was");
     }

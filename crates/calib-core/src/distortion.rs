@@ -101,14 +101,13 @@ pub struct LensOptions {
 }
 
 /// One choice of coefficients on given polylines.
-#[derive(Clone)]
 struct Problem<'a> {
     edges: Vec<&'a Edge>,
     fitted: Fitted,
     principal_point: Pixel,
     unit: f64,
-    /// Radius, in units, of the image corner farthest from the principal point.
-    corner: f64,
+    /// Corners of the image from the principal point, in units.
+    corners: [[f64; 2]; 4],
 }
 
 impl Problem<'_> {
@@ -120,10 +119,10 @@ impl Problem<'_> {
         }
     }
 
-    /// `None` where the lens folds back on itself before the corner, or at a point that was drawn.
+    /// `None` where the lens folds back on itself before a corner of the image.
     fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
         let lens = self.lens(values);
-        if lens.distortion.max_radius() < self.corner {
+        if !self.corners.iter().all(|&corner| lens.distortion.reaches(corner)) {
             return None;
         }
         let mut all = Vec::new();
@@ -131,6 +130,12 @@ impl Problem<'_> {
             all.extend(straightness(&lens, &edge.points)?);
         }
         Some(DVector::from_vec(all))
+    }
+
+    /// Sum of the squared residuals of every polyline.
+    fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
+        let lens = self.lens(values);
+        self.edges.iter().map(move |edge| crookedness(&lens, edge))
     }
 
     /// Central differences of the residuals, each with its own best line.
@@ -269,26 +274,27 @@ impl LensFit {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
             let [w, h] = options.size;
-            let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(Pixel::from);
             let principal_point = options.principal_point;
-            let corner = corners.iter().map(|c| c.distance(principal_point) / unit).fold(0.0, f64::max);
-            Problem { edges: edges.clone(), fitted, principal_point, unit, corner }
+            let Pixel { u: cu, v: cv } = principal_point;
+            let corners =
+                [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|[u, v]| [(u - cu) / unit, (v - cv) / unit]);
+            Problem { edges: edges.clone(), fitted, principal_point, unit, corners }
         };
-        let chosen = match &options.fitted {
+        let straight = Choice::straight(problem(Fitted::BrownConrady([false; 5])))?;
+        let before = straight.cost;
+        let choice = match &options.fitted {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
-                problem.solve(&[]).map(|(values, cost)| (problem, values, cost))
+                let solved = problem.solve(&[]);
+                solved.map_or(straight, |(values, cost)| Choice { problem, values, cost, doubt: None })
             }
-            None => climb(spare, options.sigma, &problem),
+            None => climb(straight, spare, options.sigma, &problem),
         };
-        let plain = problem(Fitted::BrownConrady([false; 5]));
-        let before = plain.residuals(&[])?;
-        let before = before.norm_squared();
-        let (problem, values, cost) = chosen.unwrap_or((plain, Vec::new(), before));
-        Some(Self::of(&problem, &values, [before, cost], spare, options))
+        Some(Self::of(&choice, before, spare, options))
     }
 
-    fn of(problem: &Problem, values: &[f64], costs: [f64; 2], spare: i64, options: &LensOptions) -> Self {
+    fn of(choice: &Choice, before: f64, spare: i64, options: &LensOptions) -> Self {
+        let Choice { problem, values, cost, doubt } = choice;
         let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
@@ -299,11 +305,11 @@ impl LensFit {
         Self {
             lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
-            straightness: costs.map(|cost| (cost / points as f64).sqrt()),
+            straightness: [before, *cost].map(|cost| (cost / points as f64).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
-            map_error: map_error(problem, values, options),
+            map_error: map_error(problem, values, doubt.as_ref(), options),
             uninformative: uninformative(problem, &lens, options),
-            chi2: costs[1] / (options.sigma * options.sigma),
+            chi2: cost / (options.sigma * options.sigma),
             dof: spare - values.len() as i64,
         }
     }
@@ -311,57 +317,70 @@ impl LensFit {
 
 /// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
 const STARTS: [[f64; 2]; 7] =
-    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.2, -0.05]];
+    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
-/// The largest model of the ladder that the data support: by the Bayesian information criterion, and
-/// by how well it straightens polylines that it has not seen.
+/// A model with the values that straighten the polylines best.
+struct Choice<'a> {
+    problem: Problem<'a>,
+    values: Vec<f64>,
+    cost: f64,
+    /// A larger model that was turned down, and the probability that it is the right one all the same.
+    doubt: Option<(Lens, f64)>,
+}
+
+impl<'a> Choice<'a> {
+    /// No distortion.
+    fn straight(problem: Problem<'a>) -> Option<Self> {
+        let cost = problem.residuals(&[])?.norm_squared();
+        Some(Self { problem, values: Vec::new(), cost, doubt: None })
+    }
+}
+
+/// The largest model of the ladder that the data support, by the Bayesian information criterion: of all
+/// polylines together, and of all but the one that it helps most.
 fn climb<'a>(
+    straight: Choice<'a>,
     spare: i64,
     sigma: f64,
     problem: &dyn Fn(Fitted) -> Problem<'a>,
-) -> Option<(Problem<'a>, Vec<f64>, f64)> {
-    let mut best: Option<(Problem<'a>, Vec<f64>, f64)> = None;
-    let straight = problem(Fitted::BrownConrady([false; 5]));
-    let mut lowest = (straight.residuals(&[])?.norm_squared(), 0_usize);
-    let mut unseen = lowest.0;
+) -> Choice<'a> {
+    // -2 log of a model's probability, but for a constant.
+    let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
+    let mut lowest = criterion(straight.cost, 0);
+    let mut best = straight;
     for which in LADDER {
         let next = problem(Fitted::BrownConrady(which));
         let count = next.fitted.len();
         if spare <= count as i64 {
             continue;
         }
-        let smaller = best.as_ref().map_or(Vec::new(), |(_, values, _)| values.clone());
-        let Some((values, cost)) = next.solve(&smaller) else { continue };
-        let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
-        let crossed = cross_validation(&next, &values);
-        // A model too small for the lens fits badly and predicts worse: the next one may still be right.
-        if criterion(cost, count) >= criterion(lowest.0, lowest.1) || crossed >= unseen {
+        let Some((values, cost)) = next.solve(&best.values) else { continue };
+        let worth = criterion(cost, count);
+        if worth < lowest && criterion(-shared_gain(&best, &next, &values), count) < 0.0 {
+            lowest = worth;
+            best = Choice { problem: next, values, cost, doubt: None };
             continue;
         }
-        lowest = (cost, count);
-        unseen = crossed;
-        best = Some((next, values, cost));
+        // A model too small for the lens fits badly: the next one may still be right.
+        let probability = (1.0 + (0.5 * (worth - lowest)).exp()).recip();
+        if best.doubt.as_ref().is_none_or(|(_, other)| probability > *other) {
+            best.doubt = Some((next.lens(&values), probability));
+        }
     }
     best
 }
 
-/// Sum of the squared residuals of every polyline under a fit that has not seen it, in a few folds.
-fn cross_validation(problem: &Problem, values: &[f64]) -> f64 {
-    const ROUNDS: usize = 20;
-    const FOLDS: usize = 8;
-    let folds = problem.edges.len().min(FOLDS);
-    let fold = |fold: usize| {
-        let (unseen, seen): (Vec<_>, Vec<_>) =
-            problem.edges.iter().copied().enumerate().partition(|(i, _)| i % folds == fold);
-        let others = Problem { edges: seen.into_iter().map(|(_, edge)| edge).collect(), ..problem.clone() };
-        let found = least_squares(&others, values.to_vec(), ROUNDS).map(|(values, ..)| values);
-        let lens = problem.lens(found.as_deref().unwrap_or(values));
-        let squares = unseen.iter().map(|(_, edge)| {
-            straightness(&lens, &edge.points).map_or(f64::INFINITY, |d| d.iter().map(|d| d * d).sum())
-        });
-        squares.sum::<f64>()
-    };
-    (0..folds).map(fold).sum()
+/// What a larger model takes from the sum of squares, the polyline it helps most left out: a crooked one
+/// alone must not bend the lens, and one that alone reaches a corner is believed if the others agree.
+fn shared_gain(smaller: &Choice, larger: &Problem, values: &[f64]) -> f64 {
+    let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
+    let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
+    total - most
+}
+
+/// Sum of the squared distances of a polyline's points from straight; infinite outside the lens.
+fn crookedness(lens: &Lens, edge: &Edge) -> f64 {
+    straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }
 
 /// Distances of a polyline's points from straight under a lens that is held, root mean square in raw
@@ -372,8 +391,14 @@ pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
     Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
-/// Standard deviation of the undistorted position at three places, from the covariance of the coefficients.
-fn map_error(problem: &Problem, values: &[f64], options: &LensOptions) -> [f64; 3] {
+/// Standard deviation of the undistorted position at three places: from the covariance of the
+/// coefficients, and from the doubt whether they are enough.
+fn map_error(
+    problem: &Problem,
+    values: &[f64],
+    doubt: Option<&(Lens, f64)>,
+    options: &LensOptions,
+) -> [f64; 3] {
     const STEP: f64 = 1e-6;
     let Some(residuals) = problem.residuals(values) else { return [f64::INFINITY; 3] };
     let slopes = problem.slopes(values, &residuals);
@@ -381,25 +406,35 @@ fn map_error(problem: &Problem, values: &[f64], options: &LensOptions) -> [f64; 
     let [w, h] = options.size;
     let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
-    [halfway, edge, [w, h]].map(|place| {
+    let variance = |place: [f64; 2]| {
+        let place = Pixel::from(place);
         let at = |index: usize, by: f64| {
             let mut values = values.to_vec();
             values[index] += by;
-            problem.lens(&values).undistort(place.into())
+            problem.lens(&values).undistort(place)
         };
-        let columns = (0..values.len()).map(|i| match (at(i, STEP), at(i, -STEP)) {
-            (Some(a), Some(b)) => [(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)],
-            _ => [f64::INFINITY; 2],
-        });
-        let slopes: Vec<[f64; 2]> = columns.collect();
+        let mut slopes = Vec::new();
+        for index in 0..values.len() {
+            let (a, b) = (at(index, STEP)?, at(index, -STEP)?);
+            slopes.push([(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)]);
+        }
         let mut variance = 0.0;
         for i in 0..values.len() {
             for j in 0..values.len() {
                 variance += covariance[(i, j)] * (slopes[i][0] * slopes[j][0] + slopes[i][1] * slopes[j][1]);
             }
         }
-        options.sigma * variance.max(0.0).sqrt()
-    })
+        let doubt = match doubt {
+            Some((other, probability)) => {
+                let apart = problem.lens(values).undistort(place)?.distance(other.undistort(place)?);
+                probability * apart * apart
+            }
+            None => 0.0,
+        };
+        Some(options.sigma * options.sigma * variance.max(0.0) + doubt)
+    };
+    // At the very border of what can be inverted the undistorted position hangs on nothing.
+    [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
 /// Polylines that a distortion of 10 px in the corner would not bend by one sigma.

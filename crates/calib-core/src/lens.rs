@@ -252,6 +252,15 @@ impl Distortion {
         straight.iter().all(|value| value.is_finite()).then_some(straight)
     }
 
+    /// Whether the model still grows at this distorted point, so that a ray of the scene leads there:
+    /// for a fisheye also one from beside or behind the camera, which no pinhole sees.
+    pub(crate) fn reaches(&self, [x, y]: [f64; 2]) -> bool {
+        match *self {
+            Self::KannalaBrandt { k } => OddPolynomial(k).inverse(x.hypot(y)).is_some(),
+            _ => self.undistort([x, y]).is_some(),
+        }
+    }
+
     /// The coefficients of the same map of pixels when the focal is multiplied by `ratio`.
     ///
     /// `None` for Kannala-Brandt: its map of pixels exists at one focal only.
@@ -542,6 +551,9 @@ mod tests {
         let turn = Distortion::BrownConrady(b).max_radius();
         assert!((1.0 - 3.0 * 0.35 * turn * turn).abs() < 1e-12);
         assert_eq!(Distortion::BrownConrady(b).distort([turn * 1.01, 0.0]), None);
-        assert_eq!(Distortion::BrownConrady(b).undistort([b.radial().value(turn) * 1.01, 0.0]), None);
+        let last = b.radial().value(turn);
+        assert_eq!(Distortion::BrownConrady(b).undistort([last * 1.01, 0.0]), None);
+        assert!(Distortion::BrownConrady(b).reaches([0.0, last * 0.99]));
+        assert!(!Distortion::BrownConrady(b).reaches([0.0, last * 1.01]));
     }
 }

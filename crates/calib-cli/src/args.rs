@@ -1,0 +1,51 @@
+//! Arguments that several subcommands have in common.
+
+use image::RgbImage;
+
+use crate::files::{self, SiteFile};
+use crate::stop::Stop;
+
+/// The site that a command reads.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SiteArgs {
+    /// Site file, or - for stdin; cameras without a solution are solved
+    site: String,
+    /// Calibrations that hold at this time (RFC 3339)
+    #[arg(long, value_name = "TIME")]
+    at: Option<String>,
+}
+
+impl SiteArgs {
+    /// Reads and checks the site; cameras that do not hold at the time are left out.
+    pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
+        SiteFile::read_at(&self.site, self.at.as_deref())
+    }
+}
+
+/// The file that a command writes.
+#[derive(Debug, clap::Args)]
+pub(crate) struct OutputArgs {
+    /// File to write; - is stdout
+    #[arg(short, long, value_name = "FILE")]
+    output: String,
+    /// Overwrite the output file
+    #[arg(long)]
+    force: bool,
+}
+
+impl OutputArgs {
+    /// Refuses a path that is taken, before any work is done for it.
+    pub(crate) fn check_free(&self) -> Result<(), Stop> {
+        files::check_free(&self.output, self.force)
+    }
+
+    /// Writes the file whole or not at all.
+    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), Stop> {
+        files::write(&self.output, bytes, self.force)
+    }
+
+    /// Writes an image in the format that the file's name asks for.
+    pub(crate) fn write_image(&self, image: &RgbImage) -> Result<(), Stop> {
+        self.write(&files::encoded(image, &self.output)?)
+    }
+}

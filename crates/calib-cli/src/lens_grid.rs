@@ -1,0 +1,70 @@
+//! The undistorted grid bent over the raw image: every line of it is straight in the scene.
+
+use calib_core::{Distortion, Lens, Method, Pixel, SiteCamera, Solution, UndistortedPixel};
+
+use crate::style;
+use crate::svg::{Stroke, Svg};
+
+/// Columns of cells across the middle of the image.
+const COLUMNS: f64 = 12.0;
+/// Largest cell, in widths of the image: at the edge of a fisheye the undistorted plane has no end, and
+/// the middle must have its lines too.
+const LARGEST: f64 = 1.0 / 8.0;
+/// How far the undistorted plane is followed from the principal point, in widths of the image.
+const FAR: f64 = 1.5;
+
+/// The lens of a camera, which may be known where its pose is not.
+pub(crate) fn lens_of(entry: &SiteCamera) -> Lens {
+    entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
+}
+
+/// Whether the lens of a camera was found from what is drawn on its image, or on that of its like.
+pub(crate) fn is_fitted(entry: &SiteCamera) -> bool {
+    let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
+    solved && lens_of(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
+}
+
+/// Draws the grid, quieter than anything else.
+pub(crate) fn draw(svg: &mut Svg, lens: &Lens, size: [f64; 2]) {
+    for line in lines(lens, size) {
+        svg.line(&line, false, Stroke { opacity: 0.45, ..Stroke::new(style::LENS, style::GRID) });
+    }
+}
+
+/// The lines of the grid in raw pixels, cut where they leave the image or the lens.
+fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
+    let [w, h] = size;
+    let centre = lens.principal_point;
+    let share = |i: i32| f64::from(i) / 32.0;
+    let [side, _] = reach(lens, w, (0..=32).map(|i| Pixel::new(w * share(i), centre.v)));
+    let [u, v] = reach(lens, w, (0..33 * 33).map(|k| Pixel::new(w * share(k % 33), h * share(k / 33))));
+    let cell = (2.0 * side / COLUMNS).min(LARGEST * w);
+    // A lens that shows nothing has no grid.
+    let count = |reach: f64| if cell > 0.0 { (reach / cell) as i32 } else { -1 };
+    let offsets = |count: i32| (-count..=count).map(move |i| f64::from(i) * cell);
+    let at = |du: f64, dv: f64| lens.distort(UndistortedPixel { u: centre.u + du, v: centre.v + dv });
+    let columns = offsets(count(u)).flat_map(|du| pieces(size, |t| at(du, t * v)));
+    let rows = offsets(count(v)).flat_map(|dv| pieces(size, |t| at(t * u, dv)));
+    columns.chain(rows).collect()
+}
+
+/// How far from the principal point the undistorted plane is seen at these pixels, across and down.
+fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 2] {
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    pixels.filter_map(|pixel| lens.undistort(pixel)).fold([0.0, 0.0], |[u, v], seen| {
+        [u.max((seen.u - cu).abs()).min(FAR * width), v.max((seen.v - cv).abs()).min(FAR * width)]
+    })
+}
+
+/// The parts on the image of a line that is given from -1 to 1.
+fn pieces([w, h]: [f64; 2], line: impl Fn(f64) -> Option<Pixel>) -> Vec<Vec<[f64; 2]>> {
+    const SAMPLES: i32 = 400;
+    // A little beyond the image, so that lines reach its border.
+    let margin = 0.05 * w;
+    let shown = |p: &Pixel| p.u > -margin && p.v > -margin && p.u < w + margin && p.v < h + margin;
+    let points: Vec<Option<[f64; 2]>> = (-SAMPLES..=SAMPLES)
+        .map(|i| line(f64::from(i) / f64::from(SAMPLES)).filter(shown).map(<[f64; 2]>::from))
+        .collect();
+    let pieces = points.split(Option::is_none).map(|piece| piece.iter().flatten().copied().collect());
+    pieces.filter(|piece: &Vec<[f64; 2]>| piece.len() > 1).collect()
+}
