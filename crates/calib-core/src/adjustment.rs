@@ -9,7 +9,8 @@ use crate::likelihood::Prior;
 use crate::minima::OPEN_FOCAL;
 use crate::minimize::least_squares;
 use crate::outliers::{LEVEL, chi2_score, is_misfit, stands_out};
-use crate::refine::{Joint, Of, VIEW, View};
+use crate::refine::{Joint, Of, View};
+use crate::slots::VIEW;
 use crate::tie::{Gap, PLACE, Tie};
 
 /// Steps of one run; a start along a spanning tree is near.
@@ -134,20 +135,20 @@ impl Network<'_> {
             return settled(with(&|_| false));
         }
         let Some(alone) = settled(with(&|_| false)) else { return settled(with(&|_| true)) };
-        let normal = alone.joint.normal(&alone.state)?;
-        let covariance = alone.joint.blocks.covariance(&normal, OPEN);
-        let open: Vec<bool> = (0..self.views.len())
-            .map(|view| {
-                let Some(covariance) = &covariance else { return true };
-                let Some((block, place)) = alone.joint.slots(view)[Covariance::FOCAL] else { return false };
-                covariance.block(block, block)[(place, place)].sqrt() > OPEN_FOCAL
-            })
+        let asked: Vec<(usize, (usize, usize))> = (0..self.views.len())
+            .filter(|&view| believed[view].is_some())
+            .filter_map(|view| Some((view, alone.joint.slots(view)[Covariance::FOCAL]?)))
             .collect();
-        if (0..self.views.len()).any(|view| open[view] && believed[view].is_some()) {
-            return settled(with(&|view| open[view]));
+        let slots: Vec<(usize, usize)> = asked.iter().map(|(_, slot)| *slot).collect();
+        let normal = alone.joint.normal(&alone.state)?;
+        let variances = alone.joint.blocks.variances(&normal, OPEN, &slots);
+        let mut open = vec![false; self.views.len()];
+        for (i, (view, _)) in asked.iter().enumerate() {
+            // A focal is as sure as the variance of its log; not a number is not sure.
+            let sure = variances.as_ref().is_some_and(|v| v[i] < OPEN_FOCAL * OPEN_FOCAL);
+            open[*view] = !sure;
         }
-        drop(covariance);
-        Some(alone)
+        if open.contains(&true) { settled(with(&|view| open[view])) } else { Some(alone) }
     }
 
     /// What the rest agrees best without, with the minimum there.

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use nalgebra::DMatrix;
 
-use crate::sparse::{Inverse, Sparse};
+use crate::sparse::{Factor, Inverse, Sparse};
 
 /// Which unknowns stand together, and which blocks have common residuals.
 #[derive(Clone, Debug)]
@@ -174,10 +174,7 @@ impl Blocks {
         }
         let mut right: Vec<f64> =
             self.kept.iter().flat_map(|&b| self.of(&normal.gradient, b).iter().map(|g| -g)).collect();
-        let mut starts = vec![0; self.kept.len()];
-        for i in 1..self.kept.len() {
-            starts[i] = starts[i - 1] + self.sizes[self.kept[i - 1]];
-        }
+        let starts = self.starts();
         let mut inverses = Vec::with_capacity(self.eliminated.len());
         for (e, out) in self.eliminated.iter().enumerate() {
             let size = self.sizes[out.block];
@@ -263,6 +260,30 @@ impl Blocks {
         normal: &'a BlockNormal,
         open: f64,
     ) -> Option<BlockCovariance<'a>> {
+        let (factor, own) = self.information(normal, open)?;
+        Some(BlockCovariance { blocks: self, normal, own, inverse: factor.inverse() })
+    }
+
+    /// Variances of a few kept unknowns, each a block and a place in it.
+    pub(crate) fn variances(
+        &self,
+        normal: &BlockNormal,
+        open: f64,
+        unknowns: &[(usize, usize)],
+    ) -> Option<Vec<f64>> {
+        let (factor, _) = self.information(normal, open)?;
+        let starts = self.starts();
+        let variance = |&(block, place): &(usize, usize)| {
+            let Place::Kept(kept) = self.places[block] else { return f64::NAN };
+            let mut unit = vec![0.0; self.kept.iter().map(|&b| self.sizes[b]).sum()];
+            unit[starts[kept] + place] = 1.0;
+            factor.solve(&unit)[starts[kept] + place]
+        };
+        Some(unknowns.iter().map(variance).collect())
+    }
+
+    /// The factor of the information about the kept blocks, and the inverses of the eliminated ones.
+    fn information(&self, normal: &BlockNormal, open: f64) -> Option<(Factor<'_>, Vec<Vec<f64>>)> {
         let (mut values, _, own) = self.reduced(normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {
             let size = self.sizes[block];
@@ -273,8 +294,16 @@ impl Blocks {
             }
             self.sparse.add(&mut values, [i, i], &raised, 1.0);
         }
-        let inverse = self.sparse.factor(&values)?.inverse();
-        Some(BlockCovariance { blocks: self, normal, own, inverse })
+        Some((self.sparse.factor(&values)?, own))
+    }
+
+    /// First row of every kept block in the reduced system.
+    fn starts(&self) -> Vec<usize> {
+        let mut starts = vec![0; self.kept.len()];
+        for i in 1..self.kept.len() {
+            starts[i] = starts[i - 1] + self.sizes[self.kept[i - 1]];
+        }
+        starts
     }
 }
 

@@ -4,9 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use crate::camera::Camera;
+use crate::locate::{floor_gaps, is_known, is_shown, locate};
 use crate::mosaic::lay;
 use crate::placement::{ControlPoint, from_control_points};
-use crate::sight::Pose;
 use crate::space::{FloorPoint, WorldPoint};
 use crate::tie::{Gap, PLACE, Thing, Tie};
 
@@ -108,11 +108,6 @@ pub(crate) fn start(
         .collect();
     let describe = |views: Vec<usize>| describe(views, cameras, stands, ties, gaps, height_is_told);
     Start { components: components.into_iter().map(describe).collect(), unreached, lost, loop_closure }
-}
-
-/// A thing whose place is given.
-fn is_known(tie: &Tie) -> bool {
-    tie.free == [false; PLACE] || tie.thing == Thing::Measured
 }
 
 /// The first camera that was placed, or the first.
@@ -325,111 +320,6 @@ fn by_points_and_lines(camera: &Camera, view: usize, located: &[(Tie, [f64; PLAC
     (scale > 1e-3).then_some(Camera { position, yaw: b.atan2(a), ..*camera })
 }
 
-/// Where cameras put a thing: the nearest of them that shows enough of it.
-pub(crate) fn locate(
-    tie: &Tie,
-    cameras: &[Camera],
-    by: &dyn Fn(usize) -> bool,
-) -> Option<(Thing, [f64; PLACE])> {
-    if is_known(tie) {
-        return Some((tie.thing.clone(), tie.place));
-    }
-    let near = |view: usize, at: &FloorPoint| at.distance(cameras[view].position.on_floor());
-    let seen = || tie.sightings.iter().filter(|seen| by(seen.view));
-    let nearest = |point: usize, height: f64| {
-        let shown = seen().filter(move |seen| seen.point == point);
-        let on_floor = shown
-            .filter_map(|seen| Some((seen.view, cameras[seen.view].pixel_to_floor(seen.pixel, height)?)));
-        on_floor.min_by(|a, b| near(a.0, &a.1).total_cmp(&near(b.0, &b.1))).map(|(_, at)| at)
-    };
-    let [x, y, third] = tie.place;
-    let keep = |found: [f64; PLACE]| -> [f64; PLACE] {
-        std::array::from_fn(|k| if tie.free[k] { found[k] } else { tie.place[k] })
-    };
-    match &tie.thing {
-        Thing::Measured => Some((Thing::Measured, tie.place)),
-        Thing::Point { height } => {
-            let at = nearest(0, *height)?;
-            Some((tie.thing.clone(), keep([at.x, at.y, third])))
-        }
-        Thing::Post => {
-            let foot = nearest(0, 0.0)?;
-            let length = seen().filter(|seen| seen.point == 1).find_map(|head| {
-                let ray = cameras[head.view].pixel_to_ray(head.pixel)?;
-                let level = ray.direction[0].hypot(ray.direction[1]);
-                let away = near(head.view, &foot);
-                Some(ray.origin.z + ray.direction[2] / level * away).filter(|length| *length > 0.01)
-            });
-            Some((
-                Thing::Post,
-                keep([foot.x, foot.y, length.unwrap_or(if third > 0.0 { third } else { 1.0 })]),
-            ))
-        }
-        Thing::Mark { z, points } => {
-            let views: BTreeSet<usize> = seen().map(|seen| seen.view).collect();
-            let of_view = |&view: &usize| {
-                let pairs: Vec<([f64; 2], FloorPoint)> = seen()
-                    .filter(|seen| seen.view == view)
-                    .filter_map(|seen| {
-                        let [px, py, up] = points.get(seen.point).copied()?;
-                        Some(([px, py], cameras[view].pixel_to_floor(seen.pixel, z + up)?))
-                    })
-                    .collect();
-                let (_, at) = pairs.first()?;
-                let away = near(view, at);
-                Some((pairs, away))
-            };
-            let found: Vec<(Vec<([f64; 2], FloorPoint)>, f64)> = views.iter().filter_map(of_view).collect();
-            // The most points, and of those the nearest.
-            let (pairs, _) =
-                found.into_iter().max_by(|a, b| a.0.len().cmp(&b.0.len()).then(b.1.total_cmp(&a.1)))?;
-            let [x, y, turn] = rigid(&pairs, if tie.free[2] { None } else { Some(third) }, third);
-            Some((tie.thing.clone(), keep([x, y, turn])))
-        }
-        Thing::Line { .. } => {
-            let shown = seen()
-                .filter_map(|seen| Some((seen.view, cameras[seen.view].pixel_to_floor(seen.pixel, 0.0)?)));
-            let mut ends: BTreeMap<usize, Vec<FloorPoint>> = BTreeMap::new();
-            shown.for_each(|(view, at)| ends.entry(view).or_default().push(at));
-            let segments = ends.into_values().filter(|points| points.len() > 1);
-            let length = |points: &Vec<FloorPoint>| points[0].distance(points[points.len() - 1]);
-            let longest = segments.max_by(|a, b| length(a).total_cmp(&length(b)))?;
-            let (a, b) = (longest[0], longest[longest.len() - 1]);
-            let angle = (b.y - a.y).atan2(b.x - a.x);
-            let origin = [0.5 * (a.x + b.x), 0.5 * (a.y + b.y)];
-            Some((Thing::Line { origin }, keep([0.0, angle, 0.0])))
-        }
-    }
-    .filter(|(_, place)| place.iter().all(|value| value.is_finite()) && x.is_finite() && y.is_finite())
-}
-
-/// Move and turn that take points of a mark to where they were seen; the turn as it was where they do
-/// not tell it.
-fn rigid(pairs: &[([f64; 2], FloorPoint)], held: Option<f64>, usual: f64) -> [f64; 3] {
-    let count = pairs.len() as f64;
-    let mean = |value: &dyn Fn(&([f64; 2], FloorPoint)) -> f64| pairs.iter().map(value).sum::<f64>() / count;
-    let (px, py) = (mean(&|p| p.0[0]), mean(&|p| p.0[1]));
-    let (qx, qy) = (mean(&|p| p.1.x), mean(&|p| p.1.y));
-    let (mut along, mut across) = (0.0, 0.0);
-    for ([x, y], at) in pairs {
-        let (x, y, u, v) = (x - px, y - py, at.x - qx, at.y - qy);
-        along += x * u + y * v;
-        across += x * v - y * u;
-    }
-    let told = along.hypot(across) > 1e-9;
-    let turn = held.unwrap_or(if told { across.atan2(along) } else { usual });
-    let (sin, cos) = turn.sin_cos();
-    [qx - cos * px + sin * py, qy - sin * px - cos * py, turn]
-}
-
-/// Whether every camera that saw it shows it at all.
-fn is_shown(tie: &Tie, cameras: &[Camera]) -> bool {
-    matches!(tie.thing, Thing::Line { .. })
-        || tie.sightings.iter().all(|seen| {
-            Pose::new(cameras[seen.view]).show(tie.thing.point(&tie.place, seen.point).0).is_some()
-        })
-}
-
 /// Gap on the floor between cameras that share things but are not joined in the tree.
 fn loop_closure(
     cameras: &[Camera],
@@ -448,35 +338,6 @@ fn loop_closure(
         }
     }
     gaps.into_values().map(|(sum, count)| (sum / count).sqrt()).max_by(f64::total_cmp)
-}
-
-/// Squared distances on the floor between where two cameras put the same point of a thing, for every
-/// two cameras that show it, the lower index first.
-pub(crate) fn floor_gaps(tie: &Tie, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
-    if matches!(tie.thing, Thing::Line { .. }) {
-        return Vec::new();
-    }
-    let seen = |point: usize| {
-        let height = tie.thing.point(&tie.place, point).0.z;
-        let at = tie.sightings.iter().filter(move |seen| seen.point == point);
-        at.filter_map(move |seen| Some((seen.view, cameras[seen.view].pixel_to_floor(seen.pixel, height)?)))
-            .collect::<Vec<_>>()
-    };
-    let points: BTreeSet<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
-    let mut gaps = Vec::new();
-    for point in points {
-        // A head's height is an unknown of its own: only what stands on the floor or at a known height.
-        if tie.thing == Thing::Post && point > 0 {
-            continue;
-        }
-        let seen = seen(point);
-        for (i, (a, at)) in seen.iter().enumerate() {
-            for (b, other) in &seen[i + 1..] {
-                gaps.push(([*a.min(b), *a.max(b)], at.distance(*other).powi(2)));
-            }
-        }
-    }
-    gaps
 }
 
 /// What holds a group of cameras: known places, known turns, known lengths and heights.

@@ -12,12 +12,13 @@ use crate::likelihood::{Prior, Priors, Problem, State};
 use crate::minima::weak_belief;
 use crate::optics::edges;
 use crate::placement::STAGE_1_HEIGHT;
-use crate::refine::{Of, VIEW, View};
+use crate::refine::{Of, View};
 use crate::report::Failure;
 use crate::residual::LOG_HEIGHT;
 use crate::shared::{Shared, TieOf};
 use crate::sight::POSE;
 use crate::site::{Site, SiteCamera};
+use crate::slots::VIEW;
 use crate::space::WorldPoint;
 use crate::stage_1::First;
 use crate::tie::{Gap, Tie};
@@ -161,7 +162,7 @@ impl Site {
                     [cameras[camera], cameras[groups[camera]]],
                     members[owner],
                     owner,
-                    component == None,
+                    component.is_none(),
                     is_root(component, camera),
                 )
             })

@@ -16,10 +16,8 @@ use crate::likelihood::{Prior, Problem, State};
 use crate::minimize::LeastSquares;
 use crate::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::sight::{Drawn, POSE, Pose};
+use crate::slots::{Layout, Slots, VIEW};
 use crate::tie::{Gap, PLACE, Tie};
-
-/// Unknowns of a camera, its lens among them.
-pub(crate) const VIEW: usize = Covariance::SIZE;
 
 /// A camera with what was drawn on it.
 #[derive(Clone, Debug)]
@@ -50,7 +48,7 @@ pub(crate) struct Joint<'a> {
     pub(crate) gaps: Vec<Gap>,
     pub(crate) blocks: Blocks,
     /// Block and place in it of every unknown of every view.
-    slots: Vec<[Option<(usize, usize)>; VIEW]>,
+    slots: Vec<Slots>,
     /// Block of every direction and length of every view.
     beside: Vec<Vec<Option<usize>>>,
     /// Block and places of every tie's unknowns.
@@ -94,9 +92,12 @@ impl<'a> Joint<'a> {
                 layout.block(first.free[Covariance::FOCAL..].iter().filter(|&&free| free).count(), true)
             })
             .collect();
-        let slots: Vec<_> = views.iter().map(|view| layout.slots(view, shared[view.lens])).collect();
-        let beside: Vec<_> =
-            views.iter().zip(&slots).map(|(view, slots)| layout.beside(view, slots)).collect();
+        let slots: Vec<_> = views.iter().map(|view| layout.slots(&view.free, shared[view.lens])).collect();
+        let beside: Vec<_> = views
+            .iter()
+            .zip(&slots)
+            .map(|(view, slots)| layout.beside(&view.stage_1.used(), slots))
+            .collect();
         let on = gaps.iter().filter(|gap| !gap.off);
         let kept: std::collections::HashSet<usize> = on.clone().flat_map(|gap| gap.between).collect();
         let places: Vec<_> = ties
@@ -206,7 +207,7 @@ impl<'a> Joint<'a> {
     }
 
     /// Block and place of every unknown of a view.
-    pub(crate) fn slots(&self, view: usize) -> &[Option<(usize, usize)>; VIEW] {
+    pub(crate) fn slots(&self, view: usize) -> &Slots {
         &self.slots[view]
     }
 
@@ -360,14 +361,14 @@ impl<'a> Joint<'a> {
                 self.drawn[index][sighting]
             }?;
             let of = Of::Sighting { tie: index, sighting };
-            for (residual, by, by_place) in sighted(tie, &place, seen.point, pose, &drawn)? {
-                let by = by.map(|slope| slope / seen.sigma);
+            for row in tie.thing.sighted(&place, seen.point, pose, &drawn)? {
+                let by = row.by_view.map(|slope| slope / seen.sigma);
                 let mut own = [0.0; PLACE];
                 for (i, &k) in free.iter().enumerate() {
-                    own[i] = by_place[k] / seen.sigma;
+                    own[i] = row.by_place[k] / seen.sigma;
                 }
                 let own = self.places[index].map(|block| Slope { block, by: &own[..free.len()] });
-                self.sink_view(seen.view, residual / seen.sigma, &by, own, of, sink);
+                self.sink_view(seen.view, row.off / seen.sigma, &by, own, of, sink);
             }
         }
         for &(k, Prior { value, sigma }) in &tie.beliefs {
@@ -494,92 +495,4 @@ fn rows(problem: &Problem, evidence: Option<&Evidence>, state: &State) -> Option
         None => problem.each_residual(state, &mut sink)?,
     }
     Some(rows)
-}
-
-/// Residuals of one sighting in raw pixels with slopes by the camera and by the thing's place.
-fn sighted(
-    tie: &Tie,
-    place: &[f64; PLACE],
-    point: usize,
-    pose: &Pose,
-    drawn: &Drawn,
-) -> Option<Vec<(f64, [f64; VIEW], [f64; PLACE])>> {
-    let mut by = [0.0; VIEW];
-    if let crate::tie::Thing::Line { origin } = tie.thing {
-        let (distance, by_camera, by_lens, [offset, angle]) =
-            pose.show_line(origin, place[0], place[1]).distance(drawn);
-        by[..POSE].copy_from_slice(&by_camera);
-        by[POSE..].copy_from_slice(&by_lens);
-        return Some(vec![(distance, by, [offset, angle, 0.0])]);
-    }
-    let (point, slopes) = tie.thing.point(place, point);
-    let shown = pose.show(point)?;
-    let off = drawn.raw([shown.at[0] - drawn.at[0], shown.at[1] - drawn.at[1]]);
-    let column = |u: f64, v: f64| drawn.raw([u, v]);
-    let by_camera: [[f64; 2]; POSE] =
-        std::array::from_fn(|k| column(shown.by_camera[0][k], shown.by_camera[1][k]));
-    let by_lens: [[f64; 2]; Distortion::MOST] =
-        std::array::from_fn(|k| column(-drawn.by_lens[0][k], -drawn.by_lens[1][k]));
-    let by_place: [[f64; 2]; PLACE] = std::array::from_fn(|k| {
-        let along = |row: usize| (0..3).map(|axis| shown.by_point[row][axis] * slopes[axis][k]).sum();
-        column(along(0), along(1))
-    });
-    let row = |i: usize| {
-        let mut by = by;
-        (0..POSE).for_each(|k| by[k] = by_camera[k][i]);
-        (0..Distortion::MOST).for_each(|k| by[POSE + k] = by_lens[k][i]);
-        (off[i], by, by_place.map(|slope| slope[i]))
-    };
-    Some(vec![row(0), row(1)])
-}
-
-/// Blocks as they are handed out.
-#[derive(Default)]
-struct Layout {
-    sizes: Vec<usize>,
-    keep: Vec<bool>,
-    common: Vec<Vec<usize>>,
-}
-
-impl Layout {
-    /// A block of this size; none for no unknown.
-    fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
-        (size > 0).then(|| {
-            self.sizes.push(size);
-            self.keep.push(keep);
-            self.sizes.len() - 1
-        })
-    }
-
-    fn common(&mut self, blocks: impl Iterator<Item = usize>) {
-        self.common.push(blocks.collect());
-    }
-
-    /// The block of a view, its own lens in it or beside it.
-    fn slots(&mut self, view: &View, shared: Option<usize>) -> [Option<(usize, usize)>; VIEW] {
-        let of_lens = |k: usize| k >= Covariance::FOCAL;
-        let is_own = |k: usize| view.free[k] && !(shared.is_some() && of_lens(k));
-        let own = self.block((0..VIEW).filter(|&k| is_own(k)).count(), true);
-        let (mut next, mut next_shared) = (0, 0);
-        let slots = std::array::from_fn(|k| {
-            let counter = if is_own(k) { &mut next } else { &mut next_shared };
-            let block = if is_own(k) { own } else { shared.filter(|_| view.free[k] && of_lens(k)) }?;
-            *counter += 1;
-            Some((block, *counter - 1))
-        });
-        self.common(own.into_iter().chain(shared));
-        slots
-    }
-
-    /// Blocks of the directions and lengths that a view's evidence uses.
-    fn beside(&mut self, view: &View, slots: &[Option<(usize, usize)>; VIEW]) -> Vec<Option<usize>> {
-        let used = view.stage_1.used();
-        used.iter()
-            .map(|&is_used| {
-                let block = self.block(usize::from(is_used), false)?;
-                self.common(slots.iter().flatten().map(|slot| slot.0).chain([block]));
-                Some(block)
-            })
-            .collect()
-    }
 }

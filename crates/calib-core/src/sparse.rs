@@ -145,34 +145,31 @@ impl<'a> Factor<'a> {
         let offsets = pattern.major_offsets();
         let rows = pattern.minor_indices();
         let mut values = vec![0.0; lower.len()];
-        // Place of a row below the diagonal of column j, plus one.
-        let mut place = vec![0; size];
         let mut sums = Vec::new();
         for j in (0..size).rev() {
             let below = offsets[j] + 1..offsets[j + 1];
             let (column, weights) = (&rows[below.clone()], &lower[below.clone()]);
-            for (i, &row) in column.iter().enumerate() {
-                place[row] = i + 1;
-            }
             sums.clear();
             sums.resize(column.len(), 0.0);
             for (k, &row) in column.iter().enumerate() {
-                for entry in offsets[row]..offsets[row + 1] {
-                    let Some(i) = place[rows[entry]].checked_sub(1) else { continue };
-                    sums[i] += weights[k] * values[entry];
-                    if i != k {
-                        sums[k] += weights[i] * values[entry];
+                // What stands below in this column stands in that one, too: both are sorted.
+                let theirs = offsets[row]..offsets[row + 1];
+                let mut entries = rows[theirs.clone()].iter().zip(&values[theirs]);
+                let mut own = 0.0;
+                for (i, &wanted) in column.iter().enumerate().skip(k) {
+                    let Some((_, value)) = entries.find(|(at, _)| **at == wanted) else { break };
+                    sums[i] += weights[k] * value;
+                    if i > k {
+                        own += weights[i] * value;
                     }
                 }
+                sums[k] += own;
             }
             let diagonal = lower[offsets[j]];
             let own: f64 = weights.iter().zip(&sums).map(|(weight, sum)| weight * -sum / diagonal).sum();
             values[offsets[j]] = (diagonal.recip() - own) / diagonal;
             for (value, sum) in values[below].iter_mut().zip(&sums) {
                 *value = -sum / diagonal;
-            }
-            for &row in column {
-                place[row] = 0;
             }
         }
         Inverse { sparse, pattern, values }

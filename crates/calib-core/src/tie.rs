@@ -1,7 +1,10 @@
 //! What cameras have in common: things of the scene with a place of their own, and the pixels that
 //! show them.
 
+use crate::covariance::Covariance;
+use crate::lens::Distortion;
 use crate::likelihood::Prior;
+use crate::sight::{Drawn, POSE, Pose};
 use crate::space::{Pixel, WorldPoint};
 
 /// The most unknowns a thing has.
@@ -76,6 +79,15 @@ pub(crate) struct Gap {
     pub(crate) off: bool,
 }
 
+/// One residual of a sighting, in raw pixels, with its slopes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub(crate) off: f64,
+    /// By the camera, its log focal, and its coefficients.
+    pub(crate) by_view: [f64; Covariance::SIZE],
+    pub(crate) by_place: [f64; PLACE],
+}
+
 impl Thing {
     /// A point of the thing at a place, with its slopes: row by row x, y, z by the unknowns.
     ///
@@ -100,6 +112,42 @@ impl Thing {
                 (WorldPoint::new(x - a * sin, y + a * cos, 0.0), slopes)
             }
         }
+    }
+
+    /// Where a camera shows a point of the thing against where it was drawn: u and v; of a line, the
+    /// distance from it. `None` behind the camera.
+    pub(crate) fn sighted(
+        &self,
+        place: &[f64; PLACE],
+        point: usize,
+        pose: &Pose,
+        drawn: &Drawn,
+    ) -> Option<Vec<Row>> {
+        let mut by_view = [0.0; Covariance::SIZE];
+        if let Self::Line { origin } = self {
+            let line = pose.show_line(*origin, place[0], place[1]);
+            let (off, by_camera, by_lens, [offset, angle]) = line.distance(drawn);
+            by_view[..POSE].copy_from_slice(&by_camera);
+            by_view[POSE..].copy_from_slice(&by_lens);
+            return Some(vec![Row { off, by_view, by_place: [offset, angle, 0.0] }]);
+        }
+        let (point, slopes) = self.point(place, point);
+        let shown = pose.show(point)?;
+        let off = drawn.raw([shown.at[0] - drawn.at[0], shown.at[1] - drawn.at[1]]);
+        let by_camera: [[f64; 2]; POSE] =
+            std::array::from_fn(|k| drawn.raw([shown.by_camera[0][k], shown.by_camera[1][k]]));
+        let by_lens: [[f64; 2]; Distortion::MOST] =
+            std::array::from_fn(|k| drawn.raw([-drawn.by_lens[0][k], -drawn.by_lens[1][k]]));
+        let by_place: [[f64; 2]; PLACE] = std::array::from_fn(|k| {
+            let along = |row: usize| (0..3).map(|axis| shown.by_point[row][axis] * slopes[axis][k]).sum();
+            drawn.raw([along(0), along(1)])
+        });
+        let row = |i: usize| {
+            (0..POSE).for_each(|k| by_view[k] = by_camera[k][i]);
+            (0..Distortion::MOST).for_each(|k| by_view[POSE + k] = by_lens[k][i]);
+            Row { off: off[i], by_view, by_place: by_place.map(|slope| slope[i]) }
+        };
+        Some([0, 1].map(row).to_vec())
     }
 
     /// Number of residuals of a sighting.
