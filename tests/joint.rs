@@ -2,8 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Camera, Options, Report, Stage};
+use calib_core::{
+    Annotation, BrownConrady, Camera, Coefficient, Distortion, DistortionEntry, DistortionModel, Kind, Lens,
+    LensEntry, Options, Pixel, Report, Site, SiteCamera, Stage, UndistortedPixel,
+};
 use calib_demo::layout::Layout;
+use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -52,7 +56,7 @@ fn three_cameras_without_a_plan() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
     let [mut position, mut height, mut yaw, mut gaps]: [Vec<f64>; 4] = Default::default();
     let (mut covered, mut trials) = (0, 0);
-    for _ in 0..60 {
+    for _ in 0..100 {
         let mut layout = Layout::ring(&mut random, 3, 8, 1.0);
         layout.place_first();
         let report = solve(&layout);
@@ -164,5 +168,118 @@ fn a_chain_drifts_and_a_loop_closes_it() {
     assert!(closed < 0.7 * open, "open {open} m, closed {closed} m");
     for (inside, all) in [open_covered, closed_covered] {
         assert!(inside as f64 > 0.95 * all as f64, "{inside} of {all} inside 3 sigma");
+    }
+}
+
+/// A scene whose lens bends, drawn with noise of one pixel, with edges that are straight in space.
+fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera) {
+    let hfov = random.random_range(60.0..95.0);
+    let scene = RandomScene::new(random, Drawn::Directions, Some(hfov), None);
+    let k1 = random.random_range(-0.3..-0.05);
+    let k2 = random.random_range(0.0..0.05) - 0.3 * k1 * k1;
+    let mut shift = || if tangential { random.random_range(-0.003..0.003) } else { 0.0 };
+    let brown = BrownConrady { k1, k2, k3: 0.0, p1: shift(), p2: shift() };
+    let focal = 0.5 * SIZE[0].hypot(SIZE[1]);
+    let lens = Lens { focal, distortion: Distortion::BrownConrady(brown), ..scene.camera.lens };
+    let camera = Camera { lens, ..scene.camera };
+    let bend = |pixel: Pixel| lens.distort(UndistortedPixel { u: pixel.u, v: pixel.v });
+    let mut entry = SiteCamera::new("c", SIZE.map(|side| side as u32));
+    entry.sigma_px = Some(1.0);
+    entry.annotations = scene.annotations.clone();
+    for pixel in entry.annotations.iter_mut().flat_map(|a| a.segments.iter_mut().flatten().flatten()) {
+        *pixel = bend(*pixel).unwrap();
+    }
+    // Long edges anywhere in the image, of nine points.
+    while entry.annotations.iter().filter(|a| a.kind == Kind::Straight).count() < 8 {
+        let mut end = || Pixel::new(random.random_range(0.0..SIZE[0]), random.random_range(0.0..SIZE[1]));
+        let (a, b) = (end(), end());
+        if a.distance(b) < 900.0 {
+            continue;
+        }
+        let at = |i: usize| {
+            bend(Pixel::new(a.u + (b.u - a.u) * i as f64 / 8.0, a.v + (b.v - a.v) * i as f64 / 8.0))
+        };
+        let points: Option<Vec<Pixel>> = (0..9).map(at).collect();
+        entry.annotations.extend(
+            points.map(|points| Annotation { points: Some(points), ..Annotation::new(Kind::Straight) }),
+        );
+    }
+    let fit = if tangential {
+        vec![Coefficient::K1, Coefficient::K2, Coefficient::P1, Coefficient::P2]
+    } else {
+        vec![Coefficient::K1, Coefficient::K2]
+    };
+    let distortion =
+        DistortionEntry { fit: Some(fit), ..DistortionEntry::new(DistortionModel::BrownConrady) };
+    entry.lens = Some(LensEntry {
+        focal_px: None,
+        roll_deg: None,
+        pitch_deg: None,
+        principal_point_px: None,
+        distortion: Some(distortion),
+        like: None,
+    });
+    (entry, camera)
+}
+
+fn draw(entry: &SiteCamera, random: &mut ChaCha8Rng) -> SiteCamera {
+    let mut drawn = entry.clone();
+    for annotation in &mut drawn.annotations {
+        let points =
+            annotation.segments.iter_mut().flatten().flatten().chain(annotation.points.iter_mut().flatten());
+        for pixel in points {
+            *pixel = Pixel::new(pixel.u + normal(random), pixel.v + normal(random));
+        }
+    }
+    drawn
+}
+
+#[test]
+fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true() {
+    for tangential in [false, true] {
+        let mut random = ChaCha8Rng::seed_from_u64(6);
+        let names = ["roll", "pitch", "focal", "k1", "k2", "p1", "p2"];
+        let (mut squares, mut covered, mut trials) = ([0.0; 7], [0; 7], 0);
+        for _ in 0..100 {
+            let (entry, truth) = bent_scene(&mut random, tangential);
+            for _ in 0..8 {
+                let mut site = Site::new();
+                site.cameras.push(draw(&entry, &mut random));
+                let report = site.calibrate(&Options::default());
+                let Ok(solution) = &report.cameras[0].1 else { continue };
+                let found = solution.camera().unwrap();
+                let given = DistortionEntry::of(&truth.lens, truth.focal).unwrap();
+                let (fit, sigma) = (solution.distortion.as_ref().unwrap(), solution.sigma.as_ref().unwrap());
+                let degrees = |a: f64, b: f64| (a - b).to_degrees();
+                let off = |a: Option<f64>, b: Option<f64>| a.unwrap_or(0.0) - b.unwrap_or(0.0);
+                let errors = [
+                    (degrees(found.roll, truth.roll), sigma.roll_deg),
+                    (degrees(found.pitch, truth.pitch), sigma.pitch_deg),
+                    (found.focal - truth.focal, sigma.focal_px),
+                    (off(fit.k1, given.k1), sigma.k1),
+                    (off(fit.k2, given.k2), sigma.k2),
+                    (off(fit.p1, given.p1), sigma.p1),
+                    (off(fit.p2, given.p2), sigma.p2),
+                ];
+                // Where the focal is all but open its own share of noise decides, not the bound.
+                if sigma.focal_px.unwrap() > 0.1 * truth.focal {
+                    continue;
+                }
+                trials += 1;
+                for (k, (error, sigma)) in errors.iter().enumerate() {
+                    let Some(sigma) = sigma else { continue };
+                    squares[k] += (error / sigma).powi(2);
+                    covered[k] += usize::from(error.abs() < 1.96 * sigma);
+                }
+            }
+        }
+        for (k, name) in names.iter().enumerate().filter(|(k, _)| *k < 5 || tangential) {
+            let ratio = f64::sqrt(squares[k] / trials as f64);
+            let coverage = 100.0 * covered[k] as f64 / trials as f64;
+            println!(
+                "tangential {tangential}: {name} {ratio:.3} of the bound, {coverage:.1} % inside, {trials} trials"
+            );
+            assert!(ratio < 1.1 && (92.0..98.0).contains(&coverage), "{name}: {ratio} {coverage}");
+        }
     }
 }

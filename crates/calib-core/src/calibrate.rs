@@ -65,8 +65,7 @@ impl Site {
     /// the others from it.
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
-        let firsts: Vec<Result<First, Failure>> =
-            self.cameras.iter().map(|camera| self.first(camera, options)).collect();
+        let firsts = self.firsts(options);
         let is_joint = options.refine && options.method != Method::Paper;
         let together = match options.method {
             Method::Paper => Together::default(),
@@ -85,6 +84,25 @@ impl Site {
             site.warnings.extend(self.unused_elements());
         }
         Report { cameras, links, marks, site }
+    }
+
+    /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
+    fn firsts(&self, options: &Options) -> Vec<Result<First, Failure>> {
+        let mut firsts: Vec<Result<First, Failure>> =
+            self.cameras.iter().map(|camera| self.first(camera, options, None)).collect();
+        let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
+        if !has_draft || options.method == Method::Paper {
+            return firsts;
+        }
+        let drafts = self.join(&firsts, false);
+        for (index, draft) in drafts.cameras.iter().enumerate() {
+            let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
+            if let (Some(draft), Some(own)) = (draft, own) {
+                let better = (&own.optics, draft.camera.lens);
+                firsts[index] = self.first(&self.cameras[index], options, Some(better));
+            }
+        }
+        firsts
     }
 
     /// What ties cameras together is not used while every camera is solved by itself.

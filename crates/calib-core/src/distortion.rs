@@ -163,14 +163,29 @@ impl Problem<'_> {
     /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
     fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
         const ROUNDS: usize = 60;
+        const FIRST: usize = 6;
+        /// Valleys that are walked to their end.
+        const MOST: usize = 3;
+        /// Coefficients nearer than this lie in one valley.
+        const NEAR: f64 = 1e-4;
         let count = self.fitted.len();
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
         let fixed = STARTS.iter().map(|start| padded(start));
-        fixed
+        // A few steps tell which valleys are worth walking to their end.
+        let mut begun: Vec<(Vec<f64>, f64)> = fixed
             .chain([padded(smaller)])
-            .filter_map(|start| least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost)))
+            .filter_map(|start| least_squares(self, start, FIRST).map(|(values, cost, _)| (values, cost)))
+            .collect();
+        begun.sort_by(|a, b| a.1.total_cmp(&b.1));
+        begun.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
+        begun.truncate(MOST);
+        begun
+            .into_iter()
+            .filter_map(|(start, _)| {
+                least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost))
+            })
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
@@ -210,10 +225,13 @@ impl LeastSquares for Problem<'_> {
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
 /// pixels; `None` where the lens shows nothing.
 pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    let straight: Vec<[f64; 2]> =
-        points.iter().map(|&p| lens.undistort(p).map(|s| [s.u, s.v])).collect::<Option<_>>()?;
-    let slopes: Vec<[[f64; 2]; 2]> =
-        points.iter().map(|&p| lens.undistort_jacobian(p)).collect::<Option<_>>()?;
+    let mut straight = Vec::with_capacity(points.len());
+    let mut slopes = Vec::with_capacity(points.len());
+    for &point in points {
+        let (at, slope) = lens.undistort_with_jacobian(point)?;
+        straight.push([at.u, at.v]);
+        slopes.push(slope);
+    }
     // The weights hang on the line's direction: twice is enough, for they change slowly with it.
     let mut weights = vec![1.0; points.len()];
     for _ in 0..2 {

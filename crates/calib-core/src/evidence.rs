@@ -227,8 +227,7 @@ fn direction_of(
 }
 
 fn end(pixel: Pixel, lens: &Lens) -> Option<End> {
-    let straight = lens.undistort(pixel)?;
-    let [[a, b], [c, d]] = lens.undistort_jacobian(pixel)?;
+    let (straight, [[a, b], [c, d]]) = lens.undistort_with_jacobian(pixel)?;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     Some(End {
         at: [straight.u - cu, straight.v - cv],

@@ -96,12 +96,20 @@ impl Lens {
     /// `d undistorted / d raw` at `pixel`, rows u and v; `None` outside the lens.
     #[must_use]
     pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
+        self.undistort_with_jacobian(pixel).map(|(_, slope)| slope)
+    }
+
+    /// [`Self::undistort`] and [`Self::undistort_jacobian`] at once.
+    #[must_use]
+    pub fn undistort_with_jacobian(&self, pixel: Pixel) -> Option<(UndistortedPixel, [[f64; 2]; 2])> {
+        let straight = self.undistort(pixel)?;
         let Pixel { u: cu, v: cv } = self.principal_point;
         let raw = [(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal];
-        match self.distortion {
+        let slope = match self.distortion {
             Distortion::None => Some([[1.0, 0.0], [0.0, 1.0]]),
             Distortion::BrownConrady(brown) => {
-                let [a, b, d] = brown.jacobian(self.distortion.undistort(raw)?);
+                let [a, b, d] =
+                    brown.jacobian([(straight.u - cu) / self.focal, (straight.v - cv) / self.focal]);
                 let determinant = a * d - b * b;
                 Some([[d / determinant, -b / determinant], [-b / determinant, a / determinant]])
             }
@@ -114,7 +122,8 @@ impl Lens {
                 (divisor > 0.0).then(|| [[along(x), cross], [cross, along(y)]])
             }
             Distortion::KannalaBrandt { .. } => self.jacobian_by_differences(pixel),
-        }
+        };
+        Some((straight, slope?))
     }
 
     fn jacobian_by_differences(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {

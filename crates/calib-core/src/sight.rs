@@ -49,7 +49,7 @@ impl Drawn {
     /// `None` outside the lens. The slopes by coefficients are those of the flagged ones.
     pub(crate) fn new(pixel: Pixel, lens: &Lens, fitted: [bool; Distortion::MOST]) -> Option<Self> {
         const STEP: f64 = 1e-6;
-        let straight = lens.undistort(pixel)?;
+        let (straight, slope) = lens.undistort_with_jacobian(pixel)?;
         let mut by_lens = [[0.0; Distortion::MOST]; 2];
         for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
             let at = |by: f64| {
@@ -62,7 +62,6 @@ impl Drawn {
             by_lens[1][k] = (ahead.v - behind.v) / (2.0 * STEP);
         }
         let Pixel { u: cu, v: cv } = lens.principal_point;
-        let slope = lens.undistort_jacobian(pixel)?;
         Some(Self { at: [straight.u - cu, straight.v - cv], slope, by_lens })
     }
 

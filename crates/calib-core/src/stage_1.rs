@@ -29,10 +29,28 @@ pub(crate) struct First {
     pub(crate) fit: Option<Fit>,
 }
 
+impl First {
+    /// Whether the lens was fitted to lines of this camera, and lines were drawn beside.
+    pub(crate) fn is_fitted(&self) -> bool {
+        self.fit.is_some() && self.optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
+    }
+}
+
 impl Site {
     /// Stage 1 of a camera; what was typed or imported stands.
-    pub(crate) fn first(&self, entry: &SiteCamera, options: &Options) -> Result<First, Failure> {
-        let optics = self.optics(entry);
+    ///
+    /// A lens that is fitted is known better once stage 1 has spoken, too: `better` is what the joint fit
+    /// made of the first answer. Until then no line is set aside, for it may be the lens that is wrong.
+    pub(crate) fn first(
+        &self,
+        entry: &SiteCamera,
+        options: &Options,
+        better: Option<(&Optics, Lens)>,
+    ) -> Result<First, Failure> {
+        let mut optics = better.map_or_else(|| self.optics(entry), |(optics, _)| optics.clone());
+        let lens = better.map(|(_, lens)| lens);
+        let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        optics.lens = lens.unwrap_or(optics.lens);
         let lens = optics.lens;
         let first = |solution, optics, evidence, held, fit| First { solution, optics, evidence, held, fit };
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
@@ -46,7 +64,8 @@ impl Site {
         let (solution, fit) = match options.method {
             Method::Paper => (paper(entry, &evidence, lens, held)?, None),
             Method::MaximumLikelihood | Method::Given => {
-                let (solution, fit) = likelihood(entry, &evidence, lens, held, options.prior)?;
+                let believed = options.prior;
+                let (solution, fit) = likelihood(entry, &evidence, lens, held, [believed, is_draft])?;
                 (solution, Some(fit))
             }
         };
@@ -59,16 +78,18 @@ impl Site {
         let Some(other) = self.camera(like) else { return Ok(own) };
         let focal = match other.held().focal {
             Some(focal) => focal,
-            None => self.first(other, options).map(|first| first.solution.focal_px).map_err(|failure| {
-                Failure::new(
-                    FailureCode::MissingValue,
-                    format!(
-                        "The lens is that of camera \"{like}\", which has no result: {}",
-                        failure.message
-                    ),
-                    format!("Complete camera \"{like}\" first, or give this camera a lens of its own."),
-                )
-            })?,
+            None => {
+                self.first(other, options, None).map(|first| first.solution.focal_px).map_err(|failure| {
+                    Failure::new(
+                        FailureCode::MissingValue,
+                        format!(
+                            "The lens is that of camera \"{like}\", which has no result: {}",
+                            failure.message
+                        ),
+                        format!("Complete camera \"{like}\" first, or give this camera a lens of its own."),
+                    )
+                })?
+            }
         };
         Ok(Held { focal: Some(focal), ..own })
     }
@@ -80,9 +101,10 @@ fn likelihood(
     evidence: &Evidence,
     lens: Lens,
     held: Held,
-    prior: bool,
+    [prior, keeps_all]: [bool; 2],
 ) -> Result<(Solution, Fit), Failure> {
-    let keep: Vec<usize> = (0..entry.annotations.len()).filter(|&i| entry.annotations[i].keep).collect();
+    let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
+    let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
     let options = FitOptions {
         lens,
         size: entry.size(),
