@@ -1,9 +1,10 @@
 //! `calib demo`: the demonstration site, written, solved, rendered and compared with its truth.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, Options, Sigmas, Site, SiteCamera};
+use calib_core::{Camera, Covariance, Options, Sigmas, Site, SiteCamera, Stage};
 use calib_demo::DemoSite;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -22,6 +23,9 @@ pub(crate) struct Args {
     /// Folder to write to
     #[arg(value_name = "DIR", default_value = "calib-demo")]
     folder: String,
+    /// The same site without its plan: links and marks tie the cameras
+    #[arg(long)]
+    no_plan: bool,
     /// How to report the errors
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -34,7 +38,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let folder = Path::new(&args.folder);
     claim(folder, args.force)?;
-    let demo = calib_demo::demo_site();
+    let demo = if args.no_plan { calib_demo::demo_site_without_plan() } else { calib_demo::demo_site() };
     let steps = demo.site.cameras.len() * 2 + 2;
     let progress = ProgressBar::new(steps as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
@@ -47,8 +51,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         files::write_atomically(&folder.join(name), &files::encoded(&image, name)?)?;
         progress.inc(1);
     }
-    let plan = demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()).unwrap_or("plan.png");
-    files::write_atomically(&folder.join(plan), &files::png(&demo.plan)?)?;
+    let stale = folder.join("plan.png");
+    match demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) {
+        Some(plan) => files::write_atomically(&folder.join(plan), &files::png(&demo.plan)?)?,
+        // Left by a run with a plan, it would look as if it belonged to this one.
+        None if stale.exists() => {
+            std::fs::remove_file(&stale).context("removing the plan of an earlier run")?
+        }
+        None => {}
+    }
     progress.inc(1);
     let site = folder.join("site.json");
     files::write_atomically(&site, demo.site.to_json().as_bytes())?;
@@ -104,8 +115,9 @@ struct Errors {
     roll_deg: (f64, Option<f64>),
     pitch_deg: (f64, Option<f64>),
     focal_percent: (f64, Option<f64>),
-    yaw_deg: (f64, Option<f64>),
-    position_m: f64,
+    yaw_deg: Option<(f64, Option<f64>)>,
+    /// Absent where nothing told the place.
+    position_m: Option<(f64, Option<f64>)>,
     floor_m: Option<f64>,
 }
 
@@ -114,6 +126,12 @@ impl Errors {
         let (found, solution) = (entry.camera()?, entry.solution.as_ref()?);
         let sigma = |value: fn(&Sigmas) -> Option<f64>| solution.sigma.as_ref().and_then(value);
         let half = std::f64::consts::PI;
+        let is_placed = solution.stage > Stage::Partial;
+        let spread = |c: &Camera| {
+            let axes = [Covariance::X, Covariance::Y, Covariance::Z];
+            let told: Vec<f64> = axes.iter().filter_map(|&axis| c.covariance.sigma(axis)).collect();
+            (told.len() == axes.len()).then(|| told.iter().map(|s| s * s).sum::<f64>().sqrt())
+        };
         let turn = |a: f64, b: f64| ((a - b + half).rem_euclid(2.0 * half) - half).to_degrees();
         Some(Self {
             roll_deg: (turn(found.roll, truth.roll), sigma(|s| s.roll_deg)),
@@ -122,9 +140,9 @@ impl Errors {
                 100.0 * (found.focal / truth.focal - 1.0),
                 sigma(|s| s.focal_px).map(|s| 100.0 * s / found.focal),
             ),
-            yaw_deg: (turn(found.yaw, truth.yaw), sigma(|s| s.yaw_deg)),
-            position_m: found.position.distance(truth.position),
-            floor_m: floor_error(entry, &found, truth),
+            yaw_deg: is_placed.then(|| (turn(found.yaw, truth.yaw), sigma(|s| s.yaw_deg))),
+            position_m: is_placed.then(|| (found.position.distance(truth.position), spread(&found))),
+            floor_m: floor_error(entry, &found, truth).filter(|_| is_placed),
         })
     }
 
@@ -134,8 +152,8 @@ impl Errors {
             "roll_deg": pair(self.roll_deg),
             "pitch_deg": pair(self.pitch_deg),
             "focal_percent": pair(self.focal_percent),
-            "yaw_deg": pair(self.yaw_deg),
-            "position_m": self.position_m,
+            "yaw_deg": self.yaw_deg.map(pair),
+            "position_m": self.position_m.map(pair),
             "floor_m": self.floor_m,
         })
     }
@@ -145,13 +163,14 @@ impl Errors {
             Some(sigma) => format!("{error:+.2} \u{b1} {sigma:.2}"),
             None => format!("{error:+.2}"),
         };
+        let placed = |pair: Option<(f64, Option<f64>)>| pair.map_or_else(|| "-".into(), cell);
         format!(
-            "{id:10} {:>16} {:>16} {:>18} {:>16} {:>12.2} {:>12}",
+            "{id:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}",
             cell(self.roll_deg),
             cell(self.pitch_deg),
             cell(self.focal_percent),
-            cell(self.yaw_deg),
-            self.position_m,
+            placed(self.yaw_deg),
+            placed(self.position_m).trim_start_matches('+'),
             self.floor_m.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
         )
     }
@@ -170,13 +189,29 @@ fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
         return format!("{:#}\n", serde_json::Value::Object(map));
     }
     let head = format!(
-        "Errors against the truth (\u{b1} the predicted sigma; none where a hand placed the camera)\n\
-         {:10} {:>16} {:>16} {:>18} {:>16} {:>12} {:>12}\n",
+        "Errors against the truth (\u{b1} the predicted sigma; none where a hand placed the camera, or where it holds the base system)\n\
+         {:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}\n",
         "camera", "roll deg", "pitch deg", "focal %", "yaw deg", "position m", "floor m",
     );
-    cameras().fold(head, |text, (id, errors)| {
+    let table = cameras().fold(head, |text, (id, errors)| {
         let row = errors.map_or_else(|| format!("{id:10} not solved"), |errors| errors.row(id));
         format!("{text}{row}\n")
+    });
+    table + &agreement(solved)
+}
+
+/// How well links and marks agree in the views that show them.
+fn agreement(solved: &Site) -> String {
+    let links = solved.links.iter().filter_map(|link| Some(("links", link.solution.as_ref()?)));
+    let marks = solved.marks.iter().filter_map(|mark| Some(("marks", mark.solution.as_ref()?)));
+    let mut worst: BTreeMap<&str, (usize, f64)> = BTreeMap::new();
+    for (what, solution) in links.chain(marks) {
+        let (count, most) = worst.entry(what).or_default();
+        *count += 1;
+        *most = solution.residuals.iter().map(|seen| seen.px).fold(*most, f64::max);
+    }
+    worst.iter().fold(String::new(), |text, (what, (count, px))| {
+        format!("{text}{count} {what} agree within {px:.1} px in every view that shows them\n")
     })
 }
 

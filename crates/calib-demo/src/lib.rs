@@ -41,10 +41,11 @@ mod hand;
 mod drawing;
 mod landmark;
 mod element;
+mod unplanned;
 mod site;
 #[cfg(test)]
 mod checks;
 
 pub use picture::render;
-pub use site::{DemoSite, KnownLens, demo_site, demo_site_with};
+pub use site::{DemoSite, KnownLens, demo_site, demo_site_with, demo_site_without_plan};
 pub use world::visible;

@@ -16,6 +16,7 @@ use crate::hand::{Hand, TREMOR};
 use crate::landmark::{control_points, links, of_the_barn, of_the_shop};
 use crate::plan::{plan, plan_entry};
 use crate::random::normal;
+use crate::unplanned::without_plan;
 use crate::world::is_inside;
 
 /// The demonstration site and what is true of it.
@@ -25,7 +26,7 @@ pub struct DemoSite {
     pub site: Site,
     /// Id and true camera, in the order of the site.
     pub truth: Vec<(String, Camera)>,
-    /// The floor plan's picture.
+    /// The floor plan's picture; the site may do without it.
     pub plan: RgbImage,
 }
 
@@ -33,13 +34,13 @@ pub struct DemoSite {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KnownLens {
     /// Their coefficients, and the focal those refer to; the camera's own focal stays unknown.
-    #[default]
     Given,
     /// That k1 and k2 are to be fitted from the `straight` annotations.
+    #[default]
     Fitted,
 }
 
-/// The demonstration site, with the coefficients of its lenses given.
+/// The demonstration site, its lenses to be fitted.
 #[must_use]
 pub fn demo_site() -> DemoSite {
     demo_site_with(KnownLens::default())
@@ -50,6 +51,13 @@ pub fn demo_site() -> DemoSite {
 pub fn demo_site_with(lens: KnownLens) -> DemoSite {
     let truth = cameras().into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
     DemoSite { site: site(lens, TREMOR), truth, plan: plan() }
+}
+
+/// The demonstration site for an operator without a plan: links and marks alone tie its cameras.
+#[must_use]
+pub fn demo_site_without_plan() -> DemoSite {
+    let demo = demo_site();
+    DemoSite { site: without_plan(demo.site), ..demo }
 }
 
 /// What an operator with this tremor, in pixels, drew and entered.
