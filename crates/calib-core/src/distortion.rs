@@ -32,6 +32,15 @@ impl Fitted {
         }
     }
 
+    /// Indices of what is fitted among the coefficients of the model.
+    pub(crate) fn indices(&self) -> Vec<usize> {
+        match self {
+            Self::BrownConrady(which) => (0..Distortion::MOST).filter(|&k| which[k]).collect(),
+            Self::Division => vec![0],
+            Self::KannalaBrandt(count) => (0..*count).collect(),
+        }
+    }
+
     /// The distortion with these values of what is fitted.
     fn distortion(&self, values: &[f64]) -> Distortion {
         match self {
@@ -73,6 +82,9 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Of every polyline, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
+    /// Covariance of the coefficients, in the order of [`Distortion::coefficients`]; zeros for those that
+    /// were not fitted.
+    pub covariance: [[f64; Distortion::MOST]; Distortion::MOST],
     /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
     /// of the longer edge, and in the corner, in pixels.
     pub map_error: [f64; 3],
@@ -158,6 +170,12 @@ impl Problem<'_> {
             slopes.set_column(index, &column);
         }
         slopes
+    }
+
+    /// Of what is fitted, for points with a standard deviation of one pixel.
+    fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
+        let slopes = self.slopes(values, &self.residuals(values)?);
+        slopes.tr_mul(&slopes).try_inverse()
     }
 
     /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
@@ -325,6 +343,7 @@ impl LensFit {
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
             straightness: [before, *cost].map(|cost| (cost / points as f64).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
+            covariance: in_full(problem, values, options.sigma),
             map_error: map_error(problem, values, doubt.as_ref(), options),
             uninformative: uninformative(problem, &lens, options),
             chi2: cost / (options.sigma * options.sigma),
@@ -418,9 +437,7 @@ fn map_error(
     options: &LensOptions,
 ) -> [f64; 3] {
     const STEP: f64 = 1e-6;
-    let Some(residuals) = problem.residuals(values) else { return [f64::INFINITY; 3] };
-    let slopes = problem.slopes(values, &residuals);
-    let Some(covariance) = slopes.tr_mul(&slopes).try_inverse() else { return [f64::INFINITY; 3] };
+    let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
     let [w, h] = options.size;
     let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
@@ -455,7 +472,21 @@ fn map_error(
     [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
-/// Polylines that a distortion of 10 px in the corner would not bend by one sigma.
+/// The covariance with a row and a column for every coefficient of the model.
+fn in_full(problem: &Problem, values: &[f64], sigma: f64) -> [[f64; Distortion::MOST]; Distortion::MOST] {
+    let mut full = [[0.0; Distortion::MOST]; Distortion::MOST];
+    let Some(covariance) = problem.covariance(values) else { return full };
+    let indices = problem.fitted.indices();
+    for (i, &a) in indices.iter().enumerate().take(values.len()) {
+        for (j, &b) in indices.iter().enumerate().take(values.len()) {
+            full[a][b] = sigma * sigma * covariance[(i, j)];
+        }
+    }
+    full
+}
+
+/// Polylines that a distortion of 10 px in the corner would not bend by one sigma, and less than a third
+/// of what it bends the best of them by.
 fn uninformative(problem: &Problem, lens: &Lens, options: &LensOptions) -> Vec<(Source, f64)> {
     /// Movement of the corner, in pixels.
     const CORNER: f64 = 10.0;
@@ -481,8 +512,11 @@ fn uninformative(problem: &Problem, lens: &Lens, options: &LensOptions) -> Vec<(
         };
         sagitta(&plain, &moved)
     };
-    let bent = problem.edges.iter().map(|edge| (edge.source, bend(edge)));
-    bent.filter(|(_, sagitta)| *sagitta < options.sigma).collect()
+    let bent: Vec<(Source, f64)> = problem.edges.iter().map(|edge| (edge.source, bend(edge))).collect();
+    let best = bent.iter().map(|(_, sagitta)| *sagitta).filter(|s| s.is_finite()).fold(0.0, f64::max);
+    // Alone, a short edge that is the best there is says nothing, either.
+    let most = if best < options.sigma { f64::INFINITY } else { best / 3.0 };
+    bent.into_iter().filter(|(_, sagitta)| *sagitta < options.sigma && *sagitta <= most).collect()
 }
 
 /// Range of movements across a line once a movement that keeps it straight is taken out.

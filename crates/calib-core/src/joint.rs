@@ -7,7 +7,6 @@ use crate::camera::Camera;
 use crate::distortion::{Edge, Fitted};
 use crate::evidence::Source;
 use crate::graph::{Component, Stand, Start, start};
-use crate::lens::Distortion;
 use crate::likelihood::{Prior, Priors, Problem, State};
 use crate::minima::weak_belief;
 use crate::optics::edges;
@@ -274,12 +273,8 @@ fn clusters(before: &[Option<Before>], together: &Together, groups: &[usize]) ->
 
 /// Indices of the coefficients that are fitted.
 fn free_coefficients(before: &Before) -> Vec<usize> {
-    match before.first.optics.fit.as_ref().and_then(|fit| fit.fitted.as_ref()) {
-        None => Vec::new(),
-        Some(Fitted::BrownConrady(which)) => (0..Distortion::MOST).filter(|&k| which[k]).collect(),
-        Some(Fitted::Division) => vec![0],
-        Some(Fitted::KannalaBrandt(count)) => (0..*count).collect(),
-    }
+    let fitted = before.first.optics.fit.as_ref().and_then(|fit| fit.fitted.as_ref());
+    fitted.map_or(Vec::new(), Fitted::indices)
 }
 
 /// What stage 1 left, as a part of the joint fit.

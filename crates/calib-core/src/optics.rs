@@ -1,6 +1,6 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
-use crate::annotation::{Annotation, Kind};
+use crate::annotation::{Annotation, Kind, line_name};
 use crate::distortion::{Edge, Fitted, LensFit, LensOptions, straightness_rms};
 use crate::evidence::Source;
 use crate::lens::{Distortion, Lens};
@@ -129,21 +129,32 @@ impl Optics {
         let Some(fit) = &self.fit else {
             return self.unfitted(annotations);
         };
-        let label = |source: Source| annotations.get(source.annotation).map(|a| a.label(source.annotation));
-        let mut warnings: Vec<Warning> = fit
-            .uninformative
-            .iter()
-            .filter_map(|&(source, sagitta)| {
-                let message = format!(
-                    "{} says next to nothing about the lens: 10 px of distortion in the corner would bend it by {sagitta:.1} px.",
-                    label(source)?
-                );
-                let advice = "Draw long edges far from the image centre that do not point at it.";
-                Some(Warning::new(Code::UninformativePolyline, message, advice))
-            })
-            .collect();
+        let mut warnings = Vec::new();
+        let is_own = |source: &Source| {
+            annotations.get(source.annotation).is_some_and(|drawn| drawn.kind == Kind::Straight)
+        };
+        let mute: Vec<&(Source, f64)> =
+            fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
+        if !mute.is_empty() {
+            let names: Vec<String> =
+                mute.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
+            let most = mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
+            let (who, whom) = if names.len() == 1 {
+                (format!("{} says", names[0]), "it")
+            } else {
+                (format!("{} say", names.join(", ")), "none of them")
+            };
+            let bent = if names.len() == 1 { "by" } else { "by more than" };
+            warnings.push(Warning::new(
+                Code::UninformativePolyline,
+                format!(
+                    "{who} next to nothing about the lens: 10 px of distortion in the corner would bend {whom} {bent} {most:.1} px."
+                ),
+                "Draw long edges far from the image centre that do not point at it.",
+            ));
+        }
         let [_, _, corner] = fit.map_error;
-        if corner > MOST && fit.fitted.is_some() {
+        if corner > MOST {
             let how =
                 if corner.is_finite() { format!("by \u{b1} {corner:.0} px") } else { "altogether".into() };
             warnings.push(Warning::new(

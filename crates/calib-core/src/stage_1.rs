@@ -193,6 +193,17 @@ pub(crate) fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &
     list
 }
 
+/// Covariance of a camera of which only the lens was fitted.
+fn lens_covariance(optics: &Optics) -> Covariance {
+    let mut covariance = Covariance::EXACT;
+    if let Some(fit) = optics.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
+        for (i, row) in fit.covariance.iter().enumerate() {
+            covariance.0[Covariance::LENS + i][Covariance::LENS..].copy_from_slice(row);
+        }
+    }
+    covariance
+}
+
 /// The solution of a camera whose straight edges are all that was drawn: its lens.
 fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
     // Without a focal the width of the image is the unit of the coefficients.
@@ -205,7 +216,7 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
         roll: 0.0,
         focal,
         lens: optics.lens,
-        covariance: Covariance::EXACT,
+        covariance: lens_covariance(optics),
     };
     let mut solution = Solution {
         position_m: None,
@@ -213,6 +224,8 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
         pitch_deg: None,
         roll_deg: None,
         stage: Stage::Lens,
+        sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
+        covariance: CovarianceEntry::of(&camera),
         ..solution_of(&camera, Method::MaximumLikelihood)
     };
     solution.residuals = listed(optics.straightness_under(&optics.lens, &entry.annotations).into_iter(), &[]);
