@@ -2,7 +2,9 @@
 
 use crate::camera::Camera;
 use crate::covariance::Covariance;
+use crate::lens::Distortion;
 use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
+use crate::sight::Drawn;
 use crate::space::{FloorPoint, Pixel, UndistortedPixel};
 use nalgebra::Matrix4;
 
@@ -67,23 +69,37 @@ pub(crate) fn floor_length_rel(
     covariance: &Matrix4<f64>,
     height_known: bool,
 ) -> Option<f64> {
-    let points: Vec<FloorSlope> = grid.0.iter().filter_map(|&pixel| FloorSlope::new(core, pixel)).collect();
+    let points = grid.0.iter().filter_map(|&pixel| {
+        let FloorSlope { at, by: [roll, pitch, focal] } = FloorSlope::new(core, pixel)?;
+        Some((at, [roll, pitch, focal, [0.0; 2]]))
+    });
+    let points: Vec<([f64; 2], [[f64; 2]; 4])> = points.collect();
+    length_rel(&points, |k, l| covariance[(k, l)], height_known)
+}
+
+/// As [`floor_length_rel`], of floor points in camera heights with their slopes by `N` unknowns, of which
+/// the fourth is the log height.
+fn length_rel<const N: usize>(
+    points: &[([f64; 2], [[f64; 2]; N])],
+    covariance: impl Fn(usize, usize) -> f64,
+    height_known: bool,
+) -> Option<f64> {
     if points.len() < 3 {
         return None;
     }
-    let mut mean = [0.0; 4];
-    let mut square = [[0.0; 4]; 4];
+    let mut mean = [0.0; N];
+    let mut square = [[0.0; N]; N];
     let mut count = 0.0;
     for (i, a) in points.iter().enumerate() {
         for b in &points[..i] {
-            let (dx, dy) = (a.at[0] - b.at[0], a.at[1] - b.at[1]);
+            let (dx, dy) = (a.0[0] - b.0[0], a.0[1] - b.0[1]);
             let inverse = (dx * dx + dy * dy).max(f64::MIN_POSITIVE).recip();
-            let mut slope = [0.0, 0.0, 0.0, 1.0];
-            for k in 0..3 {
-                slope[k] = (dx * (a.by[k][0] - b.by[k][0]) + dy * (a.by[k][1] - b.by[k][1])) * inverse;
-            }
+            let slope: [f64; N] = std::array::from_fn(|k| match k {
+                3 => 1.0,
+                _ => (dx * (a.1[k][0] - b.1[k][0]) + dy * (a.1[k][1] - b.1[k][1])) * inverse,
+            });
             count += 1.0;
-            for k in 0..4 {
+            for k in 0..N {
                 mean[k] += slope[k];
                 for l in 0..=k {
                     square[k][l] += slope[k] * slope[l];
@@ -92,25 +108,58 @@ pub(crate) fn floor_length_rel(
         }
     }
     let mut variance = 0.0;
-    for k in 0..4 {
-        for l in 0..4 {
+    for k in 0..N {
+        for l in 0..N {
             let product = square[k.max(l)][k.min(l)] / count;
             let common = if height_known { 0.0 } else { mean[k] * mean[l] / (count * count) };
-            variance += covariance[(k, l)] * (product - common);
+            variance += covariance(k, l) * (product - common);
         }
     }
     variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
-/// As [`floor_length_rel`], of a placed camera with its whole covariance.
+/// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included.
 pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+    const N: usize = 4 + Distortion::MOST;
     let core =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
-    let index = [Covariance::ROLL, Covariance::PITCH, Covariance::FOCAL, Covariance::Z];
+    let fitted = std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
+    let point = |&[x, y]: &[f64; 2]| {
+        let FloorSlope { at, by } = FloorSlope::new(&core, [x, y])?;
+        let mut slopes = [[0.0; 2]; N];
+        slopes[..3].copy_from_slice(&by);
+        if fitted.contains(&true) {
+            let moved = |dx: f64, dy: f64| FloorSlope::new(&core, [x + dx, y + dy]).map(|slope| slope.at);
+            let Pixel { u: cu, v: cv } = camera.lens.principal_point;
+            let raw = camera.distort(UndistortedPixel { u: cu + x, v: cv + y })?;
+            let drawn = Drawn::new(raw, &camera.lens, fitted)?;
+            // A pixel to one side: what bends over it is far below what is asked.
+            let (by_x, by_y) = ([moved(0.5, 0.0)?, moved(-0.5, 0.0)?], [moved(0.0, 0.5)?, moved(0.0, -0.5)?]);
+            for k in 0..Distortion::MOST {
+                slopes[4 + k] = std::array::from_fn(|axis| {
+                    drawn.by_lens[0][k] * (by_x[0][axis] - by_x[1][axis])
+                        + drawn.by_lens[1][k] * (by_y[0][axis] - by_y[1][axis])
+                });
+            }
+        }
+        Some((at, slopes))
+    };
+    let points: Vec<([f64; 2], [[f64; 2]; N])> = grid.0.iter().filter_map(point).collect();
+    let index = |k: usize| match k {
+        0 => Covariance::ROLL,
+        1 => Covariance::PITCH,
+        2 => Covariance::FOCAL,
+        3 => Covariance::Z,
+        _ => Covariance::LENS + k - 4,
+    };
     // From focal and height to their logs.
-    let scale = [1.0, 1.0, camera.focal.recip(), camera.position.z.recip()];
-    let covariance = Matrix4::from_fn(|i, j| camera.covariance.0[index[i]][index[j]] * scale[i] * scale[j]);
-    floor_length_rel(&core, grid, &covariance, camera.covariance.sigma(Covariance::Z).is_some())
+    let scale = |k: usize| match k {
+        2 => camera.focal.recip(),
+        3 => camera.position.z.recip(),
+        _ => 1.0,
+    };
+    let covariance = |k: usize, l: usize| camera.covariance.0[index(k)][index(l)] * scale(k) * scale(l);
+    length_rel(&points, covariance, camera.covariance.sigma(Covariance::Z).is_some())
 }
 
 /// A floor point in camera heights, with its derivatives by roll, pitch and log focal.
