@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Coefficient, Distortion, DistortionEntry, DistortionModel, Kind, Lens,
-    LensEntry, Options, Pixel, Report, Site, SiteCamera, Stage, UndistortedPixel,
+    Annotation, BrownConrady, Camera, Code, Coefficient, Covariance, Distance, Distortion, DistortionEntry,
+    DistortionModel, FloorPoint, Kind, Known, Lens, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkKind,
+    MarkSeen, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, Shape3, Site, SiteCamera, Stage,
+    UndistortedPixel, WorldPoint,
 };
 use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
@@ -66,9 +68,9 @@ fn three_cameras_without_a_plan() {
             height.push((found.position.z - truth.position.z).abs());
             yaw.push(turn(found.yaw, truth.yaw).to_degrees().abs());
             for (index, off) in [
-                (calib_core::Covariance::X, found.position.x - truth.position.x),
-                (calib_core::Covariance::Y, found.position.y - truth.position.y),
-                (calib_core::Covariance::Z, found.position.z - truth.position.z),
+                (Covariance::X, found.position.x - truth.position.x),
+                (Covariance::Y, found.position.y - truth.position.y),
+                (Covariance::Z, found.position.z - truth.position.z),
             ] {
                 trials += 1;
                 covered += usize::from(off.abs() < 1.96 * found.covariance.sigma(index).unwrap());
@@ -76,10 +78,7 @@ fn three_cameras_without_a_plan() {
         }
         // Points of the floor that were not drawn, as every camera would put them.
         for _ in 0..20 {
-            let at = calib_core::FloorPoint {
-                x: random.random_range(-3.0..3.0),
-                y: random.random_range(-3.0..3.0),
-            };
+            let at = FloorPoint { x: random.random_range(-3.0..3.0), y: random.random_range(-3.0..3.0) };
             let put: Vec<_> = found
                 .iter()
                 .zip(&layout.truth)
@@ -152,7 +151,7 @@ fn a_chain_drifts_and_a_loop_closes_it() {
             worst.push(off.fold(0.0, f64::max));
             closures.extend(report.site.loop_closure_m);
             for (found, truth) in found.iter().zip(&layout.truth).skip(1) {
-                let sigma = found.covariance.sigma(calib_core::Covariance::X).unwrap();
+                let sigma = found.covariance.sigma(Covariance::X).unwrap();
                 covered.1 += 1;
                 covered.0 += usize::from((found.position.x - truth.position.x).abs() < 3.0 * sigma);
             }
@@ -281,5 +280,173 @@ fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true
             );
             assert!(ratio < 1.1 && (92.0..98.0).contains(&coverage), "{name}: {ratio} {coverage}");
         }
+    }
+}
+
+/// Where a camera of a layout shows a point.
+fn shown(layout: &Layout, camera: usize, at: [f64; 3]) -> Pixel {
+    layout.truth[camera].world_to_pixel(at.into()).unwrap()
+}
+
+fn seen(layout: &Layout, camera: usize) -> LinkSeen {
+    let camera = layout.site.cameras[camera].id.clone();
+    LinkSeen { camera, px: None, foot: None, head: None, segment: None }
+}
+
+fn link(id: &str, kind: LinkKind, seen: Vec<LinkSeen>) -> Link {
+    Link {
+        id: Some(id.into()),
+        name: None,
+        off: false,
+        keep: false,
+        kind,
+        height_m: None,
+        length_m: None,
+        seen,
+        solution: None,
+    }
+}
+
+/// Cameras stand where they stand, to a hair.
+fn assert_found(layout: &Layout, what: &str) {
+    let report = solve(layout);
+    for (found, truth) in cameras(&report).iter().zip(&layout.truth) {
+        let off = found.position.distance(truth.position);
+        assert!(off < 1e-4, "{what}: {off} m, {:?}", report.site.warnings);
+        assert!(turn(found.yaw, truth.yaw).abs() < 1e-5, "{what}");
+    }
+}
+
+#[test]
+fn posts_marks_and_lines_tie_cameras_too() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..5 {
+        let mut layout = Layout::ring(&mut random, 3, 0, 0.0);
+        layout.place_first();
+        let mut posts = layout.clone();
+        for (i, [x, y]) in [[0.5, 0.3], [-0.8, 0.4], [0.2, -0.9]].into_iter().enumerate() {
+            let length = 0.6 + 0.2 * i as f64;
+            let seen = (0..3).map(|camera| LinkSeen {
+                foot: Some(shown(&posts, camera, [x, y, 0.0])),
+                head: Some(shown(&posts, camera, [x, y, length])),
+                ..seen(&posts, camera)
+            });
+            let seen = seen.collect();
+            posts.site.links.push(link(&format!("post {i}"), LinkKind::Post, seen));
+        }
+        assert_found(&posts, "posts");
+
+        // A box of known size gives the scale, too: the first camera's own is taken away.
+        let mut marks = layout.clone();
+        let (at, turned) = (WorldPoint::new(0.3, -0.2, 0.0), 0.7_f64);
+        let shape = Shape3 { kind: MarkKind::Box, at, turn: turned, size: vec![1.2, 0.8, 0.9] };
+        let mut seen_of_box = Vec::new();
+        for camera in 0..3 {
+            for point in ["b0", "b1", "b2", "t0", "t1", "t2", "t3"] {
+                let px = shown(&marks, camera, shape.point(point).unwrap().into());
+                let camera = marks.site.cameras[camera].id.clone();
+                seen_of_box.push(MarkSeen { camera, point: point.into(), px });
+            }
+        }
+        marks.site.marks.push(Mark {
+            id: Some("box".into()),
+            name: None,
+            off: false,
+            keep: false,
+            kind: MarkKind::Box,
+            at_m: WorldPoint::new(0.0, 0.0, 0.0),
+            turn_deg: 10.0,
+            size_m: shape.size.clone(),
+            fixed: false,
+            seen: seen_of_box,
+            solution: None,
+        });
+        marks.site.cameras[0].placement.as_mut().unwrap().scale *= 1.2;
+        assert_found(&marks, "marks");
+        let report = solve(&marks);
+        let mark = report.marks[0].as_ref().unwrap();
+        assert!(mark.at_m.distance(at) < 1e-4 && (mark.turn_deg.unwrap() - turned.to_degrees()).abs() < 1e-3);
+
+        // Two floor lines, of which every camera shows another piece; heights are known, and a hand has
+        // put the cameras about where they stand.
+        let mut lines = layout.clone();
+        for (camera, truth) in lines.site.cameras.iter_mut().zip(&lines.truth) {
+            camera.height_m = Some(Known::fixed(truth.position.z));
+            let foot = truth.position.on_floor();
+            camera.placement = Some(PlacementEntry {
+                move_m: FloorPoint { x: foot.x + 0.2, y: foot.y - 0.3 },
+                turn_deg: truth.yaw.to_degrees() + 3.0,
+                scale: truth.position.z / STAGE_1_HEIGHT,
+                fixed: false,
+            });
+        }
+        lines.place_first();
+        for (i, (angle, offset)) in [(0.2_f64, 0.3), (1.4, -0.4)].into_iter().enumerate() {
+            let (sin, cos) = angle.sin_cos();
+            let point = |t: f64| [t * cos - offset * sin, t * sin + offset * cos, 0.0];
+            let seen = (0..3).map(|camera| {
+                let from = 0.5 * camera as f64 - 0.8;
+                let ends = [point(from), point(from + 0.7)].map(|at| shown(&lines, camera, at));
+                LinkSeen { segment: Some(ends.to_vec()), ..seen(&lines, camera) }
+            });
+            let seen = seen.collect();
+            lines.site.links.push(link(&format!("line {i}"), LinkKind::Line, seen));
+        }
+        assert_found(&lines, "lines");
+    }
+}
+
+#[test]
+fn nothing_that_is_not_known_is_invented() {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    // Links alone: the shape of the site is right, its scale is that of the first camera.
+    let layout = Layout::ring(&mut random, 3, 8, 1.0);
+    let report = solve(&layout);
+    assert_eq!(report.site.scale, Some(Scale::Unknown));
+    assert!(report.site.warnings.iter().any(|warning| warning.code == Code::ScaleUnknown));
+    let first = cameras(&report)[0];
+    assert_eq!((first.position, first.yaw), (WorldPoint::new(0.0, 0.0, 3.0), 0.0));
+    // A distance gives it.
+    let mut taped = layout.clone();
+    let apart = |report: &Report, a: usize, b: usize| {
+        report.links[a].as_ref().unwrap().at_m.distance(report.links[b].as_ref().unwrap().at_m)
+    };
+    taped.site.distances.push(Distance {
+        id: None,
+        name: None,
+        off: false,
+        keep: false,
+        between: ["p0".into(), "p1".into()],
+        length_m: Known::prior(2.0, 0.001),
+    });
+    let scaled = solve(&taped);
+    assert_eq!(scaled.site.scale, Some(Scale::Known));
+    assert!((apart(&scaled, 0, 1) - 2.0).abs() < 0.01);
+    let ratio = cameras(&scaled)[1].position.z / cameras(&report)[1].position.z;
+    assert!((ratio / (2.0 / apart(&report, 0, 1)) - 1.0).abs() < 0.05, "{ratio}");
+    // A camera that shares nothing says so.
+    let mut alone = layout.clone();
+    alone.site.links.iter_mut().for_each(|link| link.seen.retain(|seen| seen.camera != "c2"));
+    let report = solve(&alone);
+    assert_eq!(report.site.components, [vec!["c0".to_owned(), "c1".into()], vec!["c2".into()]]);
+    let message = report.site.warnings.iter().find(|warning| warning.code == Code::NotConnected).unwrap();
+    assert!(message.message.contains("c2"), "{message:?}");
+    assert_eq!(report.cameras[2].1.as_ref().unwrap().stage, Stage::Partial);
+}
+
+#[test]
+fn a_fixed_placement_stays_and_others_gather_around_it() {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let mut layout = Layout::ring(&mut random, 3, 8, 1.0);
+    layout.place_first();
+    let held =
+        layout.site.cameras[0].placement.take().map(|placement| PlacementEntry { fixed: true, ..placement });
+    layout.site.cameras[0].placement = held;
+    let report = solve(&layout);
+    let found = cameras(&report);
+    assert!(found[0].position.distance(layout.truth[0].position) < 1e-9, "{:?}", found[0].position);
+    assert_eq!(report.site.scale, Some(Scale::Known));
+    for (found, truth) in found.iter().zip(&layout.truth) {
+        assert!(found.position.distance(truth.position) < 0.5);
     }
 }

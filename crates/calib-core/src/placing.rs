@@ -92,7 +92,7 @@ fn far_off(entry: &SiteCamera, solution: &mut Solution) {
     let rms = (points.iter().map(|r| r.px * r.px).sum::<f64>() / points.len().max(1) as f64).sqrt();
     let worst = points.iter().max_by(|a, b| a.px.total_cmp(&b.px));
     if let Some(worst) =
-        worst.filter(|_| rms > MOST * entry.sigma_px.unwrap_or(1.0) && solution.stage > Stage::Partial)
+        worst.filter(|_| rms > MOST * entry.sigma_px.unwrap_or(1.0) && solution.stage == Stage::Placed)
     {
         let name = worst.id.as_deref().unwrap_or_default();
         let message =
