@@ -8,7 +8,8 @@
 //!    the polygon of the effective field of view is projected on the floor ([`efov_on_floor`]),
 //!    right in shape, with the camera 3 m above (0, 0).
 //! 3. Stage 2, the site: moving, turning and scaling that polygon ([`Placement`]), or control
-//!    points, give x0, y0, yaw and z0.
+//!    points, give x0, y0, yaw and z0; points, posts, lines and virtual elements that cameras see in
+//!    common, and known distances, refine all cameras together ([`Site::calibrate`]).
 //! 4. The result: a [`Camera`] maps pixels to the floor and points of space to pixels.
 //!
 //! # Conventions

@@ -82,6 +82,15 @@ fn mark_name(mark: &Mark, index: usize) -> String {
     mark.id.clone().unwrap_or_else(|| index.to_string())
 }
 
+/// "a, b, c and 7 more".
+fn enumerated(names: &[&str]) -> String {
+    const MOST: usize = 6;
+    match names.len() {
+        0..=MOST => names.join(", "),
+        count => format!("{} and {} more", names[..MOST - 1].join(", "), count - MOST + 1),
+    }
+}
+
 impl Site {
     fn tie_name(&self, of: TieOf) -> (ResidualOf, String) {
         match of {
@@ -186,12 +195,13 @@ impl Site {
         }
         let unscaled = together.components.iter().filter(|c| !c.is_scaled);
         for component in unscaled.clone() {
-            let names: Vec<String> = component.views.iter().map(id).collect();
+            let names: Vec<&str> =
+                component.views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
             warnings.push(Warning::new(
                 Code::ScaleUnknown,
                 format!(
                     "Nothing gives the scale of {}: camera {} stands at the height it was placed with.",
-                    names.join(", "),
+                    enumerated(&names),
                     id(&component.root)
                 ),
                 "Enter one known distance, height or length, or two points of the plan.",
@@ -225,13 +235,13 @@ impl Site {
                 let message = match (unreached, by_hand) {
                     (true, _) => format!(
                         "What {} shares with other cameras is too little to place it.",
-                        names.join(", ")
+                        enumerated(&names)
                     ),
                     (false, true) => format!(
                         "Nothing ties {} to the rest of the site: it stands where it was placed.",
-                        names.join(", ")
+                        enumerated(&names)
                     ),
-                    (false, false) => format!("Nothing ties {} to the rest of the site.", names.join(", ")),
+                    (false, false) => format!("Nothing ties {} to the rest of the site.", enumerated(&names)),
                 };
                 Warning::new(
                     Code::NotConnected,
