@@ -13,9 +13,9 @@ fn the_demonstration_finds_its_cameras_within_their_sigmas() {
     for (camera, (id, truth)) in solved.cameras.iter().zip(&demo.truth) {
         let found = camera.camera().unwrap_or_else(|| panic!("{id}: {:?}", camera.error));
         let errors = [
-            (found.roll - truth.roll, calib_core::Covariance::ROLL),
-            (found.pitch - truth.pitch, calib_core::Covariance::PITCH),
-            (found.focal - truth.focal, calib_core::Covariance::FOCAL),
+            (found.roll - truth.roll, Covariance::ROLL),
+            (found.pitch - truth.pitch, Covariance::PITCH),
+            (found.focal - truth.focal, Covariance::FOCAL),
         ];
         for (error, index) in errors {
             let sigma = found.covariance.sigma(index).unwrap();

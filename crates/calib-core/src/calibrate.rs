@@ -136,7 +136,15 @@ impl Site {
         let joined = together.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
-            Some(joined) if joined.is_tied => (joined.camera, Stage::Refined),
+            Some(joined) if joined.is_tied => {
+                // What was told of the height and what the placement says are held against each other
+                // all the same.
+                let mut said = Vec::new();
+                let _ = self.place(entry, first.solution.camera().unwrap_or(own), &mut said);
+                said.retain(|warning| warning.code == Code::ScaleConflict);
+                solution.warnings.extend(said);
+                (joined.camera, Stage::Refined)
+            }
             _ => self.place(entry, own, &mut solution.warnings),
         };
         if let Some(joined) = joined {

@@ -11,6 +11,7 @@ use crate::evidence::Source;
 use crate::lens::{BrownConrady, Distortion, Lens};
 use crate::minimize::{LeastSquares, least_squares};
 use crate::space::Pixel;
+use crate::straightness::{Edge, best_line, sagitta, straightness};
 
 /// Which coefficients are fitted, of which model.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,15 +62,6 @@ impl Fitted {
 /// The models tried, one after the other, when the data are to choose.
 const LADDER: [[bool; 5]; 3] =
     [[true, false, false, false, false], [true, true, false, false, false], [true, true, true, false, false]];
-
-/// A polyline and where it was drawn.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Edge {
-    /// Raw pixels along an edge that is straight in space.
-    pub points: Vec<Pixel>,
-    /// Where it comes from.
-    pub source: Source,
-}
 
 /// What polylines say about a lens.
 #[derive(Clone, Debug)]
@@ -240,49 +232,6 @@ impl LeastSquares for Problem<'_> {
     }
 }
 
-/// Distances of the points of a polyline from the best line through them once undistorted, in raw
-/// pixels; `None` where the lens shows nothing.
-pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    let mut straight = Vec::with_capacity(points.len());
-    let mut slopes = Vec::with_capacity(points.len());
-    for &point in points {
-        let (at, slope) = lens.undistort_with_jacobian(point)?;
-        straight.push([at.u, at.v]);
-        slopes.push(slope);
-    }
-    // The weights hang on the line's direction: twice is enough, for they change slowly with it.
-    let mut weights = vec![1.0; points.len()];
-    for _ in 0..2 {
-        let ([x, y], _) = best_line(&straight, &weights);
-        for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&slopes) {
-            *weight = ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip();
-        }
-    }
-    let ([x, y], c) = best_line(&straight, &weights);
-    let distance = |([u, v], weight): (&[f64; 2], &f64)| (x * u + y * v - c) * weight.sqrt();
-    // The side of the line that counts as positive must not jump with the coefficients: the left of
-    // the way from the first point to the last.
-    let (first, last) = (straight.first()?, straight.last()?);
-    let sign = if x * (first[1] - last[1]) + y * (last[0] - first[0]) < 0.0 { -1.0 } else { 1.0 };
-    Some(straight.iter().zip(&weights).map(|pair| sign * distance(pair)).collect())
-}
-
-/// Unit normal and offset of the line with the least weighted sum of squared distances.
-fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64) {
-    let total: f64 = weights.iter().sum();
-    let mean = |k: usize| points.iter().zip(weights).map(|(p, w)| w * p[k]).sum::<f64>() / total;
-    let (mu, mv) = (mean(0), mean(1));
-    let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for ([u, v], w) in points.iter().zip(weights) {
-        uu += w * (u - mu) * (u - mu);
-        uv += w * (u - mu) * (v - mv);
-        vv += w * (v - mv) * (v - mv);
-    }
-    let along = 0.5 * (2.0 * uv).atan2(uu - vv);
-    let normal = [-along.sin(), along.cos()];
-    (normal, normal[0] * mu + normal[1] * mv)
-}
-
 impl LensFit {
     /// The fit of a lens to polylines. Those of fewer than three points say nothing.
     ///
@@ -420,14 +369,6 @@ fn crookedness(lens: &Lens, edge: &Edge) -> f64 {
     straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }
 
-/// Distances of a polyline's points from straight under a lens that is held, root mean square in raw
-/// pixels; `None` where the lens shows nothing.
-#[must_use]
-pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
-    let distances = straightness(lens, points)?;
-    Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
-}
-
 /// Standard deviation of the undistorted position at three places: from the covariance of the
 /// coefficients, and from the doubt whether they are enough.
 fn map_error(
@@ -517,24 +458,4 @@ fn uninformative(problem: &Problem, lens: &Lens, options: &LensOptions) -> Vec<(
     // Alone, a short edge that is the best there is says nothing, either.
     let most = if best < options.sigma { f64::INFINITY } else { best / 3.0 };
     bent.into_iter().filter(|(_, sagitta)| *sagitta < options.sigma && *sagitta <= most).collect()
-}
-
-/// Range of movements across a line once a movement that keeps it straight is taken out.
-fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
-    let count = points.len() as f64;
-    let (first, last) = (points[0], points[points.len() - 1]);
-    let length = (last[0] - first[0]).hypot(last[1] - first[1]).max(f64::MIN_POSITIVE);
-    let along = |p: &[f64; 2]| {
-        ((p[0] - first[0]) * (last[0] - first[0]) + (p[1] - first[1]) * (last[1] - first[1])) / length
-    };
-    let (mean_t, mean_m) = (points.iter().map(along).sum::<f64>() / count, moved.iter().sum::<f64>() / count);
-    let (mut tt, mut tm) = (f64::MIN_POSITIVE, 0.0);
-    for (p, m) in points.iter().zip(moved) {
-        tt += (along(p) - mean_t).powi(2);
-        tm += (along(p) - mean_t) * (m - mean_m);
-    }
-    let off = points.iter().zip(moved).map(|(p, m)| m - mean_m - tm / tt * (along(p) - mean_t));
-    let (low, high) =
-        off.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)));
-    high - low
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::adjustment::{Across, Adjusted, Network, Suspect};
 use crate::camera::Camera;
-use crate::distortion::{Edge, Fitted};
+use crate::distortion::Fitted;
 use crate::evidence::Source;
 use crate::graph::{Component, Stand, Start, start};
 use crate::likelihood::{Prior, Priors, Problem, State};
@@ -20,6 +20,7 @@ use crate::site::{Site, SiteCamera};
 use crate::slots::VIEW;
 use crate::space::WorldPoint;
 use crate::stage_1::First;
+use crate::straightness::Edge;
 use crate::tie::{Gap, Tie};
 
 /// A camera after the joint fit.

@@ -56,6 +56,7 @@ mod covariance;
 mod camera;
 mod annotation;
 mod evidence;
+mod straightness;
 mod distortion;
 mod vanishing;
 mod criterion;
@@ -114,7 +115,7 @@ pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
 pub use covariance::Covariance;
 pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
-pub use distortion::{Edge, Fitted, LensFit, LensOptions, straightness_rms};
+pub use distortion::{Fitted, LensFit, LensOptions};
 pub use efov::{Efov, default_efov, efov_on_floor};
 pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
 pub use fit::{Fit, FitOptions, Solved};
@@ -128,6 +129,7 @@ pub use remap::{Crop, Remap, Straightened};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical};
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use straightness::{Edge, straightness_rms};
 
 #[cfg(feature = "serde")]
 pub use bounds::{MAX_ITEMS, SiteError};

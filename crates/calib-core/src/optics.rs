@@ -1,13 +1,14 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
 use crate::annotation::{Annotation, Kind, line_name};
-use crate::distortion::{Edge, Fitted, LensFit, LensOptions, straightness_rms};
+use crate::distortion::{Fitted, LensFit, LensOptions};
 use crate::evidence::Source;
 use crate::lens::{Distortion, Lens};
 use crate::outliers::is_misfit;
 use crate::report::{Code, Warning};
 use crate::site::{Site, SiteCamera};
 use crate::solution::{Coefficient, DistortionEntry, DistortionModel};
+use crate::straightness::{Edge, straightness_rms};
 
 /// The lens of a camera, and what its straight edges said.
 #[derive(Clone, Debug)]

@@ -9,7 +9,6 @@ use crate::annotation::Annotation;
 use crate::blocks::{BlockNormal, Blocks, Slope};
 use crate::camera::Camera;
 use crate::covariance::Covariance;
-use crate::distortion::{Edge, straightness};
 use crate::evidence::{Evidence, Source};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::{Prior, Problem, State};
@@ -17,6 +16,7 @@ use crate::minimize::LeastSquares;
 use crate::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::sight::{Drawn, POSE, Pose};
 use crate::slots::{Layout, Slots, VIEW};
+use crate::straightness::{Edge, straightness};
 use crate::tie::{Gap, PLACE, Tie};
 
 /// A camera with what was drawn on it.
