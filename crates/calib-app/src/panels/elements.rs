@@ -1,0 +1,258 @@
+//! What cameras share: marks, links, control points, and how well views agree.
+
+use calib_core::{LinkKind, MarkKind, Pixel, ResidualOf, WorldPoint};
+use egui::{DragValue, RichText, Ui, Vec2};
+
+use crate::app::App;
+use crate::command::{self, Command};
+use crate::hit::Part;
+use crate::icons::{self, Icon, Look};
+use crate::panels::{heading, number};
+use crate::theme;
+use crate::tools::TOOLS;
+
+const fn icon(kind: MarkKind) -> Icon {
+    match kind {
+        MarkKind::Cross => Icon::Cross,
+        MarkKind::Post => Icon::Post,
+        MarkKind::Box => Icon::Box,
+        MarkKind::Cylinder => Icon::Cylinder,
+        MarkKind::Circle => Icon::Circle,
+        MarkKind::Person => Icon::Person,
+        MarkKind::Grid => Icon::Grid,
+    }
+}
+
+/// Virtual elements: the kind of the next one, and those there are.
+pub fn marks(app: &mut App, ui: &mut Ui) {
+    heading(ui, "Marks", "M");
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for kind in MarkKind::ALL {
+            let name = format!("{kind:?}").to_lowercase();
+            let look =
+                Look { chosen: app.session.mark_kind == kind, size: Vec2::splat(28.0), ..Look::default() };
+            if icons::button(ui, icon(kind), &format!("Mark kind {name}"), &name, look).clicked() {
+                wanted = Some(kind);
+            }
+        }
+    });
+    if let Some(kind) = wanted {
+        app.session.mark_kind = kind;
+        let tool = TOOLS.iter().position(|tool| tool.title == "Mark").unwrap_or(0);
+        app.take_tool(tool);
+    }
+    for index in 0..app.session.site.marks.len() {
+        mark_row(app, ui, index);
+    }
+}
+
+fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
+    let palette = theme::palette(ui.ctx());
+    let Some(mut mark) = app.session.site.marks.get(index).cloned() else { return };
+    let part = Part::Mark(index);
+    let selected = app.session.selection.contains(&part);
+    let name = app.session.part_name(part);
+    let WorldPoint { x, y, .. } = mark.at_m;
+    ui.horizontal(|ui| {
+        icons::inline(ui, icon(mark.kind), palette.text);
+        if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
+            app.session.selection = [part].into();
+        }
+        let sizes: Vec<String> = mark.size_m.iter().map(|size| number(*size, 2)).collect();
+        ui.label(RichText::new(format!("{} m", sizes.join(" \u{d7} "))).color(palette.text2));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(format!("{}, {} m", number(x, 2), number(y, 2)));
+        });
+    });
+    if !selected {
+        return;
+    }
+    let mut changed = false;
+    let mut field = |ui: &mut Ui, title: &str, value: &mut f64, unit: &str| {
+        let label = ui.label(RichText::new(title).small().color(palette.text2));
+        let edit = DragValue::new(value).speed(0.01).suffix(unit).max_decimals(3).update_while_editing(false);
+        changed |= ui.add(edit).labelled_by(label.id).changed();
+    };
+    ui.horizontal_wrapped(|ui| {
+        for (title, value) in mark.kind.size_names().iter().zip(mark.size_m.iter_mut()) {
+            field(ui, title, value, "");
+        }
+        field(ui, "turn", &mut mark.turn_deg, "\u{b0}");
+        field(ui, "height", &mut mark.at_m.z, " m");
+    });
+    let was_fixed = mark.fixed;
+    ui.checkbox(&mut mark.fixed, "held in a joint solve");
+    if changed || was_fixed != mark.fixed {
+        for size in &mut mark.size_m {
+            *size = size.clamp(1e-3, 1e4);
+        }
+        app.cancel();
+        app.session.site.marks[index] = mark;
+        app.session.commit(format!("change {name}"));
+    }
+}
+
+/// Links: who sees each, how far the views are apart on the floor.
+pub fn links(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Links", "apart on the floor");
+    if app.session.site.links.is_empty() {
+        ui.label(RichText::new("K links what two views show.").color(palette.text2));
+    }
+    let mut chosen = None;
+    for (index, link) in app.session.site.links.iter().enumerate() {
+        let waits = link.seen.len() < 2;
+        let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
+        ui.horizontal(|ui| {
+            let colour = if waits { palette.warn } else { palette.text };
+            let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
+            let response = ui.add(egui::Button::new(text).frame(false));
+            if response.clicked() {
+                chosen = Some(index);
+            }
+            for seen in &link.seen {
+                let camera = app.session.site.cameras.iter().position(|camera| camera.id == seen.camera);
+                if let Some(camera) = camera {
+                    let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
+                    crate::paint::chip(ui.painter(), rect.center(), camera);
+                }
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let text = match (waits, apart(app, index)) {
+                    (true, _) => "1 view".into(),
+                    (false, Some(apart)) => format!("{:.1} cm", 100.0 * apart),
+                    (false, None) => "\u{2014}".into(),
+                };
+                ui.label(RichText::new(text).color(palette.text2));
+            });
+        });
+    }
+    if let Some(link) = chosen {
+        let seen = app.session.site.links.get(link).and_then(|link| link.seen.first()).cloned();
+        let camera = seen.and_then(|seen| app.session.site.cameras.iter().position(|c| c.id == seen.camera));
+        if let Some(camera) = camera {
+            app.cancel();
+            app.session.select_only(camera, Part::Link { link, seen: 0, point: 0 });
+        }
+    }
+}
+
+/// The greatest distance between where two views say a point link is, in metres.
+fn apart(app: &App, index: usize) -> Option<f64> {
+    let link = app.session.site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
+    let height = link.height_m.unwrap_or(0.0);
+    let places: Vec<_> =
+        link.seen.iter().filter_map(|seen| place(app, &seen.camera, seen.px?, height)).collect();
+    let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(|b| a.distance(*b)));
+    pairs.max_by(f64::total_cmp)
+}
+
+fn place(app: &App, id: &str, px: Pixel, height: f64) -> Option<calib_core::FloorPoint> {
+    let camera = app.session.site.cameras.iter().position(|camera| camera.id == id)?;
+    app.session.solved.placed(camera)?.pixel_to_floor(px, height)
+}
+
+/// Refine, and what it changed.
+pub fn agreement(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "All cameras together", "");
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        let text = RichText::new("Refine").color(palette.bg).font(theme::medium(12.0));
+        if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+            chosen = Some(Command::Refine);
+        }
+        if app.session.before_refine.is_some() && ui.button("Compare with before").clicked() {
+            chosen = Some(Command::CompareBefore);
+        }
+    });
+    if let Some(before) = &app.session.before_refine {
+        for (index, camera) in app.session.site.cameras.iter().enumerate() {
+            let (Some(Some(old)), Some(new)) = (before.get(index), app.session.solved.pose(index)) else {
+                continue;
+            };
+            let moved = old.position.distance(new.position);
+            let turned = (old.yaw - new.yaw).to_degrees().abs();
+            ui.horizontal(|ui| {
+                ui.label(&camera.id);
+                let text = format!("moved {:.1} cm, turned {turned:.2}\u{b0}", 100.0 * moved);
+                ui.label(RichText::new(text).color(palette.text2));
+            });
+        }
+        ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
+    }
+    if let Some(overlaps) = app.session.solved.joint_report().map(|report| report.site.overlaps.clone()) {
+        for overlap in overlaps {
+            let apart =
+                overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| format!("{:.1} cm", 100.0 * rms));
+            ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
+        }
+    }
+    if let Some(command) = chosen {
+        let ctx = ui.ctx().clone();
+        command::run(app, &ctx, command, egui::Modifiers::NONE);
+    }
+}
+
+/// The control points of the camera in hand.
+pub fn controls(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Control points", "residual, px");
+    let Some(entry) = app.session.entry() else { return };
+    let points = entry.control_points.clone();
+    if points.is_empty() {
+        ui.label(RichText::new("C sets a point whose place you know.").color(palette.text2));
+    }
+    let plan = app.session.site.plan.clone();
+    let mut change = None;
+    for (index, point) in points.iter().enumerate() {
+        let name = point.id.clone().unwrap_or_else(|| index.to_string());
+        let residual = app.session.solution().and_then(|solution| {
+            let own =
+                |r: &&calib_core::Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref() == Some(&name);
+            solution.residuals.iter().find(own).map(|r| r.px)
+        });
+        let part = Part::Control(index);
+        let selected = app.session.selection.contains(&part);
+        let mut new = point.clone();
+        let mut changed = false;
+        ui.horizontal(|ui| {
+            let mut on = !point.off;
+            if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
+                (new.off, changed) = (!on, true);
+            }
+            if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
+                app.session.selection = [part].into();
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let text = residual.map_or_else(|| "\u{2014}".into(), |px| format!("{px:.1}"));
+                ui.label(text);
+            });
+        });
+        if selected && let Some(control) = point.control_point(plan.as_ref()) {
+            let mut world = control.world;
+            ui.horizontal(|ui| {
+                for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
+                    let label = ui.label(RichText::new(title).color(palette.text2));
+                    let edit = DragValue::new(value).speed(0.01).max_decimals(3).update_while_editing(false);
+                    changed |= ui.add(edit.suffix(" m")).labelled_by(label.id).changed();
+                }
+            });
+            if world != control.world {
+                (new.world_m, new.plan_px, new.height_m) = (Some(world), None, None);
+            }
+        }
+        if changed {
+            change = Some((index, new, name));
+        }
+    }
+    if let Some((index, new, name)) = change {
+        app.cancel();
+        if let Some(entry) = app.session.entry_mut() {
+            entry.control_points[index] = new;
+        }
+        app.session.commit(format!("change {name}"));
+    }
+}
