@@ -211,6 +211,12 @@ impl App {
         }
     }
 
+    /// The kind of annotation that the tool in hand draws.
+    #[must_use]
+    pub fn tool_kind(&self) -> Option<calib_core::Kind> {
+        TOOLS.get(self.tool_row)?.kind
+    }
+
     /// Ends a gesture that is under way; the site is as it was before it.
     pub fn cancel(&mut self) {
         self.tool.cancel();
@@ -310,7 +316,8 @@ impl App {
         }
         let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
         let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        [[low(0), low(1)], [high(0), high(1)]]
+        let margin = 0.06 * (high(0) - low(0)).hypot(high(1) - low(1));
+        [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
     }
 
     /// Poses to be shown as ghosts: those before Refine.

@@ -22,6 +22,9 @@ pub struct Mapping {
     pub rect: Rect,
 }
 
+/// How much of the canvas a document fills that is shown whole.
+const ROOM: f64 = 0.94;
+
 /// Beyond these the numbers of a point no longer fit in a coordinate of the screen.
 const ZOOMS: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
@@ -31,7 +34,7 @@ impl View {
     pub fn of(low: [f64; 2], high: [f64; 2], rect: Rect, y_up: bool, fill: bool) -> Self {
         let size = [(high[0] - low[0]).abs().max(1e-6), (high[1] - low[1]).abs().max(1e-6)];
         let fits = [f64::from(rect.width()) / size[0], f64::from(rect.height()) / size[1]];
-        let zoom = if fill { fits[0].max(fits[1]) } else { 0.96 * fits[0].min(fits[1]) };
+        let zoom = if fill { fits[0].max(fits[1]) } else { ROOM * fits[0].min(fits[1]) };
         let centre = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
         Self { centre, zoom: zoom.clamp(*ZOOMS.start(), *ZOOMS.end()), y_up }
     }

@@ -29,7 +29,7 @@ pub struct Floor<'a> {
 }
 
 /// Cells of the mesh on which an image is laid on the floor.
-const CELLS: usize = 24;
+const CELLS: usize = 12;
 /// How much larger than life uncertainty is drawn.
 const ELLIPSE: f64 = 10.0;
 
@@ -93,34 +93,46 @@ impl Floor<'_> {
         }
     }
 
+    /// The image inside its field: the field cut into small triangles, each corner looked up in the image.
     fn lay(&self, painter: &Painter, picture: &Picture, pose: &Camera, solution: &Solution, size: [f64; 2]) {
-        // The part of the image that shows the field, on a grid.
-        let shown: Vec<Pixel> =
-            solution.efov_m.iter().filter_map(|p| pose.world_to_pixel(p.at_height(0.0))).collect();
-        if shown.len() < 3 {
-            return;
-        }
-        let low =
-            |of: fn(&Pixel) -> f64, most: f64| shown.iter().map(of).fold(most, f64::min).clamp(0.0, most);
-        let high =
-            |of: fn(&Pixel) -> f64, most: f64| shown.iter().map(of).fold(0.0, f64::max).clamp(0.0, most);
-        let (u0, u1) = (low(|p| p.u, size[0]), high(|p| p.u, size[0]));
-        let (v0, v1) = (low(|p| p.v, size[1]), high(|p| p.v, size[1]));
-        let reach = 40.0 * pose.position.z.abs();
-        let foot = pose.position.on_floor();
-        let mut points = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
-        for row in 0..=CELLS {
-            for column in 0..=CELLS {
-                let (s, t) = (column as f64 / CELLS as f64, row as f64 / CELLS as f64);
-                // Rows crowd towards the horizon, where a pixel is many metres.
-                let pixel = Pixel::new(u0 + s * (u1 - u0), v1 + (1.0 - (1.0 - t).powi(2)) * (v0 - v1));
-                let floor = pose.pixel_to_floor(pixel, 0.0).filter(|p| p.distance(foot) < reach);
-                let uv = [(pixel.u / size[0]) as f32, (pixel.v / size[1]) as f32];
-                points.push((floor.map(|floor| self.at(floor)), uv));
+        let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
+        let mut mesh = Mesh::with_texture(picture.overview.id());
+        let corners: Vec<[f64; 2]> = solution.efov_m.iter().map(|&point| point.into()).collect();
+        let [w, h] = size;
+        for triangle in triangles(&corners) {
+            let base = mesh.vertices.len() as u32;
+            let at = |s: f64, t: f64| -> [f64; 2] {
+                let [a, b, c] = triangle;
+                std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
+            };
+            let mut is_whole = true;
+            for i in 0..=CELLS {
+                for j in 0..=CELLS - i {
+                    let point = at(i as f64 / CELLS as f64, j as f64 / CELLS as f64);
+                    let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
+                    is_whole &= seen.is_some();
+                    let Pixel { u, v } = seen.unwrap_or_default();
+                    let uv = Pos2::new((u / w) as f32, (v / h) as f32);
+                    let pos = self.mapping.screen(point);
+                    mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: tint });
+                }
+            }
+            if !is_whole {
+                mesh.vertices.truncate(base as usize);
+                continue;
+            }
+            let index =
+                |i: usize, j: usize| base + (i * (CELLS + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
+            for i in 0..CELLS {
+                for j in 0..CELLS - i {
+                    mesh.add_triangle(index(i, j), index(i + 1, j), index(i, j + 1));
+                    if j + 1 < CELLS - i {
+                        mesh.add_triangle(index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
+                    }
+                }
             }
         }
-        let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
-        picture.paint_warped(painter, CELLS + 1, &points, tint);
+        painter.add(Shape::mesh(mesh));
     }
 
     /// Every camera with its field; the one in hand last and with handles.
@@ -259,7 +271,9 @@ impl Floor<'_> {
     }
 
     /// Marks, links that were solved, control points with a rubber band to where the camera shows them.
-    pub fn paint_elements(&self, painter: &Painter) {
+    pub fn paint_elements(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
+        let over = cursor.map(|at| self.mapping.screen(at));
+        let is_near = |at: Pos2| over.is_some_and(|over| over.distance(at) < 48.0);
         for (index, mark) in self.session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
             let shape = mark.shape();
             let is_held = self.session.selection.contains(&Part::Mark(index));
@@ -270,11 +284,12 @@ impl Floor<'_> {
             }
             let at = self.at(shape.at.on_floor());
             handle(painter, at, colour);
-            if let Some(name) = mark.name.as_ref().or(mark.id.as_ref()) {
+            let name = mark.name.as_ref().or(mark.id.as_ref());
+            if let Some(name) = name.filter(|_| is_held || is_near(at)) {
                 tag(painter, at + Vec2::new(8.0, 4.0), Align2::LEFT_TOP, name, on_image::WHITE);
             }
         }
-        self.paint_links(painter);
+        self.paint_links(painter, is_near);
         let plan = self.session.site.plan.as_ref();
         for (index, camera) in self.session.site.cameras.iter().enumerate() {
             let colour = theme::camera(index);
@@ -301,7 +316,7 @@ impl Floor<'_> {
     }
 
     /// Where every view says a link is: apart by as much as the views disagree.
-    fn paint_links(&self, painter: &Painter) {
+    fn paint_links(&self, painter: &Painter, is_near: impl Fn(Pos2) -> bool) {
         for link in &self.session.site.links {
             let height = link.height_m.unwrap_or(0.0);
             let seen = link.seen.iter().filter_map(|seen| {
@@ -317,14 +332,16 @@ impl Floor<'_> {
             for &(index, at) in &seen {
                 handle(painter, at, theme::camera(index));
             }
-            if let (Some(id), Some((_, at))) = (&link.id, seen.first()) {
+            if let (Some(id), Some((_, at))) = (&link.id, seen.first())
+                && is_near(*at)
+            {
                 tag(painter, *at + Vec2::new(6.0, -4.0), Align2::LEFT_BOTTOM, id, on_image::WHITE);
             }
         }
     }
 
     /// A bar of round metres.
-    pub fn paint_scale(&self, painter: &Painter, colour: Color32) {
+    pub fn paint_scale(&self, painter: &Painter) {
         let rect = painter.clip_rect();
         let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 500.0];
         let Some(metres) = steps.into_iter().find(|step| step * self.mapping.view.zoom > 80.0) else {
@@ -334,49 +351,69 @@ impl Floor<'_> {
             ((metres * self.mapping.view.zoom) as f32, rect.left_bottom() + Vec2::new(16.0, -16.0));
         let right = left + Vec2::new(length, 0.0);
         let tick = Vec2::new(0.0, 5.0);
-        line(painter, &[left - tick, left, right, right - tick], Pen::new(colour, 1.5));
-        let text = format!("{metres} m");
-        painter.text(
-            left + Vec2::new(0.5 * length, -4.0),
-            Align2::CENTER_BOTTOM,
-            text,
-            theme::regular(11.0),
-            colour,
-        );
+        line(painter, &[left - tick, left, right, right - tick], Pen::new(on_image::WHITE, 1.5));
+        let at = left + Vec2::new(0.5 * length, -8.0);
+        tag(painter, at, Align2::CENTER_BOTTOM, &format!("{metres} m"), on_image::WHITE);
     }
 }
 
-/// Fills a polygon that need not be convex: triangles cut off at its ears.
+/// Fills a polygon that need not be convex.
 fn fill(painter: &Painter, points: &[Pos2], colour: Color32) {
-    let mut ring: Vec<Pos2> = points.to_vec();
-    if ring.first() == ring.last() {
-        ring.pop();
-    }
-    let cross = |a: Pos2, b: Pos2, c: Pos2| (b - a).x * (c - a).y - (b - a).y * (c - a).x;
-    let area: f32 = ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| a.x * b.y - b.x * a.y).sum();
+    let corners: Vec<[f64; 2]> = points.iter().map(|p| [f64::from(p.x), f64::from(p.y)]).collect();
     let mut mesh = Mesh::default();
-    while ring.len() >= 3 {
-        let count = ring.len();
-        let ear = (0..count).find(|&i| {
-            let (a, b, c) = (ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]);
-            let is_convex = cross(a, b, c) * area > 0.0;
-            let holds = |p: &Pos2| {
-                *p != a
-                    && *p != b
-                    && *p != c
-                    && cross(a, b, *p) * area >= 0.0
-                    && cross(b, c, *p) * area >= 0.0
-                    && cross(c, a, *p) * area >= 0.0
-            };
-            is_convex && !ring.iter().any(holds)
-        });
-        let i = ear.unwrap_or(0);
+    for triangle in triangles(&corners) {
         let base = mesh.vertices.len() as u32;
-        for p in [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]] {
-            mesh.colored_vertex(p, colour);
+        for [x, y] in triangle {
+            mesh.colored_vertex(Pos2::new(x as f32, y as f32), colour);
         }
         mesh.add_triangle(base, base + 1, base + 2);
-        ring.remove(i);
     }
     painter.add(Shape::mesh(mesh));
+}
+
+/// A simple polygon as triangles, cut off at its ears (Meisters 1975).
+fn triangles(polygon: &[[f64; 2]]) -> Vec<[[f64; 2]; 3]> {
+    let mut ring = polygon.to_vec();
+    if ring.len() > 1 && ring.first() == ring.last() {
+        ring.pop();
+    }
+    let cross =
+        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let sign: f64 =
+        ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
+    let mut found = Vec::new();
+    while ring.len() >= 3 {
+        let count = ring.len();
+        let around = |i: usize| [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]];
+        let is_ear = |i: &usize| {
+            let [a, b, c] = around(*i);
+            let holds = |p: &&[f64; 2]| {
+                **p != a
+                    && **p != b
+                    && **p != c
+                    && [(a, b), (b, c), (c, a)].iter().all(|(p0, p1)| cross(*p0, *p1, **p) * sign >= 0.0)
+            };
+            cross(a, b, c) * sign > 0.0 && !ring.iter().any(|p| holds(&p))
+        };
+        // A polygon that crosses itself has no ear at some point: then any corner goes.
+        let i = (0..count).find(is_ear).unwrap_or(0);
+        found.push(around(i));
+        ring.remove(i);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_cover_a_polygon_with_a_dent() {
+        let polygon = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 1.0], [0.0, 4.0]];
+        let area = |[a, b, c]: [[f64; 2]; 3]| {
+            0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+        };
+        let total: f64 = triangles(&polygon).into_iter().map(area).sum();
+        assert!((total - 10.0).abs() < 1e-12, "{total}");
+    }
 }

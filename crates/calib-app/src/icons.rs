@@ -1,6 +1,6 @@
 //! Icons: strokes on a grid of 16, and buttons that carry one and a spoken name.
 
-use egui::{Color32, CornerRadius, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, WidgetInfo, Role};
+use egui::{Color32, CornerRadius, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::theme;
 

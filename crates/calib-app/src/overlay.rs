@@ -76,6 +76,8 @@ pub struct Overlay<'a> {
     pub time: f64,
     /// Whether names are shown: not on small images.
     pub labels: bool,
+    /// Whether drawn lines are shown: among many views they hide what is compared.
+    pub lines: bool,
 }
 
 impl Overlay<'_> {
@@ -89,6 +91,13 @@ impl Overlay<'_> {
 
     fn entry(&self) -> Option<&SiteCamera> {
         self.session.site.cameras.get(self.camera)
+    }
+
+    /// Whether a thing says its name: all of them at once hide the image.
+    fn says_name(&self, at: Pos2, selected: bool) -> bool {
+        const NEAR: f32 = 48.0;
+        let over = self.cursor.is_some_and(|cursor| self.at(cursor).distance(at) < NEAR);
+        self.labels && (over || selected && self.session.camera == self.camera)
     }
 
     fn world(&self, painter: &Painter, camera: &Camera, points: &[calib_core::WorldPoint], pen: Pen) {
@@ -115,7 +124,7 @@ impl Overlay<'_> {
             self.paint_others(painter, camera);
             self.paint_marks(painter, camera);
         }
-        for (index, annotation) in entry.annotations.iter().enumerate() {
+        for (index, annotation) in entry.annotations.iter().enumerate().filter(|_| self.lines) {
             self.paint_annotation(painter, entry, index, annotation);
         }
         self.paint_controls(painter, entry, pose);
@@ -127,7 +136,7 @@ impl Overlay<'_> {
     fn paint_floor(&self, painter: &Painter, camera: &Camera, solution: &Solution) {
         let polygon = &solution.efov_m;
         if self.layers.grid {
-            let pen = Pen::new(Color32::from_white_alpha(97), 1.0).bare();
+            let pen = Pen::new(Color32::from_white_alpha(120), 1.0).faint();
             for grid in floor_grid(polygon, grid_step(polygon)) {
                 self.world(painter, camera, &grid, pen);
             }
@@ -137,7 +146,7 @@ impl Overlay<'_> {
             // A prism of many corners, as a clipped or bent outline has, shows its faces and no more.
             let lines = if polygon.len() > 8 { 2 } else { usize::MAX };
             for edge in prism(polygon).iter().take(lines).skip(1) {
-                self.world(painter, camera, edge, Pen::new(colour, 1.25).bare());
+                self.world(painter, camera, edge, Pen::new(colour, 1.25).faint());
             }
         }
     }
@@ -220,7 +229,7 @@ impl Overlay<'_> {
                 painter,
                 camera,
                 &outline,
-                Pen::new(theme::camera(other), 1.25).dashed(&[5.0, 5.0]).bare(),
+                Pen::new(theme::camera(other), 1.25).dashed(&[5.0, 5.0]).faint(),
             );
         }
     }
@@ -234,7 +243,8 @@ impl Overlay<'_> {
                 self.world(painter, camera, &part, Pen::new(colour, 2.25));
             }
             let Some(at) = camera.world_to_pixel(shape.at) else { continue };
-            if let Some(name) = mark.name.as_ref().or(mark.id.as_ref()).filter(|_| self.labels) {
+            let name = mark.name.as_ref().or(mark.id.as_ref());
+            if let Some(name) = name.filter(|_| is_held || self.says_name(self.at(at), false)) {
                 tag(painter, self.at(at) + Vec2::new(0.0, 6.0), Align2::CENTER_TOP, name, on_image::WHITE);
             }
             let id = self.entry().map(|entry| entry.id.as_str());
@@ -345,7 +355,7 @@ impl Overlay<'_> {
 
     fn paint_controls(&self, painter: &Painter, entry: &SiteCamera, pose: Option<&Camera>) {
         let plan = self.session.site.plan.as_ref();
-        for point in &entry.control_points {
+        for (index, point) in entry.control_points.iter().enumerate() {
             let at = self.at(point.px);
             let colour = if point.off { Color32::GRAY } else { on_image::WHITE };
             let pen = Pen::new(colour, 1.75);
@@ -358,7 +368,9 @@ impl Overlay<'_> {
             if let Some(shown) = pose.and_then(|camera| camera.world_to_pixel(world?)) {
                 line(painter, &[at, self.at(shown)], Pen::new(on_image::BAD, 1.75));
             }
-            if let Some(name) = point.name.as_ref().or(point.id.as_ref()).filter(|_| self.labels) {
+            let selected = self.session.selection.contains(&Part::Control(index));
+            let name = point.name.as_ref().or(point.id.as_ref());
+            if let Some(name) = name.filter(|_| self.says_name(at, selected)) {
                 tag(painter, at + Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM, name, colour);
             }
         }
@@ -382,7 +394,9 @@ impl Overlay<'_> {
                 for &at in &points {
                     diamond(painter, at, colour);
                 }
-                if let (Some(id), Some(&at)) = (link.id.as_ref().filter(|_| self.labels), points.first()) {
+                if let (Some(id), Some(&at)) = (link.id.as_ref(), points.first())
+                    && (waits || self.says_name(at, false))
+                {
                     tag(painter, at + Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM, id, colour);
                 }
             } else if let (true, Some(camera)) = (waits, pose) {
@@ -468,7 +482,7 @@ fn second_cue(painter: &Painter, drawn: &Annotation, segment: usize, points: &[P
     let along = by.normalized();
     let across = Vec2::new(-along.y, along.x);
     let at = |s: f32, t: f32| middle + s * along + t * across;
-    let pen = Pen::new(colour, 1.5).bare();
+    let pen = Pen::new(colour, 1.5).faint();
     let stroke = |points: &[Pos2]| line(painter, points, pen);
     match drawn.kind {
         Kind::Vertical => {

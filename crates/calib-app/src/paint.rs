@@ -13,15 +13,15 @@ pub struct Pen {
     pub width: f32,
     /// Lengths of strokes and gaps; solid if empty.
     pub dash: &'static [f32],
-    /// Whether it lies on a dark line.
-    pub outlined: bool,
+    /// The dark line it lies on.
+    pub below: Color32,
 }
 
 impl Pen {
     /// A solid line.
     #[must_use]
     pub const fn new(colour: Color32, width: f32) -> Self {
-        Self { colour, width, dash: &[], outlined: true }
+        Self { colour, width, dash: &[], below: on_image::OUTLINE }
     }
 
     /// Strokes and gaps.
@@ -33,7 +33,13 @@ impl Pen {
     /// Without the dark line below.
     #[must_use]
     pub const fn bare(self) -> Self {
-        Self { outlined: false, ..self }
+        Self { below: Color32::TRANSPARENT, ..self }
+    }
+
+    /// With a dark line below that is hardly seen.
+    #[must_use]
+    pub const fn faint(self) -> Self {
+        Self { below: Color32::from_black_alpha(56), ..self }
     }
 }
 
@@ -43,8 +49,8 @@ const MARGIN: f32 = 64.0;
 /// Draws a polyline; parts far outside the clip rectangle are left out.
 pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
     for piece in clipped(points, painter.clip_rect().expand(MARGIN)) {
-        if pen.outlined {
-            let below = Stroke::new(pen.width + 2.0, on_image::OUTLINE);
+        if pen.below != Color32::TRANSPARENT {
+            let below = Stroke::new(pen.width + 2.0, pen.below);
             painter.add(dashes(&piece, pen.dash, below));
         }
         painter.add(dashes(&piece, pen.dash, Stroke::new(pen.width, pen.colour)));
@@ -73,6 +79,9 @@ fn clipped(points: &[Pos2], rect: Rect) -> Vec<Vec<Pos2>> {
 }
 
 fn clip(a: Pos2, b: Pos2, rect: Rect) -> Option<[Pos2; 2]> {
+    if !(a.is_finite() && b.is_finite()) {
+        return None;
+    }
     let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
     let by = b - a;
     let sides = [
@@ -92,7 +101,6 @@ fn clip(a: Pos2, b: Pos2, rect: Rect) -> Option<[Pos2; 2]> {
             leave = leave.min(room / slope);
         }
     }
-    // A NaN fails both comparisons and draws nothing.
     (enter <= leave).then(|| {
         let at = |t: f32| {
             if t == 0.0 {

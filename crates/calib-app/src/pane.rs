@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use calib_core::Pixel;
-use egui::{Color32, CursorIcon, Event, EventFilter, Pos2, Rect, Sense, Ui, Vec2, WidgetInfo, Role};
+use egui::{Color32, CursorIcon, Event, EventFilter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
@@ -226,6 +226,7 @@ fn overlay<'a>(app: &'a App, ui: &Ui, camera: usize, mapping: Mapping, place: Pl
         holding: !app.tool.is_idle(),
         time: ui.input(|i| i.time) - app.suspect_since,
         labels: place == Place::Main || mapping.rect.width() > 300.0,
+        lines: place == Place::Main || app.tool_kind().is_some(),
     }
 }
 
@@ -309,7 +310,7 @@ fn loupe(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2])
     let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
     app.paint_still(&painter, name.as_deref(), &large, rect);
     let mut overlay = overlay(app, ui, camera, large, Place::Tile);
-    (overlay.labels, overlay.cursor) = (false, None);
+    (overlay.labels, overlay.cursor, overlay.lines) = (false, None, true);
     overlay.paint(&painter);
     let centre = rect.center();
     for by in [Vec2::new(14.0, 0.0), Vec2::new(0.0, 14.0)] {
@@ -359,13 +360,12 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_images(&painter, &app.pictures);
     let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
-    floor.paint_elements(&painter);
+    floor.paint_elements(&painter, cursor);
     for points in app.tool.rubber(Pane::Plan) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
     }
-    let on_picture = if picture.is_some() { Color32::from_gray(60) } else { palette.text };
-    floor.paint_scale(&painter, on_picture);
+    floor.paint_scale(&painter);
     plan_handle_names(app, ui, &mapping);
     self::cursor(app, ui, Pane::Plan, &mapping);
 }

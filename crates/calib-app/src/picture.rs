@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::sync::Arc;
 
-use egui::{Color32, ColorImage, Context, Mesh, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
+use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
 use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
 
 use crate::canvas::Mapping;
@@ -145,34 +145,6 @@ impl Picture {
                 painter.image(texture.id(), rect, uv, tint);
             }
         }
-    }
-
-    /// Paints the small copy on a mesh: `points` are screen positions of a grid of `columns` over
-    /// `corners`, fractions of the image; a point that does not exist leaves a hole.
-    pub fn paint_warped(
-        &self,
-        painter: &Painter,
-        columns: usize,
-        points: &[(Option<Pos2>, [f32; 2])],
-        tint: Color32,
-    ) {
-        let mut mesh = Mesh::with_texture(self.overview.id());
-        for (at, [u, v]) in points {
-            let pos = at.unwrap_or(Pos2::ZERO);
-            mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::new(*u, *v), color: tint });
-        }
-        for i in 0..points.len().saturating_sub(columns + 1) {
-            if (i + 1) % columns == 0 {
-                continue;
-            }
-            let quad = [i, i + 1, i + columns, i + columns + 1];
-            if quad.iter().all(|&k| points.get(k).is_some_and(|(at, _)| at.is_some())) {
-                let [a, b, c, d] = quad.map(|k| k as u32);
-                mesh.add_triangle(a, b, c);
-                mesh.add_triangle(b, d, c);
-            }
-        }
-        painter.add(egui::Shape::mesh(mesh));
     }
 }
 

@@ -1,7 +1,7 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
-use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2, WidgetInfo, Role};
+use egui::{Align2, DragValue, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::hit::Part;
@@ -65,7 +65,7 @@ fn group(ui: &mut Ui, annotation: &Annotation, index: usize, letter: char, wishe
         let count = annotation.polylines().count();
         ui.label(RichText::new(count.to_string()).color(palette.text3));
         if annotation.at_right_angles_to.is_some() {
-            ui.label(RichText::new("\u{22a5}").color(palette.text2))
+            ui.label(RichText::new("square").color(palette.text2))
                 .on_hover_text("at right angles to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

@@ -1,8 +1,6 @@
 //! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
 
-use egui::{
-    Align2, Color32, Key, Rect, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo, Role,
-};
+use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::dialog::Purpose;

@@ -61,9 +61,12 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
             app.session.selection = [part].into();
         }
         let sizes: Vec<String> = mark.size_m.iter().map(|size| number(*size, 2)).collect();
-        ui.label(RichText::new(format!("{} m", sizes.join(" \u{d7} "))).color(palette.text2));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(format!("{}, {} m", number(x, 2), number(y, 2)));
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                let text = RichText::new(sizes.join(" \u{d7} ")).color(palette.text2);
+                ui.add(egui::Label::new(text).truncate());
+            });
         });
     });
     if !selected {

@@ -97,8 +97,11 @@ fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches
         .views
         .get(&key)
         .map_or_else(String::new, |view| format!("{} %", number(100.0 * view.zoom, 0)));
-    header(app, ui, rect, "", switches);
-    let clip = ui.painter().with_clip_rect(rect);
+    // In a narrow view the switches that matter least give way to the name.
+    let room = ((rect.width() - 180.0) / 66.0).max(0.0) as usize;
+    let shown = &switches[..switches.len().min(room)];
+    header(app, ui, rect, "", shown);
+    let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 66.0 * shown.len() as f32));
     chip(&clip, rect.left_center() + Vec2::new(18.0, 0.0), camera);
     let at = rect.left_center() + Vec2::new(34.0, 0.0);
     let name = clip.text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
