@@ -87,6 +87,8 @@ pub struct App {
     pub found: Option<Found>,
     /// A saved version to compare with.
     pub compared: Option<Site>,
+    /// How files are asked for.
+    pub chooser: fn(Purpose) -> Dialog,
     autosave: Option<Autosave>,
     kept: u64,
     dialog: Option<Dialog>,
@@ -128,6 +130,7 @@ impl App {
             error: None,
             found,
             compared: None,
+            chooser: Dialog::open,
             autosave,
             kept: 0,
             dialog: None,
@@ -200,7 +203,7 @@ impl App {
 
     /// Asks for files.
     pub fn ask(&mut self, purpose: Purpose) {
-        self.dialog = Some(Dialog::open(purpose));
+        self.dialog = Some((self.chooser)(purpose));
     }
 
     /// Puts a tool in the hand.
@@ -226,7 +229,10 @@ impl App {
 
     /// Shows another view.
     pub fn show(&mut self, mode: Mode) {
-        self.cancel();
+        // A control point that waits for the plan waits through this.
+        if !self.session.history.is_at(&self.session.site) {
+            self.cancel();
+        }
         self.mode = mode;
     }
 
@@ -241,9 +247,11 @@ impl App {
     /// The canvas that zoom keys mean.
     #[must_use]
     pub fn zoom_key(&self) -> (Place, Pane) {
-        let own = (Place::Main, Pane::Image(self.session.camera));
+        let own = Pane::Image(self.session.camera);
         match (self.mode, self.panes.active) {
-            (Mode::Image, _) | (_, None) => own,
+            (Mode::Image, _) => (Place::Main, own),
+            (Mode::Plan, None) => (Place::Half, own),
+            (_, None) => (Place::Tile, own),
             (_, Some(active)) => active,
         }
     }
@@ -310,7 +318,8 @@ impl App {
         let count = session.site.cameras.len();
         let fields = (0..count).filter_map(|i| session.solved.solution(i)).flat_map(|s| &s.efov_m);
         let feet = (0..count).filter_map(|i| session.solved.pose(i)).map(|pose| pose.position.on_floor());
-        let points: Vec<[f64; 2]> = fields.copied().chain(feet).map(Into::into).collect();
+        let points: Vec<[f64; 2]> =
+            fields.copied().chain(feet).chain(self.plan_corners()).map(Into::into).collect();
         if points.is_empty() {
             return [[-5.0, -2.0], [5.0, 10.0]];
         }
@@ -318,6 +327,16 @@ impl App {
         let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
         let margin = 0.06 * (high(0) - low(0)).hypot(high(1) - low(1));
         [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
+    }
+
+    /// Where the corners of the plan's picture lie on the floor.
+    fn plan_corners(&self) -> Vec<calib_core::FloorPoint> {
+        let name = self.session.site.plan.as_ref().and_then(|plan| plan.image.as_ref());
+        let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
+        let [w, h] = picture.size().map(f64::from);
+        let scale = crate::tools::plan_scale(&self.session.site);
+        let corner = |[x, y]: [f64; 2]| scale.floor_from_plan(PlanPixel::new(x, y));
+        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
     }
 
     /// Poses to be shown as ghosts: those before Refine.
@@ -367,6 +386,7 @@ impl App {
         self.logic(&ui.ctx().clone());
         self.session.solve();
         self.watch_suspect(ui);
+        self.panes.rects.clear();
         panels::show(self, ui);
         self.remember();
     }

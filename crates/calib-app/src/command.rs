@@ -225,7 +225,7 @@ pub fn is_enabled(app: &App, command: Command) -> bool {
     use Command as C;
     let session = &app.session;
     match command {
-        C::Undo => session.history.undo_name().is_some() && app.tool.is_idle(),
+        C::Undo => session.history.undo_name().is_some() || !app.tool.is_idle(),
         C::Redo => session.history.redo_name().is_some() && app.tool.is_idle(),
         C::Delete | C::OnOff | C::Duplicate | C::PullOntoEdge | C::Deselect | C::UseAnyway => {
             !session.selection.is_empty()
@@ -325,6 +325,8 @@ fn switch(app: &mut App, command: Command) {
 
 fn gesture(app: &mut App, command: Command) {
     match command {
+        // What is in the hand is taken back first.
+        Command::Undo | Command::Redo if !app.tool.is_idle() => app.cancel(),
         Command::Undo => app.session.undo(),
         Command::Redo => app.session.redo(),
         Command::Accept => app.tool.accept(&mut app.session),

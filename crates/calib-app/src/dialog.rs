@@ -78,6 +78,12 @@ impl Dialog {
         Self { purpose, answer }
     }
 
+    /// A chooser that was answered before it was opened: for tests and scripts.
+    #[must_use]
+    pub fn answered(purpose: Purpose, chosen: Vec<Chosen>) -> Self {
+        Self { purpose, answer: Box::pin(std::future::ready(chosen)) }
+    }
+
     /// What was chosen, once the operator is done; nothing if the chooser was closed.
     pub fn poll(&mut self) -> Option<Vec<Chosen>> {
         let mut context = Context::from_waker(Waker::noop());

@@ -26,8 +26,10 @@ const LOUPE_ZOOM: f64 = 6.0;
 /// Where a pane stands: a camera alone and among others is looked at in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// It has the canvas, or half of it.
+    /// It has the canvas.
     Main,
+    /// It stands beside the plan.
+    Half,
     /// One of many.
     Tile,
 }
@@ -172,7 +174,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let response = ui.interact(rect, id, Sense::hover());
     let label = format!("Image of {}", entry.id);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
-    let whole = || View::of([0.0, 0.0], size, rect, false, place == Place::Tile);
+    let whole = || View::of([0.0, 0.0], size, rect, false, place != Place::Main);
     let view = *app.panes.views.entry(key).or_insert_with(whole);
     let mut mapping = Mapping { view, rect };
     app.panes.rects.insert(key, rect);
@@ -189,7 +191,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
-    if place == Place::Main {
+    if place != Place::Tile {
         handles(app, ui, camera, &mapping);
     }
     cursor(app, ui, pane, &mapping);
@@ -225,8 +227,8 @@ fn overlay<'a>(app: &'a App, ui: &Ui, camera: usize, mapping: Mapping, place: Pl
         lit,
         holding: !app.tool.is_idle(),
         time: ui.input(|i| i.time) - app.suspect_since,
-        labels: place == Place::Main || mapping.rect.width() > 300.0,
-        lines: place == Place::Main || app.tool_kind().is_some(),
+        labels: place != Place::Tile || mapping.rect.width() > 300.0,
+        lines: place != Place::Tile || app.tool_kind().is_some(),
     }
 }
 

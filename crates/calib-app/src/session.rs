@@ -302,6 +302,8 @@ impl Session {
                 self.place(*index, Placement::of(&pose));
             }
         }
+        // From where they stand now, as whoever opens the file will find it.
+        let report = self.site.calibrate(&Options::default());
         self.solved.keep_joint(&self.site, report);
         self.commit("refine all cameras");
         self.before_refine = Some(before);

@@ -22,7 +22,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     match app.mode {
         Mode::Image => {
             let camera = app.session.camera;
-            single(app, ui, rect, camera);
+            single(app, ui, rect, camera, Place::Main);
         }
         Mode::Plan => {
             let (left, right) = rect.split_left_right_at_fraction(0.46);
@@ -42,7 +42,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
-fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize) {
+fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let switches = [
         Command::Grid,
         Command::Horizon,
@@ -53,18 +53,18 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize) {
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
     camera_header(app, ui, above, camera, &switches);
-    pane::image(app, ui, rect.with_min_y(above.bottom()), camera, Place::Main);
+    pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
 }
 
 /// The camera in hand, and below it the one that shares most of its floor.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     let camera = app.session.camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
-        single(app, ui, rect, camera);
+        single(app, ui, rect, camera, Place::Half);
         return;
     };
     let (top, bottom) = rect.split_top_bottom_at_fraction(0.52);
-    single(app, ui, top, camera);
+    single(app, ui, top, camera, Place::Half);
     camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), other, &[]);
     pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
 }

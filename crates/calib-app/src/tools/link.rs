@@ -94,7 +94,8 @@ impl Tool for Linking {
     }
 
     fn is_idle(&self) -> bool {
-        self.gesture == Gesture::Idle && self.waiting.is_none()
+        // A link that waits for another view is a finished gesture all the same.
+        self.gesture == Gesture::Idle
     }
 
     fn hint(&self, _: &Session) -> String {
