@@ -89,7 +89,9 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         desk.harness.run_steps(2);
         let foot: [f64; 2] = desk.app().session.solved.pose(camera).unwrap().position.on_floor().into();
         let to = model.cameras[camera].placement.as_ref().unwrap().move_m;
-        desk.drag(Pane::Plan, foot, to.into());
+        let (from, to) = (desk.screen(Pane::Plan, foot), desk.screen(Pane::Plan, to.into()));
+        let aside = from + egui::vec2(30.0, -20.0);
+        desk.drag_screen(&[from, aside, to], Modifiers::NONE);
         assert_eq!(stage(&mut desk, camera), Some(Stage::Placed), "camera {camera}");
     }
     desk.key(Key::F9);
