@@ -8,6 +8,7 @@ use egui::{Color32, Context, Painter, Rect, Ui};
 use crate::canvas::Mapping;
 use crate::command;
 use crate::dialog::{Chosen, Dialog, Purpose};
+use crate::edges::{self, Edge, Edges};
 use crate::files::{self, Autosave, Found, Images};
 use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
@@ -52,6 +53,8 @@ pub struct App {
     pub panes: Panes,
     /// Decoded stills.
     pub pictures: Pictures,
+    /// Straight edges of the stills.
+    pub edges: Edges,
     /// What lies on images.
     pub layers: Layers,
     /// Opacity of images on the plan.
@@ -112,6 +115,7 @@ impl App {
             mode: Mode::Image,
             panes: Panes::default(),
             pictures: Pictures::default(),
+            edges: Edges::default(),
             layers: Layers::default(),
             opacity: 0.8,
             blend: false,
@@ -145,6 +149,7 @@ impl App {
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
         self.session = Session::new(site, images, path);
         self.pictures.clear();
+        self.edges.clear();
         self.panes = Panes::default();
         self.orbit = None;
         self.kept = 0;
@@ -218,6 +223,23 @@ impl App {
     #[must_use]
     pub fn tool_kind(&self) -> Option<calib_core::Kind> {
         TOOLS.get(self.tool_row)?.kind
+    }
+
+    /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
+    pub fn offer(
+        &mut self,
+        ctx: &Context,
+        camera: usize,
+        at: calib_core::Pixel,
+        radius: f64,
+    ) -> Option<Edge> {
+        let draws = self.tool_kind().is_some_and(|kind| kind != calib_core::Kind::Straight);
+        if !draws || !self.layers.edges {
+            return None;
+        }
+        let name = self.session.site.cameras.get(camera)?.image.as_deref()?;
+        let picture = self.pictures.ready(name)?;
+        edges::under(self.edges.of(ctx, name, &picture.image), at, radius)
     }
 
     /// Ends a gesture that is under way; the site is as it was before it.
@@ -565,20 +587,21 @@ impl App {
     fn take_dropped(&mut self, ctx: &Context) {
         let dropped = ctx.input(|i| i.raw.dropped_files.clone());
         for file in dropped {
-            let path = file.path().to_path_buf();
+            self.take_path(ctx, file.path().to_path_buf());
+        }
+    }
+
+    /// Takes what was dropped or named: a site, an image, or a folder of images.
+    pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
+        let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+        if is_site {
+            self.open_path(&path);
+            return;
+        }
+        let images = if files::is_image(&path) { vec![path] } else { files::images_in(&path) };
+        for path in images {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            let chosen = |path: PathBuf, name: String| Chosen { name, path: Some(path), bytes: None };
-            if name.to_lowercase().ends_with(".json") {
-                self.open_path(&path);
-            } else if files::is_image(&path) {
-                self.add_still(ctx, chosen(path, name));
-            } else {
-                for image in files::images_in(&path) {
-                    let name =
-                        image.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-                    self.add_still(ctx, chosen(image, name));
-                }
-            }
+            self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });
         }
     }
 

@@ -64,6 +64,7 @@ pub enum Command {
     FixPlacement,
     ResetPlacement,
     Grid,
+    Edges,
     Horizon,
     Field,
     Prism,
@@ -157,6 +158,7 @@ pub const COMMANDS: &[Row] = {
         bare(C::FixPlacement, "Hold or release this camera's place"),
         bare(C::ResetPlacement, "Forget this camera's place"),
         row(C::Grid, "Show or hide the metre grid", NONE, Key::G),
+        row(C::Edges, "Offer or hide the edges that were found", NONE, Key::I),
         bare(C::Horizon, "Show or hide the horizon"),
         bare(C::Field, "Show or hide the field of view"),
         bare(C::Prism, "Show or hide the prism"),
@@ -288,7 +290,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
             on_view(app, command);
         }
         C::NextCamera | C::PreviousCamera | C::NextUnfinished | C::PreviousUnfinished | C::RemoveCamera => {
-            on_cameras(app, command)
+            on_cameras(app, command);
         }
         C::Pause | C::Refine | C::CompareBefore | C::FixPlacement | C::ResetPlacement => {
             on_solving(app, command);
@@ -309,6 +311,7 @@ fn switch(app: &mut App, command: Command) {
     let layers = &mut app.layers;
     let switch = match command {
         C::Grid => &mut layers.grid,
+        C::Edges => &mut layers.edges,
         C::Horizon => &mut layers.horizon,
         C::Field => &mut layers.field,
         C::Prism => &mut layers.prism,

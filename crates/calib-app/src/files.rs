@@ -11,13 +11,16 @@ const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::
 /// Prefix of the ids of stored images in the site as the app holds it.
 const STORED: &str = "stored:";
 
+/// Makes the bytes of an image that is not there.
+pub type Make = fn(&str) -> FileResult<Vec<u8>>;
+
 /// Where the images of a site come from.
 #[derive(Clone, Debug, Default)]
 pub struct Images {
     /// What names in the site are relative to.
     pub folder: Option<PathBuf>,
     /// Makes an image that is not there.
-    pub missing: Option<fn(&str) -> FileResult<Vec<u8>>>,
+    pub missing: Option<Make>,
     stored: BTreeMap<String, Stored>,
 }
 
@@ -30,7 +33,7 @@ struct Stored {
 impl Images {
     /// Images of files in a folder; one that is not there, `missing` makes.
     #[must_use]
-    pub fn beside(folder: Option<PathBuf>, missing: Option<fn(&str) -> FileResult<Vec<u8>>>) -> Self {
+    pub fn beside(folder: Option<PathBuf>, missing: Option<Make>) -> Self {
         Self { folder, missing, stored: BTreeMap::new() }
     }
 

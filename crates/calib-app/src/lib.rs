@@ -19,6 +19,7 @@ pub mod history;
 pub mod solved;
 pub mod session;
 pub mod snap;
+pub mod edges;
 pub mod tools;
 pub mod overlay;
 pub mod floor;

@@ -8,15 +8,15 @@ fn main() -> eframe::Result {
         .with_min_inner_size([800.0, 500.0])
         .with_drag_and_drop(true);
     let options = eframe::NativeOptions { viewport, ..Default::default() };
-    let path = std::env::args_os().nth(1).map(std::path::PathBuf::from);
+    let paths: Vec<std::path::PathBuf> = std::env::args_os().skip(1).map(Into::into).collect();
     eframe::run_native(
         "calib",
         options,
         Box::new(|creation| {
             let folder = calib_app::files::data_dir();
             let mut app = calib_app::App::new(&creation.egui_ctx, folder);
-            if let Some(path) = path {
-                app.open_path(&path);
+            for path in paths {
+                app.take_path(&creation.egui_ctx, path);
             }
             Ok(Box::new(app))
         }),

@@ -35,6 +35,8 @@ pub struct Layers {
     pub by_residual: bool,
     /// The likely next lines.
     pub suggestion: bool,
+    /// Edges that were found are offered.
+    pub edges: bool,
     /// Everything is hidden.
     pub hidden: bool,
 }
@@ -50,6 +52,7 @@ impl Default for Layers {
             extensions: true,
             by_residual: false,
             suggestion: true,
+            edges: true,
             hidden: false,
         }
     }

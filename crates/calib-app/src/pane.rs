@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use calib_core::Pixel;
-use egui::{Color32, CursorIcon, Event, EventFilter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use egui::{
+    Color32, CursorIcon, Event, EventFilter, Modifiers, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo,
+};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
@@ -17,6 +19,8 @@ use crate::tools::{Pane, Phase, Pointer};
 
 /// Movement less than this is a click, in points.
 const CLICK: f32 = 4.0;
+/// An edge this near to the cursor is offered, in points.
+const OFFER: f32 = 5.0;
 /// Two clicks within this are a double click, in seconds.
 const DOUBLE: f64 = 0.4;
 /// Side of the loupe and how much it enlarges.
@@ -96,57 +100,68 @@ fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
 
 /// Sends what the pointer did on this canvas to the tool.
 fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
-    let (events, time, modifiers, space) =
-        ui.input(|i| (i.events.clone(), i.time, i.modifiers, i.key_down(egui::Key::Space)));
+    let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
     for event in events {
         match event {
-            Event::PointerMoved(at) => {
-                let holds = app.panes.captured == Some(key);
-                if holds || (app.panes.captured.is_none() && is_over(ui, mapping.rect, at)) {
-                    app.panes.moved |= holds && at.distance(app.panes.pressed) > CLICK;
-                    app.panes.cursor = Some((key.1, mapping.document(at)));
-                    let phase = if holds { Phase::Drag } else { Phase::Hover };
-                    send(app, key.1, mapping, at, phase, modifiers);
-                } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
-                    && !mapping.rect.contains(at)
-                {
-                    app.panes.cursor = None;
-                }
-            }
+            Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {
-                if app.panes.captured.is_none() && !space && is_over(ui, mapping.rect, pos) {
-                    let panes = &mut app.panes;
-                    let recent = panes
-                        .last_press
-                        .is_some_and(|(when, at)| time - when < DOUBLE && at.distance(pos) < 2.0 * CLICK);
-                    panes.double = recent;
-                    panes.last_press = (!recent).then_some((time, pos));
-                    (panes.captured, panes.active) = (Some(key), Some(key));
-                    (panes.pressed, panes.moved) = (pos, false);
-                    panes.cursor = Some((key.1, mapping.document(pos)));
-                    send(app, key.1, mapping, pos, Phase::Press, modifiers);
-                }
+                pressed(app, ui, key, mapping, (pos, time), modifiers);
             }
-            Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: false, modifiers } => {
-                if app.panes.captured == Some(key) {
-                    app.panes.moved |= pos.distance(app.panes.pressed) > CLICK;
-                    send(app, key.1, mapping, pos, Phase::Release, modifiers);
-                    app.panes.captured = None;
-                }
+            Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: false, modifiers }
+                if app.panes.captured == Some(key) =>
+            {
+                app.panes.moved |= pos.distance(app.panes.pressed) > CLICK;
+                send(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
+                app.panes.captured = None;
             }
             _ => {}
         }
     }
 }
 
-fn send(app: &mut App, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: egui::Modifiers) {
-    let still = match pane {
-        Pane::Image(camera) => {
-            let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
-            name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image))
-        }
-        Pane::Plan => None,
-    };
+fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2, modifiers: Modifiers) {
+    let holds = app.panes.captured == Some(key);
+    if holds || (app.panes.captured.is_none() && is_over(ui, mapping.rect, at)) {
+        app.panes.moved |= holds && at.distance(app.panes.pressed) > CLICK;
+        app.panes.cursor = Some((key.1, mapping.document(at)));
+        let phase = if holds { Phase::Drag } else { Phase::Hover };
+        send(app, ui, key.1, mapping, at, phase, modifiers);
+    } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1) && !mapping.rect.contains(at) {
+        app.panes.cursor = None;
+    }
+}
+
+fn pressed(
+    app: &mut App,
+    ui: &Ui,
+    key: (Place, Pane),
+    mapping: &Mapping,
+    (at, time): (Pos2, f64),
+    modifiers: Modifiers,
+) {
+    let space = ui.input(|i| i.key_down(egui::Key::Space));
+    if app.panes.captured.is_some() || space || !is_over(ui, mapping.rect, at) {
+        return;
+    }
+    let panes = &mut app.panes;
+    let recent = panes
+        .last_press
+        .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
+    panes.double = recent;
+    panes.last_press = (!recent).then_some((time, at));
+    (panes.captured, panes.active) = (Some(key), Some(key));
+    (panes.pressed, panes.moved) = (at, false);
+    panes.cursor = Some((key.1, mapping.document(at)));
+    send(app, ui, key.1, mapping, at, Phase::Press, modifiers);
+}
+
+fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
+    let (mut still, mut offer) = (None, None);
+    if let Pane::Image(camera) = pane {
+        let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
+        still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
+        offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), mapping.units(OFFER));
+    }
     let pointer = Pointer {
         pane,
         at: mapping.document(at),
@@ -155,6 +170,7 @@ fn send(app: &mut App, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, mo
         radius: mapping.units(theme::HIT),
         moved: app.panes.moved,
         double: app.panes.double,
+        offer,
         still,
     };
     if phase == Phase::Press {
@@ -191,6 +207,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
+    offered(app, ui, &painter, camera, &mapping);
     if place != Place::Tile {
         handles(app, ui, camera, &mapping);
     }
@@ -200,6 +217,21 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
         loupe(app, ui, camera, &mapping, at);
+    }
+}
+
+/// The edge under the cursor, as a ghost that a click takes.
+fn offered(app: &mut App, ui: &Ui, painter: &egui::Painter, camera: usize, mapping: &Mapping) {
+    let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
+    if !app.tool.is_idle() {
+        return;
+    }
+    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), mapping.units(OFFER)) else { return };
+    let colour = app.tool_kind().map_or(on_image::WHITE, theme::kind);
+    let ends = edge.map(|pixel| mapping.screen(pixel.into()));
+    line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
+    for end in ends {
+        painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
     }
 }
 

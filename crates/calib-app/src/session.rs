@@ -285,9 +285,8 @@ impl Session {
     /// Looks for images beside another folder from now on; the history goes with it.
     pub fn rebase(&mut self, folder: &std::path::Path) {
         let images = self.images.clone();
-        let rebased = |site: &Site| images.rebased(site, folder);
-        self.site = rebased(&self.site);
-        self.history.map(rebased);
+        self.site = images.rebased(&self.site, folder);
+        self.history.map(|site| images.rebased(site, folder));
         self.images.folder = Some(folder.to_path_buf());
         self.images.missing = None;
     }

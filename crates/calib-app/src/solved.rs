@@ -223,6 +223,9 @@ fn is_same_site(known: &Site, site: &Site) -> bool {
         && known.distances == site.distances
 }
 
+/// A corner where `after` shows it unplaced, and where `before` shows it.
+type Pair = ([f64; 2], [f64; 2]);
+
 /// The placement with which the polygon of `after` lies nearest to where that of `before` lies.
 ///
 /// Least squares of a similarity, as complex numbers `b = move + scale e^(i turn) a` over the corners.
@@ -231,7 +234,7 @@ pub fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Optio
     /// Beyond so many camera heights a corner weighs more than it knows.
     const REACH: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
-    let pairs: Vec<([f64; 2], [f64; 2])> = corners
+    let pairs: Vec<Pair> = corners
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
@@ -242,9 +245,9 @@ pub fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Optio
         return None;
     }
     let count = pairs.len() as f64;
-    let mean = |of: &dyn Fn(&([f64; 2], [f64; 2])) -> f64| pairs.iter().map(of).sum::<f64>() / count;
-    let (ax, ay) = (mean(&|p| p.0[0]), mean(&|p| p.0[1]));
-    let (bx, by) = (mean(&|p| p.1[0]), mean(&|p| p.1[1]));
+    let mean = |of: fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (ax, ay) = (mean(|p| p.0[0]), mean(|p| p.0[1]));
+    let (bx, by) = (mean(|p| p.1[0]), mean(|p| p.1[1]));
     let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
     for (a, b) in &pairs {
         let (a, b) = ([a[0] - ax, a[1] - ay], [b[0] - bx, b[1] - by]);

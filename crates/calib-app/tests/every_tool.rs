@@ -1,5 +1,7 @@
 //! Every tool of the list draws, edits, deletes, undoes and redoes; every command of the list runs.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 mod desk;
 
 use calib_app::app::Mode;

@@ -1,5 +1,7 @@
 //! Whole pieces of work by pointer and keys: calibrating, placing, marks, and 1,000 gestures at random.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 mod desk;
 
 use calib_app::files;
@@ -103,19 +105,15 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
     let solved = saved.calibrate(&Options::default()).write_into(&saved);
     for (shown, again) in saved.cameras.iter().zip(&solved.cameras) {
         let (a, b) = (shown.solution.as_ref().unwrap(), again.solution.as_ref().unwrap());
-        let text = |s: &calib_core::Solution| {
-            format!(
-                "{:.1} {:.3} {:.3} {:.3} {:?} {:.2}",
-                s.focal_px,
-                s.pitch_deg.unwrap(),
-                s.roll_deg.unwrap(),
-                s.yaw_deg.unwrap(),
-                s.position_m.map(|p| [p.x, p.y, p.z].map(|v| (1e3 * v).round())),
-                s.rms_px.unwrap()
-            )
-        };
-        assert_eq!(text(a), text(b), "{}", shown.id);
+        assert_eq!(printed(a), printed(b), "{}", shown.id);
     }
+}
+
+/// The numbers of a result, as many digits as are printed.
+fn printed(s: &calib_core::Solution) -> String {
+    let position = s.position_m.map(|p| [p.x, p.y, p.z].map(|v| (1e3 * v).round()));
+    let angles = [s.pitch_deg, s.roll_deg, s.yaw_deg].map(|angle| (1e3 * angle.unwrap()).round());
+    format!("{:.1} {angles:?} {position:?} {:.2}", s.focal_px, s.rms_px.unwrap())
 }
 
 #[test]

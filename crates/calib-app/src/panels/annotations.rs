@@ -154,13 +154,17 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
             palette.text,
         );
     }
-    let mut on = !line.off;
-    let place = Rect::from_min_size(rect.min + Vec2::new(2.0, 1.0), Vec2::new(18.0, 17.0));
-    let check = ui.put(place, egui::Checkbox::without_text(&mut on));
-    check.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, on, format!("Use {name}")));
-    if check.changed() {
+    if switch(ui, rect, &name, !line.off) {
         wishes.push(Wish::Toggle(index));
     }
+}
+
+/// The box that switches a line on or off; whether it was clicked.
+fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
+    let place = Rect::from_min_size(row.min + Vec2::new(2.0, 1.0), Vec2::new(18.0, 17.0));
+    let check = ui.put(place, egui::Checkbox::without_text(&mut on));
+    check.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, on, format!("Use {name}")));
+    check.changed()
 }
 
 /// A bar as long as the residual is large, with a tick at three sigma.

@@ -37,6 +37,10 @@ fn state(app: &App, ui: &mut Ui) {
         ui.spinner();
         ui.label(RichText::new(format!("reading {loading} images")).color(palette.text2));
     }
+    if app.edges.looking() > 0 {
+        ui.spinner();
+        ui.label(RichText::new("finding edges").color(palette.text2));
+    }
     let solved = &app.session.solved;
     if solved.paused {
         ui.label(RichText::new("Solving is paused").color(palette.warn));

@@ -94,11 +94,10 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
             });
         }
         Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions
-            if command::is_enabled(app, Command::TakeSuggestion) =>
+            if command::is_enabled(app, Command::TakeSuggestion)
+                && ui.button("Draw what helps   N").clicked() =>
         {
-            if ui.button("Draw what helps   N").clicked() {
-                *wish = Some((Some(Command::TakeSuggestion), None));
-            }
+            *wish = Some((Some(Command::TakeSuggestion), None));
         }
         _ => {}
     }

@@ -59,6 +59,8 @@ pub struct Pointer {
     pub moved: bool,
     /// Whether this is the second of two quick clicks.
     pub double: bool,
+    /// The edge of the image under the pointer, offered to be taken.
+    pub offer: Option<crate::edges::Edge>,
     /// The picture of the canvas, to pull lines onto its edges.
     pub still: Option<Arc<RgbImage>>,
 }

@@ -46,7 +46,7 @@ impl Segment {
     }
 
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
-        let pulled = pointer.modifiers.alt.then(|| pointer.still.as_deref()).flatten();
+        let pulled = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
         let line = pulled.and_then(|still| snap::pull(still, line)).unwrap_or(line);
         if let Some(part) = self.show(session, camera, line) {
             let name = format!("add {}", session.part_name(part));
@@ -55,6 +55,11 @@ impl Segment {
         }
         Gesture::Idle
     }
+}
+
+/// Foot first for what stands upright.
+fn upright(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
+    if kind == Kind::Upright && a.v < b.v { [b, a] } else { [a, b] }
 }
 
 impl Tool for Segment {
@@ -74,7 +79,11 @@ impl Tool for Segment {
             (Gesture::Pressed { start, .. }, Phase::Release) if pointer.moved => {
                 self.finish(session, camera, [start, at], pointer)
             }
-            (Gesture::Pressed { start, .. }, Phase::Release) => Gesture::Placed { camera, start, end: at },
+            // A click on an edge that was found takes the edge.
+            (Gesture::Pressed { start, .. }, Phase::Release) => match pointer.offer {
+                Some(edge) => self.finish(session, camera, upright(self.kind, edge), pointer),
+                None => Gesture::Placed { camera, start, end: at },
+            },
             (Gesture::Pressed { start, .. }, _) => {
                 self.show(session, camera, [start, at]);
                 Gesture::Pressed { camera, start, end: at }
