@@ -76,6 +76,8 @@ pub struct App {
     suspect: Option<(usize, usize, usize)>,
     /// The command palette.
     pub palette: panels::palette::Palette,
+    /// How far a newcomer has come.
+    pub tour: panels::tour::Tour,
     /// The shortcut sheet is open.
     pub shortcuts: bool,
     /// The about sheet is open.
@@ -127,6 +129,7 @@ impl App {
             suspect_since: 0.0,
             suspect: None,
             palette: panels::palette::Palette::default(),
+            tour: panels::tour::Tour::default(),
             shortcuts: false,
             about: false,
             list: panels::cameras::List::default(),
@@ -239,7 +242,13 @@ impl App {
         }
         let name = self.session.site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;
-        edges::under(self.edges.of(ctx, name, &picture.image), at, radius)
+        // What stands upright is not offered what lies flat.
+        let plumb = self
+            .tool_kind()
+            .is_some_and(|kind| matches!(kind, calib_core::Kind::Vertical | calib_core::Kind::Upright));
+        let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
+        let [a, b] = edge;
+        (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)
     }
 
     /// Ends a gesture that is under way; the site is as it was before it.

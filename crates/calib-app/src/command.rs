@@ -18,6 +18,7 @@ pub enum Command {
     Tool(usize),
     NewSite,
     Demo,
+    Tour,
     Open,
     Save,
     SaveAs,
@@ -112,6 +113,7 @@ pub const COMMANDS: &[Row] = {
     &[
         row(C::NewSite, "New site", CTRL, Key::N),
         bare(C::Demo, "Open the demonstration site"),
+        bare(C::Tour, "Take the tour of the demonstration"),
         row(C::Open, "Open a site\u{2026}", CTRL, Key::O),
         row(C::SaveAs, "Save the site as\u{2026}", CTRL_SHIFT, Key::S),
         row(C::Save, "Save the site", CTRL, Key::S),
@@ -278,6 +280,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         | C::PasteLines => on_lines(app, command),
         C::NewSite
         | C::Demo
+        | C::Tour
         | C::Open
         | C::Save
         | C::SaveAs
@@ -546,6 +549,17 @@ fn on_files(app: &mut App, ctx: &Context, command: Command) {
         C::Demo => {
             let (site, images) = crate::demo::open();
             app.open_site(site, images, None);
+        }
+        C::Tour => {
+            let (mut site, images) = crate::demo::open();
+            // The first camera is the newcomer's to do.
+            if let Some(camera) = site.cameras.first_mut() {
+                camera.annotations.clear();
+                camera.control_points.clear();
+                (camera.efov_px, camera.placement) = (None, None);
+            }
+            app.open_site(site, images, None);
+            app.tour = crate::panels::tour::Tour::begun();
         }
         C::Save if app.session.path.is_some() => app.save(),
         C::Save | C::SaveAs => app.ask(Purpose::SaveSite),

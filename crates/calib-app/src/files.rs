@@ -161,11 +161,23 @@ mod native {
         Ok(bytes)
     }
 
-    /// Writes a file whole or not at all.
+    /// Writes a file whole or not at all, and waits until the disk has it.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     pub fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        write_to(path, bytes, true)
+    }
+
+    /// Writes a file whole or not at all. It survives the end of this program, not that of the machine.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        write_to(path, bytes, false)
+    }
+
+    fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
         let what = |error: std::io::Error| format!("{}: {error}", path.display());
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(what)?;
@@ -175,7 +187,7 @@ mod native {
         let part = path.with_file_name(name);
         let written = std::fs::File::create(&part).and_then(|mut file| {
             file.write_all(bytes)?;
-            file.sync_data()
+            if waits { file.sync_data() } else { Ok(()) }
         });
         written.and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
             // Best effort: the error that matters is the first.
@@ -215,6 +227,11 @@ mod web {
         Err(format!("{}: download the site instead", path.display()))
     }
 
+    /// There are no files in the browser.
+    pub fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        write(path, bytes)
+    }
+
     /// There is none in the browser.
     pub fn data_dir() -> Option<PathBuf> {
         None
@@ -227,9 +244,9 @@ mod web {
 }
 
 #[cfg(not(target_arch = "wasm32"))]
-pub use native::{data_dir, images_in, read, write};
+pub use native::{data_dir, images_in, read, write, write_quickly};
 #[cfg(target_arch = "wasm32")]
-pub use web::{data_dir, images_in, read, write};
+pub use web::{data_dir, images_in, read, write, write_quickly};
 
 /// Reads a site file.
 ///
@@ -299,13 +316,13 @@ impl Autosave {
         for (id, stored) in &images.stored {
             let file = self.image_file(id);
             if !file.exists() {
-                write(&file, &stored.bytes)?;
+                write_quickly(&file, &stored.bytes)?;
             }
         }
         let stored = images.stored.iter().map(|(id, stored)| (id.clone(), stored.mime.clone())).collect();
         let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
         let kept = Kept { path, folder, stored, site: site.to_json() };
-        write(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
+        write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
     /// What was kept, if it can be read.

@@ -144,7 +144,9 @@ impl Overlay<'_> {
                 self.world(painter, camera, &grid, pen);
             }
         }
-        if self.layers.prism {
+        // A field that nobody drew has no prism worth looking at.
+        let is_drawn = self.entry().is_some_and(|entry| entry.efov_px.is_some());
+        if self.layers.prism && is_drawn {
             let colour = theme::camera(self.camera);
             // A prism of many corners, as a clipped or bent outline has, shows its faces and no more.
             let lines = if polygon.len() > 8 { 2 } else { usize::MAX };
@@ -436,7 +438,12 @@ impl Overlay<'_> {
         if !self.layers.suggestion || self.holding || !self.labels || self.session.camera != self.camera {
             return;
         }
-        let Some(next) = solution.and_then(|solution| solution.draw_next.as_ref()) else { return };
+        /// Floors known better than this need no more lines.
+        const GOOD: f64 = 0.015;
+        let rel = solution.and_then(|s| s.sigma.as_ref()?.floor_length_rel);
+        let is_good = rel.is_some_and(|rel| rel < GOOD);
+        let next = solution.and_then(|solution| solution.draw_next.as_ref());
+        let Some(next) = next.filter(|_| !is_good) else { return };
         let colour = theme::kind(next.kind);
         for (i, segment) in next.segments_px.iter().enumerate() {
             let points = self.path(segment);

@@ -11,6 +11,7 @@ pub mod status;
 pub mod steps;
 pub mod toolstrip;
 pub mod topbar;
+pub mod tour;
 pub mod views;
 pub mod warnings;
 
@@ -56,6 +57,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             start::show(app, ui);
         }
     });
+    tour::show(app, ui);
     palette::show(app, ui.ctx());
 }
 

@@ -38,6 +38,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
         for (text, command) in [
             ("Open the demonstration site", Command::Demo),
+            ("Take the tour: five steps, ten minutes", Command::Tour),
             ("Open a site\u{2026}", Command::Open),
             ("Add images\u{2026}", Command::AddImages),
         ] {

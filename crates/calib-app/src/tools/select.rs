@@ -160,7 +160,7 @@ impl Tool for Select {
                 "Click a line or handle to select it; drag to move it.".into()
             }
             Gesture::Idle => format!(
-                "{} selected: drag, or arrows 0.1 px (Shift 1 px); D duplicates, Del deletes.",
+                "Drag {}, or nudge by arrows 0.1 px (Shift 1 px).  D: duplicate, Del: delete",
                 session.selection_name()
             ),
             Gesture::Parts { .. } => {
