@@ -82,6 +82,8 @@ pub struct App {
     pub shortcuts: bool,
     /// The about sheet is open.
     pub about: bool,
+    /// Between which links or marks the next distance is measured.
+    pub pair: [String; 2],
     /// How the list of cameras is filtered and sorted.
     pub list: panels::cameras::List,
     /// Annotations that were copied, with the size of their image.
@@ -90,6 +92,8 @@ pub struct App {
     pub error: Option<String>,
     /// Work of a crashed session, offered.
     pub found: Option<Found>,
+    /// The still that was replaced: its camera, its name, how much of it shows.
+    pub old_still: Option<(usize, String, f32)>,
     /// A saved version to compare with.
     pub compared: Option<Site>,
     /// How files are asked for.
@@ -132,10 +136,12 @@ impl App {
             tour: panels::tour::Tour::default(),
             shortcuts: false,
             about: false,
+            pair: Default::default(),
             list: panels::cameras::List::default(),
             copied: None,
             error: None,
             found,
+            old_still: None,
             compared: None,
             chooser: Dialog::open,
             autosave,
@@ -318,6 +324,26 @@ impl App {
         self.session.commit(format!("paste annotations onto {id}"));
     }
 
+    /// Gives the camera in hand another id, everywhere.
+    pub fn rename_camera(&mut self, id: &str) {
+        let session = &mut self.session;
+        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
+            session.note = Some("Every camera needs an id of its own.".into());
+            return;
+        }
+        let Some(entry) = session.entry_mut() else { return };
+        let old = std::mem::replace(&mut entry.id, id.to_owned());
+        let links =
+            session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
+        let marks =
+            session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
+        let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
+        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
+            id.clone_into(name);
+        }
+        session.commit(format!("rename {old}"));
+    }
+
     /// Removes the camera in hand and what refers to it.
     pub fn remove_camera(&mut self) {
         let session = &mut self.session;
@@ -370,9 +396,16 @@ impl App {
         [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
     }
 
-    /// Poses to be shown as ghosts: those before Refine.
+    /// Poses to be shown as ghosts: those before the gesture under way, of a compared version, or before Refine.
     #[must_use]
     pub fn poses_before(&self) -> Vec<Option<Camera>> {
+        if !self.tool.is_idle() {
+            return self.session.settled().to_vec();
+        }
+        if let Some(compared) = self.compared.as_ref().filter(|_| self.show_before) {
+            let pose = |camera: &SiteCamera| compared.camera(&camera.id).and_then(SiteCamera::camera);
+            return self.session.site.cameras.iter().map(pose).collect();
+        }
         self.session.before_refine.clone().filter(|_| self.show_before).unwrap_or_default()
     }
 
@@ -572,8 +605,10 @@ impl App {
             self.session.note = Some("Annotations were rescaled to the new size.".into());
         }
         let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
-        (entry.image, entry.size_px) = (Some(image), size);
+        let old = entry.image.replace(image);
+        entry.size_px = size;
         let id = entry.id.clone();
+        self.old_still = old.map(|old| (camera, old, 0.5));
         self.session.commit(format!("replace the still of {id}"));
     }
 

@@ -201,6 +201,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let palette = theme::palette(ui.ctx());
     painter.rect_filled(rect, 0.0, palette.canvas);
     app.paint_still(&painter, name.as_deref(), &mapping, rect);
+    blend_old(app, &painter, camera, &mapping, size);
     let overlay = overlay(app, ui, camera, mapping, place);
     overlay.paint(&painter);
     for points in app.tool.rubber(pane) {
@@ -217,6 +218,18 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
         loupe(app, ui, camera, &mapping, at);
+    }
+}
+
+/// The still that was replaced, over the new one.
+fn blend_old(app: &mut App, painter: &egui::Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
+    let Some((own, name, share)) = app.old_still.clone() else { return };
+    let images = &app.session.images;
+    let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
+    if let Some(picture) = picture.filter(|_| own == camera) {
+        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        let tint = Color32::from_white_alpha((255.0 * share) as u8);
+        painter.image(picture.overview.id(), mapping.screen_rect([0.0, 0.0], [w, h]), uv, tint);
     }
 }
 

@@ -152,6 +152,12 @@ impl Session {
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
+    /// Poses at the last finished gesture.
+    #[must_use]
+    pub fn settled(&self) -> &[Option<Camera>] {
+        &self.settled
+    }
+
     /// Ends a gesture under this name.
     pub fn commit(&mut self, name: impl Into<String>) {
         self.solve();
@@ -289,6 +295,15 @@ impl Session {
         self.history.map(|site| images.rebased(site, folder));
         self.images.folder = Some(folder.to_path_buf());
         self.images.missing = None;
+    }
+
+    /// Puts a changed link in place of what it was.
+    pub fn commit_link(&mut self, index: usize, link: calib_core::Link) {
+        let name = link.id.clone().unwrap_or_default();
+        if let Some(own) = self.site.links.get_mut(index) {
+            *own = link;
+        }
+        self.commit(format!("change {name}"));
     }
 
     /// Improves all cameras together, as one step that undo takes back.

@@ -1,6 +1,6 @@
 //! What cameras share: marks, links, control points, and how well views agree.
 
-use calib_core::{LinkKind, MarkKind, Pixel, ResidualOf, WorldPoint};
+use calib_core::{Link, LinkKind, MarkKind, Pixel, ResidualOf, WorldPoint};
 use egui::{DragValue, RichText, Ui, Vec2};
 
 use crate::app::App;
@@ -105,6 +105,7 @@ pub fn links(app: &mut App, ui: &mut Ui) {
         ui.label(RichText::new("K links what two views show.").color(palette.text2));
     }
     let mut chosen = None;
+    let mut change = None;
     for (index, link) in app.session.site.links.iter().enumerate() {
         let waits = link.seen.len() < 2;
         let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
@@ -131,6 +132,14 @@ pub fn links(app: &mut App, ui: &mut Ui) {
                 ui.label(RichText::new(text).color(palette.text2));
             });
         });
+        let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
+        if app.session.selection.iter().any(is_own) {
+            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(ui, index, link)));
+        }
+    }
+    if let Some((index, link)) = change {
+        app.cancel();
+        app.session.commit_link(index, link);
     }
     if let Some(link) = chosen {
         let seen = app.session.site.links.get(link).and_then(|link| link.seen.first()).cloned();
@@ -140,6 +149,97 @@ pub fn links(app: &mut App, ui: &mut Ui) {
             app.session.select_only(camera, Part::Link { link, seen: 0, point: 0 });
         }
     }
+}
+
+/// What a link is and how high it is; the link as it is to become.
+fn link_fields(ui: &mut Ui, index: usize, link: &Link) -> Option<(usize, Link)> {
+    let mut new = link.clone();
+    match link.kind {
+        LinkKind::Point => {
+            let mut height = link.height_m.unwrap_or(0.0);
+            let label = ui.label("above the floor");
+            let field = DragValue::new(&mut height).speed(0.01).suffix(" m").max_decimals(3);
+            if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
+                new.height_m = Some(height).filter(|height| *height != 0.0);
+            }
+        }
+        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
+            new.kind = LinkKind::Post;
+            for seen in &mut new.seen {
+                let ends = seen.segment.take().unwrap_or_default();
+                (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
+            }
+        }
+        LinkKind::Post if ui.button("It is a floor line").clicked() => {
+            (new.kind, new.length_m) = (LinkKind::Line, None);
+            for seen in &mut new.seen {
+                seen.segment = seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
+            }
+        }
+        LinkKind::Line | LinkKind::Post => {}
+    }
+    (new != *link).then_some((index, new))
+}
+
+/// Distances that were measured: they give the scale where no plan does.
+pub fn distances(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Distances", "measured");
+    let mut list = app.session.site.distances.clone();
+    let mut removed = None;
+    for (index, distance) in list.iter_mut().enumerate() {
+        ui.horizontal(|ui| {
+            let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
+            let value = &mut distance.length_m.value;
+            let field = DragValue::new(value).speed(0.01).range(0.001..=1e5).suffix(" m").max_decimals(3);
+            ui.add(field.update_while_editing(false)).labelled_by(label.id);
+            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
+            if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
+                removed = Some(index);
+            }
+        });
+    }
+    if let Some(index) = removed {
+        list.remove(index);
+    }
+    let links = app.session.site.links.iter().filter_map(|link| link.id.clone());
+    let ids: Vec<String> =
+        links.chain(app.session.site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
+    if ids.len() >= 2 {
+        pick_pair(app, ui, &ids, &mut list);
+    } else {
+        ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
+    }
+    if list != app.session.site.distances {
+        app.cancel();
+        app.session.site.distances = list;
+        app.session.commit("change a measured distance");
+    }
+}
+
+/// Two ids to choose, and a button that adds a distance between them.
+fn pick_pair(app: &mut App, ui: &mut Ui, ids: &[String], list: &mut Vec<calib_core::Distance>) {
+    ui.horizontal(|ui| {
+        let [a, b] = &mut app.pair;
+        for (salt, chosen) in [("from", a), ("to", b)] {
+            egui::ComboBox::from_id_salt(salt).width(80.0).selected_text(chosen.as_str()).show_ui(ui, |ui| {
+                for id in ids {
+                    ui.selectable_value(chosen, id.clone(), id);
+                }
+            });
+        }
+        let is_pair = app.pair[0] != app.pair[1] && app.pair.iter().all(|id| ids.contains(id));
+        if ui.add_enabled(is_pair, egui::Button::new("Add")).clicked() {
+            list.push(calib_core::Distance {
+                id: None,
+                name: None,
+                off: false,
+                keep: false,
+                between: app.pair.clone(),
+                length_m: calib_core::Known::prior(1.0, 0.01),
+            });
+        }
+    });
 }
 
 /// The greatest distance between where two views say a point link is, in metres.

@@ -3,6 +3,7 @@
 pub mod annotations;
 pub mod cameras;
 pub mod elements;
+pub mod lens;
 pub mod palette;
 pub mod placement;
 pub mod result;
@@ -68,11 +69,13 @@ fn right(app: &mut App, ui: &mut Ui) {
     }
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, |ui| steps::show(app, ui));
+        lens::old_still(app, ui);
         match app.mode {
             Mode::Image => {
                 section(ui, |ui| result::show(app, ui));
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| annotations::show(app, ui));
+                section(ui, |ui| lens::show(app, ui));
             }
             Mode::Plan => {
                 section(ui, |ui| placement::show(app, ui));
@@ -83,6 +86,7 @@ fn right(app: &mut App, ui: &mut Ui) {
             Mode::All | Mode::Scene => {
                 section(ui, |ui| elements::marks(app, ui));
                 section(ui, |ui| elements::links(app, ui));
+                section(ui, |ui| elements::distances(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
             }
