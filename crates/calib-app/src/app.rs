@@ -1,15 +1,15 @@
 //! The app's state, and the order of a frame.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use calib_core::{Annotation, Camera, LensEntry, Plan, PlanPixel, Site, SiteCamera};
+use calib_core::{Annotation, Camera, PlanPixel, Site, SiteCamera};
 use egui::{Color32, Context, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
 use crate::command;
-use crate::dialog::{Chosen, Dialog, Purpose};
+use crate::dialog::{Dialog, Purpose};
 use crate::edges::{self, Edge, Edges};
-use crate::files::{self, Autosave, Found, Images};
+use crate::files::{Autosave, Found, Images};
 use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
@@ -35,7 +35,7 @@ pub enum Mode {
 }
 
 /// A still that was read to become a camera: its name in the site, what to call it, its size.
-type NewStill = Result<(String, String, [u32; 2]), String>;
+pub(crate) type NewStill = Result<(String, String, [u32; 2]), String>;
 
 /// The whole app.
 #[derive(Debug)]
@@ -98,13 +98,13 @@ pub struct App {
     pub compared: Option<Site>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
-    autosave: Option<Autosave>,
-    kept: u64,
-    dialog: Option<Dialog>,
-    picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
-    adding: Vec<Task<NewStill>>,
-    replacing: Option<(usize, Task<NewStill>)>,
-    planning: Option<Task<NewStill>>,
+    pub(crate) autosave: Option<Autosave>,
+    pub(crate) kept: u64,
+    pub(crate) dialog: Option<Dialog>,
+    pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
+    pub(crate) adding: Vec<Task<NewStill>>,
+    pub(crate) replacing: Option<(usize, Task<NewStill>)>,
+    pub(crate) planning: Option<Task<NewStill>>,
 }
 
 impl App {
@@ -164,55 +164,6 @@ impl App {
         self.kept = 0;
         (self.compared, self.error) = (None, None);
         self.take_tool(0);
-    }
-
-    /// Opens a site file; what is wrong with it is shown.
-    pub fn open_path(&mut self, path: &Path) {
-        match files::open(path) {
-            Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
-            Err(error) => self.error = Some(error),
-        }
-    }
-
-    /// Goes on with what a crashed session left.
-    pub fn recover(&mut self) {
-        if let Some(found) = self.found.take() {
-            self.open_site(found.site, found.images, found.path);
-            // It differs from its file.
-            self.session.generation = 1;
-            self.kept = 1;
-        }
-    }
-
-    /// Forgets what a crashed session left.
-    pub fn discard_found(&mut self) {
-        self.found = None;
-        if let Some(autosave) = &self.autosave {
-            autosave.forget();
-        }
-    }
-
-    /// Saves to the site's own file.
-    pub fn save(&mut self) {
-        let Some(path) = self.session.path.clone() else { return };
-        let solved = self.session.solved.write_into(&self.session.site);
-        match files::save(&path, &solved, &self.session.images) {
-            Ok(()) => {
-                // From now on images are looked for beside the file.
-                let folder = path.parent().map(Path::to_path_buf);
-                if let Some(folder) = folder.filter(|f| self.session.images.folder.as_ref() != Some(f)) {
-                    self.session.rebase(&folder);
-                    self.pictures.clear();
-                }
-                self.session.saved = self.session.generation;
-                self.session.note = Some(format!("Saved {}.", path.display()));
-                if let Some(autosave) = &self.autosave {
-                    autosave.forget();
-                }
-                self.kept = self.session.generation;
-            }
-            Err(error) => self.error = Some(error),
-        }
     }
 
     /// Asks for files.
@@ -291,81 +242,6 @@ impl App {
             (_, None) => (Place::Tile, own),
             (_, Some(active)) => active,
         }
-    }
-
-    /// Changes what is known of the lens of the camera in hand.
-    pub fn with_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
-        let empty = LensEntry {
-            focal_px: None,
-            roll_deg: None,
-            pitch_deg: None,
-            principal_point_px: None,
-            distortion: None,
-            like: None,
-        };
-        if let Some(entry) = self.session.entry_mut() {
-            change(entry.lens.get_or_insert_with(|| empty.clone()));
-            entry.lens.take_if(|lens| *lens == empty);
-            self.session.commit(name);
-        }
-    }
-
-    /// Adds the copied annotations to the camera in hand, scaled to its image.
-    pub fn paste_lines(&mut self) {
-        let Some((copied, from)) = self.copied.clone() else { return };
-        let Some(entry) = self.session.entry_mut() else { return };
-        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
-        let id = entry.id.clone();
-        for mut annotation in copied {
-            scale(&mut annotation, ratio);
-            annotation.id.take_if(|id| entry.annotations.iter().any(|known| known.id.as_ref() == Some(id)));
-            entry.annotations.push(annotation);
-        }
-        self.session.commit(format!("paste annotations onto {id}"));
-    }
-
-    /// Gives the camera in hand another id, everywhere.
-    pub fn rename_camera(&mut self, id: &str) {
-        let session = &mut self.session;
-        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            session.note = Some("Every camera needs an id of its own.".into());
-            return;
-        }
-        let Some(entry) = session.entry_mut() else { return };
-        let old = std::mem::replace(&mut entry.id, id.to_owned());
-        let links =
-            session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
-        let marks =
-            session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
-        let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
-        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
-            id.clone_into(name);
-        }
-        session.commit(format!("rename {old}"));
-    }
-
-    /// Removes the camera in hand and what refers to it.
-    pub fn remove_camera(&mut self) {
-        let session = &mut self.session;
-        if session.camera >= session.site.cameras.len() {
-            return;
-        }
-        let id = session.site.cameras.remove(session.camera).id;
-        for link in &mut session.site.links {
-            link.seen.retain(|seen| seen.camera != id);
-        }
-        session.site.links.retain(|link| !link.seen.is_empty());
-        for mark in &mut session.site.marks {
-            mark.seen.retain(|seen| seen.camera != id);
-        }
-        for camera in &mut session.site.cameras {
-            if let Some(lens) = &mut camera.lens {
-                lens.like.take_if(|like| *like == id);
-            }
-        }
-        session.selection.clear();
-        session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
-        session.commit(format!("remove {id}"));
     }
 
     /// The floor that is worth looking at, in metres.
@@ -480,212 +356,6 @@ impl App {
         if let Err(error) = autosave.keep(&site, &self.session.images, self.session.path.as_deref()) {
             self.error = Some(format!("Autosave: {error}"));
         }
-    }
-
-    fn poll_dialog(&mut self, ctx: &Context) {
-        let Some(dialog) = &mut self.dialog else { return };
-        let Some(chosen) = dialog.poll() else {
-            ctx.request_repaint_after(std::time::Duration::from_millis(100));
-            return;
-        };
-        let purpose = dialog.purpose;
-        self.dialog = None;
-        for file in chosen {
-            self.take_file(ctx, purpose, file);
-        }
-    }
-
-    fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
-        match (purpose, file.path.clone()) {
-            (Purpose::OpenSite, Some(path)) => self.open_path(&path),
-            (Purpose::OpenSite, None) => {
-                let text = file.bytes.and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
-                match files::parse(&text, None) {
-                    Ok((site, images)) => self.open_site(site, images, None),
-                    Err(error) => self.error = Some(format!("{}: {error}", file.name)),
-                }
-            }
-            (Purpose::SaveSite, Some(path)) => {
-                self.session.path = Some(path);
-                self.save();
-            }
-            (Purpose::Compare, Some(path)) => match files::open(&path) {
-                Ok((site, _)) => self.compared = Some(site),
-                Err(error) => self.error = Some(error),
-            },
-            (Purpose::AddImages, _) => self.add_still(ctx, file),
-            (Purpose::LoadPlan, _) => self.planning = Some(self.read_still(ctx, file)),
-            (Purpose::ReplaceStill, _) => {
-                self.replacing = Some((self.session.camera, self.read_still(ctx, file)));
-            }
-            (Purpose::SaveSite | Purpose::Compare, None) => {}
-        }
-    }
-
-    /// Begins to read a still that becomes a camera.
-    pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
-        let task = self.read_still(ctx, file);
-        self.adding.push(task);
-    }
-
-    fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<NewStill> {
-        let title = Path::new(&file.name)
-            .file_stem()
-            .map_or_else(|| file.name.clone(), |stem| stem.to_string_lossy().into_owned());
-        let name = match (&file.path, file.bytes) {
-            (Some(path), _) => path.to_string_lossy().into_owned(),
-            (None, Some(bytes)) => {
-                let mime =
-                    if file.name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" };
-                self.session.images.store(bytes.into(), mime)
-            }
-            (None, None) => file.name.clone(),
-        };
-        let read = self.session.images.reader(&name);
-        Task::spawn(ctx, move || {
-            let size = crate::picture::decode(&read()?)?.dimensions().into();
-            Ok((name, title, size))
-        })
-    }
-
-    fn poll_stills(&mut self) {
-        let mut done = Vec::new();
-        self.adding.retain(|task| task.poll().map(|result| done.push(result)).is_none());
-        let was_empty = self.session.site.cameras.is_empty();
-        // Threads finish in any order; names come in theirs.
-        done.sort_by(|a, b| a.as_ref().map(|s| &s.1).ok().cmp(&b.as_ref().map(|s| &s.1).ok()));
-        for still in done {
-            match still {
-                Ok((image, title, size)) => self.add_camera(image, &title, size),
-                Err(error) => self.error = Some(error),
-            }
-        }
-        if was_empty && !self.session.site.cameras.is_empty() {
-            self.session.camera = 0;
-        }
-        if let Some((camera, task)) = self.replacing.take() {
-            match task.poll() {
-                None => self.replacing = Some((camera, task)),
-                Some(Ok((image, _, size))) => self.replace_still(camera, image, size),
-                Some(Err(error)) => self.error = Some(error),
-            }
-        }
-        if let Some(task) = self.planning.take() {
-            match task.poll() {
-                None => self.planning = Some(task),
-                Some(Ok((image, _, size))) => self.set_plan(image, size),
-                Some(Err(error)) => self.error = Some(error),
-            }
-        }
-    }
-
-    fn add_camera(&mut self, image: String, title: &str, size: [u32; 2]) {
-        let site = &mut self.session.site;
-        let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
-        let id = std::iter::once(title.to_owned())
-            .chain((2..).map(|number| format!("{title}-{number}")))
-            .find(|id| !taken(id))
-            .unwrap_or_default();
-        site.cameras.push(SiteCamera { image: Some(image), ..SiteCamera::new(id.clone(), size) });
-        self.session.commit(format!("add {id}"));
-    }
-
-    /// Another still of one camera: annotations stay; on an image of another size they are rescaled.
-    fn replace_still(&mut self, camera: usize, image: String, size: [u32; 2]) {
-        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
-        if entry.size_px != size {
-            let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(entry.size_px[axis].max(1)));
-            for annotation in &mut entry.annotations {
-                scale(annotation, ratio);
-            }
-            let points = entry.efov_px.iter_mut().flatten();
-            for pixel in points.chain(entry.control_points.iter_mut().map(|point| &mut point.px)) {
-                (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
-            }
-            self.session.note = Some("Annotations were rescaled to the new size.".into());
-        }
-        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
-        let old = entry.image.replace(image);
-        entry.size_px = size;
-        let id = entry.id.clone();
-        self.old_still = old.map(|old| (camera, old, 0.5));
-        self.session.commit(format!("replace the still of {id}"));
-    }
-
-    fn set_plan(&mut self, image: String, size: [u32; 2]) {
-        let plan = Plan {
-            image: Some(image),
-            metres_per_px: self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px),
-            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
-            x_axis_deg: 0.0,
-            georeference: None,
-        };
-        self.session.site.plan = Some(plan);
-        self.session.commit("load a plan");
-        self.show(Mode::Plan);
-        self.panes.views.clear();
-        let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
-        self.take_tool(measure);
-    }
-
-    fn take_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
-        for file in dropped {
-            self.take_path(ctx, file.path().to_path_buf());
-        }
-    }
-
-    /// Takes what was dropped or named: a site, an image, or a folder of images.
-    pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
-        let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-        if is_site {
-            self.open_path(&path);
-            return;
-        }
-        let images = if files::is_image(&path) { vec![path] } else { files::images_in(&path) };
-        for path in images {
-            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });
-        }
-    }
-
-    /// Asks for a picture of the window.
-    pub fn take_picture(&mut self, ctx: &Context) {
-        let (sender, picture) = std::sync::mpsc::channel();
-        let again = ctx.clone();
-        ctx.request_screenshot(move |image| {
-            // Nobody waits any more when the receiver is gone.
-            let _ = sender.send(image);
-            again.request_repaint();
-        });
-        self.picture = Some(picture);
-    }
-
-    fn poll_picture(&mut self) {
-        let Some(image) = self.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else { return };
-        self.picture = None;
-        let [w, h] = image.size.map(|side| side as u32);
-        let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
-        let mut png = std::io::Cursor::new(Vec::new());
-        let written = image::RgbaImage::from_raw(w, h, rgba)
-            .ok_or_else(|| "the window has no size".to_owned())
-            .and_then(|image| {
-                image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())
-            });
-        let folder = self.session.path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-        let path = folder.or_else(files::data_dir).unwrap_or_default().join("calib-view.png");
-        match written.and_then(|()| files::write(&path, png.get_ref())) {
-            Ok(()) => self.session.note = Some(format!("Saved {}.", path.display())),
-            Err(error) => self.error = Some(error),
-        }
-    }
-}
-
-fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
-    let segments = annotation.segments.iter_mut().flatten().flatten();
-    let points = annotation.points.iter_mut().flatten();
-    for pixel in segments.chain(points).chain(&mut annotation.foot).chain(&mut annotation.head) {
-        (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
     }
 }
 

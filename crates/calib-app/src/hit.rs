@@ -130,7 +130,9 @@ fn line_at(entry: &SiteCamera, at: Pixel, radius: f64) -> Option<Hit> {
     hits.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
+/// The mark that is drawn under a pixel.
+#[must_use]
+pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
     let hits = site.marks.iter().enumerate().filter_map(|(mark, drawn)| {
         let shape = drawn.shape();
         let lines = shape.polylines();

@@ -22,11 +22,15 @@ pub mod snap;
 pub mod edges;
 pub mod tools;
 pub mod overlay;
+mod lines;
 pub mod floor;
 pub mod scene3d;
 pub mod command;
+mod deeds;
 pub mod pane;
 pub mod panels;
 pub mod app;
+mod document;
+mod stills;
 
 pub use app::App;

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_core::{
-    Camera, MarkKind, Method, Options, Pixel, Placement, PlacementEntry, PlanPixel, Site, SiteCamera,
-    Solution,
+    Camera, MarkKind, Method, Options, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
+    Solution, Stage,
 };
 
 use crate::files::Images;
@@ -54,6 +54,7 @@ impl Session {
     /// A session on this site.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
+        let joint = joint_of(&site);
         for camera in &mut site.cameras {
             // Results are recomputed; what was entered as a result stays.
             if camera.solution.as_ref().is_some_and(|solution| solution.method != Method::Given) {
@@ -62,6 +63,13 @@ impl Session {
             camera.error = None;
         }
         site.solution = None;
+        // A mark that was moved by a solve stays where that put it: here it is dragged on from there.
+        for link in &mut site.links {
+            link.solution = None;
+        }
+        for mark in &mut site.marks {
+            mark.solution = None;
+        }
         let history = History::new(&site);
         let mut session = Self {
             site,
@@ -81,6 +89,9 @@ impl Session {
             settled: Vec::new(),
             before_refine: None,
         };
+        if let Some(report) = joint {
+            session.solved.keep_joint(&session.site, report);
+        }
         session.solve();
         session.settle();
         session
@@ -311,9 +322,14 @@ impl Session {
         let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
         let report = self.site.calibrate(&Options::default());
         for (index, result) in &report.cameras {
-            let pose = result.as_ref().ok().filter(|s| s.stage == calib_core::Stage::Refined);
+            let pose = result.as_ref().ok().filter(|s| s.stage == Stage::Refined);
             if let Some(pose) = pose.and_then(Solution::camera) {
                 self.place(*index, Placement::of(&pose));
+            }
+        }
+        for (mark, found) in self.site.marks.iter_mut().zip(&report.marks) {
+            if let Some(found) = found.as_ref().filter(|_| !mark.fixed) {
+                (mark.at_m, mark.turn_deg) = (found.at_m, found.turn_deg.unwrap_or(mark.turn_deg));
             }
         }
         // From where they stand now, as whoever opens the file will find it.
@@ -322,6 +338,27 @@ impl Session {
         self.commit("refine all cameras");
         self.before_refine = Some(before);
     }
+}
+
+/// The results of a joint solve that a file brings along.
+fn joint_of(site: &Site) -> Option<Report> {
+    let is_refined = |camera: &SiteCamera| {
+        camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
+    };
+    if !site.cameras.iter().any(is_refined) {
+        return None;
+    }
+    let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
+        (Some(solution), _) => Some(Ok(solution.clone())),
+        (None, error) => error.clone().map(Err),
+    };
+    let cameras = site.cameras.iter().enumerate();
+    Some(Report {
+        cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
+        links: site.links.iter().map(|link| link.solution.clone()).collect(),
+        marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
+        site: site.solution.clone()?,
+    })
 }
 
 /// What was dragged is known to a tenth of a millimetre at best; files should not claim more.

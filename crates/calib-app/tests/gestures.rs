@@ -172,6 +172,82 @@ fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
     assert_eq!(desk.site().marks[2].seen.len() + desk.site().marks[3].seen.len(), 2);
 }
 
+/// The shop without its plan, in the frame of its first camera, the others put roughly by hand.
+fn without_plan() -> (Site, Vec<calib_core::Link>) {
+    let mut site = demo();
+    let truth = calib_demo::demo_site().truth;
+    site.plan = None;
+    site.cameras.truncate(3);
+    let links = std::mem::take(&mut site.links);
+    (site.marks, site.distances) = (Vec::new(), Vec::new());
+    for (index, camera) in site.cameras.iter_mut().enumerate() {
+        camera.control_points.clear();
+        let mut placement = calib_core::Placement::of(&in_first(&truth, index));
+        if index > 0 {
+            placement.by.x += 0.6;
+            placement.turn += 0.1;
+            placement.scale *= 1.05;
+        }
+        camera.placement = Some(placement.into());
+    }
+    (site, links)
+}
+
+/// A true camera in the frame in which the first one stands over (0, 0) and looks along y.
+fn in_first(truth: &[(String, calib_core::Camera)], index: usize) -> calib_core::Camera {
+    let (first, mut camera) = (truth[0].1, truth[index].1);
+    let (sin, cos) = (-first.yaw).sin_cos();
+    let (x, y) = (camera.position.x - first.position.x, camera.position.y - first.position.y);
+    (camera.position.x, camera.position.y) = (cos * x - sin * y, sin * x + cos * y);
+    camera.yaw -= first.yaw;
+    camera
+}
+
+#[test]
+fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
+    let (site, links) = without_plan();
+    let truth = calib_demo::demo_site().truth;
+    let mut desk = Desk::new(site);
+    let camera_of = |id: &str| truth.iter().position(|(known, _)| known == id).unwrap();
+    for link in links.iter().filter(|link| link.kind == calib_core::LinkKind::Point) {
+        for (i, seen) in link.seen.iter().enumerate() {
+            let camera = camera_of(&seen.camera);
+            desk.app().session.choose(camera);
+            desk.harness.run_steps(2);
+            let px = seen.px.unwrap();
+            if i == 0 {
+                desk.app().session.mark_kind = calib_core::MarkKind::Cross;
+                desk.take("Mark");
+                desk.click(Pane::Image(camera), px.into());
+                desk.take("Select");
+            }
+            let mark = desk.site().marks.last().unwrap().at_m;
+            let shown = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(mark).unwrap();
+            let points = [shown, px].map(|pixel| desk.screen(Pane::Image(camera), pixel.into()));
+            desk.drag_screen(&points, Modifiers::ALT);
+        }
+    }
+    let pins: usize = desk.site().marks.iter().map(|mark| mark.seen.len()).sum();
+    assert!(pins >= 14, "{pins} pins");
+    desk.key(Key::F9);
+    for mark in &desk.site().marks {
+        let shape = mark.shape();
+        for seen in &mark.seen {
+            let pose = desk.harness.state().session.solved.pose(camera_of(&seen.camera)).unwrap();
+            let off = pose.world_to_pixel(shape.point(&seen.point).unwrap()).unwrap().distance(seen.px);
+            assert!(off < 2.0, "{:?} is {off:.1} px off in {}", mark.id, seen.camera);
+        }
+    }
+    for index in 1..3 {
+        let solution = desk.harness.state().session.solved.solution(index).unwrap();
+        assert_eq!(solution.stage, Stage::Refined);
+        let (sigma, at) = (solution.sigma.as_ref().unwrap(), solution.position_m.unwrap());
+        let off = at.distance(in_first(&truth, index).position);
+        let own = [sigma.x_m, sigma.y_m, sigma.z_m].iter().flatten().map(|s| s * s).sum::<f64>().sqrt();
+        assert!(off < 3.0 * own, "{index}: {off:.3} m off, sigma {own:.3} m");
+    }
+}
+
 #[test]
 fn a_mark_dragged_in_one_view_moves_in_all() {
     let mut desk = Desk::new(demo());

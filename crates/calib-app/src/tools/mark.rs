@@ -161,6 +161,12 @@ impl MarkDrag {
     }
 
     pub(super) fn finish(self, session: &mut Session) {
+        if let What::Pin { camera, point, own } = self.what
+            && session.history.is_at(&session.site)
+        {
+            // A click with Alt pins it where it is.
+            self.pin(session, camera, point, own, self.started);
+        }
         let name = session.part_name(Part::Mark(self.mark));
         match self.what {
             What::Slide { .. } => session.commit(format!("move {name}")),

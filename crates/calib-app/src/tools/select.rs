@@ -45,7 +45,12 @@ impl Select {
         let Some((camera, at)) = pointer.pixel() else { return Self::press_plan(session, pointer) };
         session.choose(camera);
         let pose = session.solved.pose(camera).copied();
-        let hit = hit::pick(&session.site, camera, pose.as_ref(), at, pointer.radius, &session.selection);
+        // Alt means marks, whatever else is drawn there.
+        let mark = pose.filter(|_| pointer.modifiers.alt);
+        let mark = mark.and_then(|pose| hit::mark_at(&session.site, &pose, at, pointer.radius));
+        let hit = mark.or_else(|| {
+            hit::pick(&session.site, camera, pose.as_ref(), at, pointer.radius, &session.selection)
+        });
         let Some(hit) = hit else {
             if !pointer.modifiers.command {
                 session.selection.clear();
