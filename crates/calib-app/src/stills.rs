@@ -131,17 +131,25 @@ impl App {
     }
 
     pub(crate) fn set_plan(&mut self, image: String, size: [u32; 2]) {
-        let plan = Plan {
-            image: Some(image),
-            metres_per_px: self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px),
+        let told = files::world_file(&self.session.images, &image).and_then(|text| plan_of(&text));
+        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
+        let bare = Plan {
+            image: None,
+            metres_per_px,
             origin_px: PlanPixel::new(0.0, f64::from(size[1])),
             x_axis_deg: 0.0,
             georeference: None,
         };
+        let is_scaled = told.is_some();
+        let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
         self.session.site.plan = Some(plan);
         self.session.commit("load a plan");
         self.show(Mode::Plan);
         self.panes.views.clear();
+        if is_scaled {
+            self.session.note = Some("The scale is that of the world file.".into());
+            return;
+        }
         let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
         self.take_tool(measure);
     }
@@ -217,5 +225,47 @@ impl App {
             Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
             Err(error) => self.error = Some(error),
         }
+    }
+}
+
+/// A plan as its world file has it: six numbers, metres a pixel along and across, and the world
+/// coordinates of the middle of the first pixel. `None` for a file that mirrors or shears.
+fn plan_of(world_file: &str) -> Option<Plan> {
+    let numbers: Vec<f64> = world_file.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let [a, d, b, e, x, y] = numbers[..] else { return None };
+    let metres_per_px = a.hypot(d);
+    let skew = (b - d).hypot(e + a) / metres_per_px;
+    if !(metres_per_px > 0.0 && metres_per_px.is_finite() && skew < 1e-3) {
+        return None;
+    }
+    // The pixel that shows world (0, 0): minus the first pixel's place, turned back and scaled.
+    let square = metres_per_px * metres_per_px;
+    let (right, down) = (-(a * x + d * y) / square, (a * y - d * x) / square);
+    Some(Plan {
+        image: None,
+        metres_per_px,
+        origin_px: PlanPixel::new(right + 0.5, down + 0.5),
+        x_axis_deg: -d.atan2(a).to_degrees(),
+        georeference: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::FloorPoint;
+
+    #[test]
+    fn a_world_file_puts_the_first_pixel_where_it_says() {
+        for (turn, at) in [(0.0_f64, [12.5, 40.25]), (0.4, [-3.0, 7.0])] {
+            let (a, d) = (0.02 * turn.cos(), 0.02 * turn.sin());
+            let text = format!("{a}\n{d}\n{d}\n{}\n{}\n{}\n", -a, at[0], at[1]);
+            let plan = plan_of(&text).unwrap();
+            let first = plan.scale().floor_from_plan(PlanPixel::new(0.5, 0.5));
+            assert!(first.distance(FloorPoint::from(at)) < 1e-9, "{first:?}");
+            let next = plan.scale().floor_from_plan(PlanPixel::new(1.5, 0.5));
+            assert!(next.distance(FloorPoint::new(at[0] + a, at[1] + d)) < 1e-9, "{next:?}");
+        }
+        assert!(plan_of("0.02 0 0 0.02 0 0").is_none(), "a mirrored plan");
     }
 }

@@ -121,6 +121,7 @@ pub fn links(app: &mut App, ui: &mut Ui) {
                 if let Some(camera) = camera {
                     let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
                     crate::paint::chip(ui.painter(), rect.center(), camera);
+                    joint_residual(app, ui, index, &seen.camera);
                 }
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -148,6 +149,43 @@ pub fn links(app: &mut App, ui: &mut Ui) {
             app.cancel();
             app.session.select_only(camera, Part::Link { link, seen: 0, point: 0 });
         }
+    }
+}
+
+/// How many pixels off a view is after a joint solve.
+fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
+    let palette = theme::palette(ui.ctx());
+    let found = app.session.solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
+    let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
+        return;
+    };
+    let sigma = app.session.site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
+    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
+}
+
+/// How a saved version differs from this one.
+pub fn compared(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(saved) = &app.compared else { return };
+    heading(ui, "Against the saved version", "position, turn");
+    for (index, camera) in app.session.site.cameras.iter().enumerate() {
+        let old = saved.camera(&camera.id).and_then(calib_core::SiteCamera::camera);
+        let text = match (old, app.session.solved.pose(index)) {
+            (Some(old), Some(new)) => {
+                let turned = (old.yaw - new.yaw).to_degrees().abs();
+                format!("{:.1} cm, {turned:.2}\u{b0}", 100.0 * old.position.distance(new.position))
+            }
+            (None, _) => "not in it, or not solved".into(),
+            (_, None) => "not solved now".into(),
+        };
+        ui.horizontal(|ui| {
+            ui.label(&camera.id);
+            ui.label(RichText::new(text).color(palette.text2));
+        });
+    }
+    if ui.button("Done").clicked() {
+        app.compared = None;
     }
 }
 

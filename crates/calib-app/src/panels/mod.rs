@@ -70,6 +70,9 @@ fn right(app: &mut App, ui: &mut Ui) {
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
+        if app.compared.is_some() {
+            section(ui, |ui| elements::compared(app, ui));
+        }
         match app.mode {
             Mode::Image => {
                 section(ui, |ui| result::show(app, ui));
