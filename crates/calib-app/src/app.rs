@@ -90,8 +90,8 @@ pub struct App {
     pub copied: Option<(Vec<Annotation>, [u32; 2])>,
     /// An error that concerns the document, until it is closed.
     pub error: Option<String>,
-    /// Work of a crashed session, offered.
-    pub found: Option<Found>,
+    /// Work of crashed sessions, offered, each with where it is kept.
+    pub found: Vec<(Autosave, Found)>,
     /// The still that was replaced: its camera, its name, how much of it shows.
     pub old_still: Option<(usize, String, f32)>,
     /// A saved version to compare with.
@@ -112,8 +112,17 @@ impl App {
     #[must_use]
     pub fn new(ctx: &Context, folder: Option<PathBuf>) -> Self {
         theme::install(ctx);
-        let autosave = folder.map(|folder| Autosave::new(folder.join("autosave")));
-        let found = autosave.as_ref().and_then(Autosave::find);
+        let slots: Vec<Autosave> = folder.iter().flat_map(|folder| Autosave::slots(folder)).collect();
+        let mut found = Vec::new();
+        let mut autosave = None;
+        for slot in slots {
+            match slot.find() {
+                Some(work) => found.push((slot, work)),
+                // What was found stays until the operator has decided about it.
+                None if autosave.is_none() => autosave = Some(slot),
+                None => {}
+            }
+        }
         Self {
             session: Session::new(Site::new(), Images::default(), None),
             tool: (TOOLS[0].make)(),

@@ -168,7 +168,7 @@ pub const COMMANDS: &[Row] = {
         row(C::Palette, "Commands", CTRL, Key::K),
         row(C::Shortcuts, "Keyboard shortcuts", SHIFT, Key::Questionmark),
         bare(C::About, "About, and licences"),
-        row(C::Accept, "End the line, take the suggestion", NONE, Key::Enter),
+        row(C::Accept, "End the line or polygon", NONE, Key::Enter),
         row(C::Cancel, "Put back what is held; deselect", NONE, Key::Escape),
         row(C::StepBack, "Take the last point back", NONE, Key::Backspace),
     ]

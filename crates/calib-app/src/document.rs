@@ -9,20 +9,21 @@ use crate::files;
 
 impl App {
     /// Goes on with what a crashed session left.
-    pub fn recover(&mut self) {
-        if let Some(found) = self.found.take() {
-            self.open_site(found.site, found.images, found.path);
-            // It differs from its file.
-            self.session.generation = 1;
-            self.kept = 1;
+    pub fn recover(&mut self, index: usize) {
+        if index >= self.found.len() {
+            return;
         }
+        let (slot, found) = self.found.remove(index);
+        self.autosave = Some(slot);
+        self.open_site(found.site, found.images, found.path);
+        // It differs from its file, and is kept already.
+        (self.session.generation, self.kept) = (1, 1);
     }
 
     /// Forgets what a crashed session left.
-    pub fn discard_found(&mut self) {
-        self.found = None;
-        if let Some(autosave) = &self.autosave {
-            autosave.forget();
+    pub fn discard_found(&mut self, index: usize) {
+        if index < self.found.len() {
+            self.found.remove(index).0.forget();
         }
     }
 

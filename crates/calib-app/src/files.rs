@@ -303,6 +303,16 @@ struct Kept {
 }
 
 impl Autosave {
+    /// The places for autosaves in a folder: more than one, so that unsaved work of one session is not
+    /// overwritten by the next.
+    pub fn slots(folder: &Path) -> impl Iterator<Item = Self> + '_ {
+        const SLOTS: usize = 9;
+        (0..SLOTS).map(|slot| {
+            let name = if slot == 0 { "autosave".into() } else { format!("autosave-{}", slot + 1) };
+            Self::new(folder.join(name))
+        })
+    }
+
     /// Keeps in this folder.
     #[must_use]
     pub const fn new(folder: PathBuf) -> Self {

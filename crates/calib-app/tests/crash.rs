@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use calib_app::App;
-use calib_app::files::{Autosave, Images};
+use calib_app::files::Images;
 use calib_core::Pixel;
 use egui::{Context, Key, Modifiers};
 
@@ -64,18 +64,48 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
             .spawn()
             .unwrap();
         let out = child.stdout.take().unwrap();
+        let (begun, is_at_work) = std::sync::mpsc::channel();
         let reader = std::thread::spawn(move || {
             let done = |line: String| line.strip_prefix("done ").and_then(|n| n.parse::<f64>().ok());
-            BufReader::new(out).lines().map_while(Result::ok).filter_map(done).last()
+            let steps = BufReader::new(out).lines().map_while(Result::ok).filter_map(done);
+            // After the kill nobody listens.
+            steps.inspect(|_| begun.send(()).unwrap_or_default()).last()
         });
-        std::thread::sleep(Duration::from_millis(1600 + (kill * 7919) % 1500));
+        is_at_work.recv().unwrap();
+        std::thread::sleep(Duration::from_millis((kill * 7919) % 1500));
         child.kill().unwrap();
         child.wait().unwrap();
         let last = reader.join().unwrap().unwrap_or(0.0);
         let saved = calib_app::files::open(&folder.path().join("site.json")).ok().map(|(site, _)| site);
-        let kept = Autosave::new(folder.path().join("autosave")).find().map(|found| found.site);
+        let again = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+        let kept = again.found.first().map(|(_, found)| found.site.clone());
         let found = saved.iter().chain(&kept).map(progress).fold(0.0, f64::max);
         assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are left");
         assert!(kill > 0 || last > 0.0, "the program finished nothing");
     }
+}
+
+#[test]
+fn unsaved_work_is_offered_until_it_is_decided_about() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = || App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    let edit = |mut app: App, name: &str| {
+        app.open_site(desk::demo(), Images::default(), None);
+        let mut harness = egui_kittest::Harness::builder()
+            .with_context_setup(calib_app::theme::install)
+            .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+        harness.state_mut().session.site.name = Some(name.into());
+        harness.state_mut().session.commit("name the site");
+        harness.run_steps(2);
+    };
+    edit(start(), "first");
+    // Opened something else without deciding, and that crashed too.
+    edit(start(), "second");
+    let mut app = start();
+    let names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    assert_eq!(names, ["first", "second"]);
+    app.recover(0);
+    assert_eq!(app.session.site.name.as_deref(), Some("first"));
+    app.discard_found(0);
+    assert_eq!(start().found.len(), 1, "what is gone on with is kept until it is saved");
 }

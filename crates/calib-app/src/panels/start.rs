@@ -18,7 +18,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let what = "Draw lines that are plumb, parallel or square; place each camera on the plan; check in every view.";
         ui.label(RichText::new(what).color(palette.text2));
         ui.add_space(20.0);
-        if let Some(found) = &app.found {
+        for (index, (_, found)) in app.found.iter().enumerate() {
             let count = found.site.cameras.len();
             let file = found.path.as_deref().map_or_else(|| "a new site".into(), |p| p.display().to_string());
             egui::Frame::NONE.fill(palette.accent_bg).corner_radius(8).inner_margin(16).show(ui, |ui| {
@@ -27,10 +27,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.label(RichText::new(format!("{count} cameras, {file}")).color(palette.text2));
                 ui.horizontal(|ui| {
                     if ui.button("Go on with it").clicked() {
-                        recover = Some(true);
+                        recover = Some((index, true));
                     }
                     if ui.button("Discard").clicked() {
-                        recover = Some(false);
+                        recover = Some((index, false));
                     }
                 });
             });
@@ -60,8 +60,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
     });
     match recover {
-        Some(true) => app.recover(),
-        Some(false) => app.discard_found(),
+        Some((index, true)) => app.recover(index),
+        Some((index, false)) => app.discard_found(index),
         None => {}
     }
     if let Some(command) = chosen {
