@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use calib_core::{Annotation, Camera, PlanPixel, Site, SiteCamera};
 use egui::{Color32, Context, Painter, Rect, Ui};
 
-use crate::canvas::Mapping;
+use crate::canvas::{Mapping, View};
 use crate::command;
 use crate::dialog::{Dialog, Purpose};
 use crate::edges::{self, Edge, Edges};
 use crate::files::{Autosave, Found, Images};
+use crate::hit::Part;
 use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
@@ -194,6 +195,24 @@ impl App {
         TOOLS.get(self.tool_row)?.kind
     }
 
+    /// Looks at a part of the image in hand so that it fills a good deal of the canvas.
+    pub fn reveal(&mut self, part: Part) {
+        let camera = self.session.camera;
+        let key = (Place::Main, Pane::Image(camera));
+        let parts = crate::edit::points_of(&self.session.site, camera, &[part].into());
+        let site = &mut self.session.site;
+        let points: Vec<[f64; 2]> = parts
+            .into_iter()
+            .filter_map(|part| crate::edit::pixel_mut(site, camera, part).map(|pixel| (*pixel).into()))
+            .collect();
+        let Some(mapping) = self.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else { return };
+        let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+        let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let margin = 0.5 * (high(0) - low(0)).max(high(1) - low(1)).max(20.0);
+        let (low, high) = ([low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]);
+        self.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
+    }
+
     /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
     pub fn offer(
         &mut self,
@@ -335,7 +354,7 @@ impl App {
         self.logic(&ui.ctx().clone());
         self.session.solve();
         self.watch_suspect(ui);
-        self.panes.rects.clear();
+        self.panes.begin_frame();
         panels::show(self, ui);
         self.remember();
     }

@@ -154,7 +154,7 @@ impl Floor<'_> {
         let is_own = index == self.session.camera;
         let colour = theme::camera(index);
         if let Some(Some(before)) = self.before.get(index)
-            && before.position != pose.position
+            && (before.position != pose.position || before.yaw != pose.yaw)
         {
             self.paint_ghost(painter, index, before);
         }

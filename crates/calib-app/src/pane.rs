@@ -43,6 +43,8 @@ pub enum Place {
 pub struct Panes {
     /// How each is looked at.
     pub views: HashMap<(Place, Pane), View>,
+    /// What the views were when they were made to fit.
+    fitted: HashMap<(Place, Pane), View>,
     /// Where the cursor is, in the pane's units.
     pub cursor: Option<(Pane, [f64; 2])>,
     /// The pane and place that holds the pointer while a button is down.
@@ -58,6 +60,24 @@ pub struct Panes {
 }
 
 impl Panes {
+    /// Forgets where panes were, and a cursor on one that is no longer shown.
+    pub fn begin_frame(&mut self) {
+        let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
+        self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
+        self.rects.clear();
+    }
+
+    /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
+    fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
+        let chosen = self.views.get(&key).copied();
+        let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
+        if was_fitted {
+            self.fitted.insert(key, whole);
+            self.views.insert(key, whole);
+        }
+        chosen.filter(|_| !was_fitted).unwrap_or(whole)
+    }
+
     /// Where a pane shows its document.
     #[must_use]
     pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
@@ -190,8 +210,8 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let response = ui.interact(rect, id, Sense::hover());
     let label = format!("Image of {}", entry.id);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
-    let whole = || View::of([0.0, 0.0], size, rect, false, place != Place::Main);
-    let view = *app.panes.views.entry(key).or_insert_with(whole);
+    let whole = View::of([0.0, 0.0], size, rect, false, place != Place::Main);
+    let view = app.panes.fitted_or_chosen(key, whole);
     let mut mapping = Mapping { view, rect };
     app.panes.rects.insert(key, rect);
     pan_and_zoom(app, ui, key, &mut mapping);

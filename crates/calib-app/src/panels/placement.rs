@@ -36,7 +36,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             ui.horizontal(|ui| {
                 let label = ui.label(RichText::new(title).color(palette.text2));
                 ui.add_space((90.0 - label.rect.width()).max(0.0));
-                let edit = DragValue::new(value).speed(speed).max_decimals(4).update_while_editing(false);
+                let edit = DragValue::new(value).speed(speed).max_decimals(3).update_while_editing(false);
                 let response = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id);
                 ui.label(RichText::new(unit).color(palette.text2));
                 if let Some(sigma) = sigma {

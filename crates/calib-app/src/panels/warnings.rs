@@ -28,6 +28,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         app.cancel();
         if let Some(part) = select {
             app.session.selection = [part].into();
+            if command.is_none() {
+                app.reveal(part);
+            }
         }
         if let Some(command) = command {
             let ctx = ui.ctx().clone();
