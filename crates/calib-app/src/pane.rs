@@ -45,6 +45,8 @@ pub struct Panes {
     pub views: HashMap<(Place, Pane), View>,
     /// What the views were when they were made to fit.
     fitted: HashMap<(Place, Pane), View>,
+    /// Whether there are more tiles than the window shows.
+    pub tiles_overflow: bool,
     /// Where the cursor is, in the pane's units.
     pub cursor: Option<(Pane, [f64; 2])>,
     /// The pane and place that holds the pointer while a button is down.
@@ -98,6 +100,8 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
         let (middle, by) = (i.pointer.middle_down(), i.pointer.delta());
         (i.smooth_scroll_delta(), f64::from(i.zoom_delta()), by, space, middle, touch)
     });
+    // Where tiles overflow the wheel scrolls them, and zooms with Ctrl.
+    let scroll = if key.0 == Place::Tile && app.panes.tiles_overflow { Vec2::ZERO } else { scroll };
     let at = pointer.unwrap_or_else(|| mapping.rect.center());
     let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
     if factor != 1.0 {

@@ -158,6 +158,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
     let columns = columns(count, rect);
     let rows = count.div_ceil(columns);
     let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
+    app.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
     ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.spacing_mut().item_spacing = Vec2::ZERO;
