@@ -14,7 +14,7 @@ use crate::hit::Part;
 use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
-use crate::picture::Pictures;
+use crate::picture::{Pictures, Piece};
 use crate::scene3d::Orbit;
 use crate::session::Session;
 use crate::task::Task;
@@ -320,6 +320,15 @@ impl App {
             let images = &self.session.images;
             self.pictures.get(ctx, &name, || images.reader(&name));
         }
+    }
+
+    /// The plan's picture, in pieces, as sharp as it is.
+    pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
+        let name = self.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
+        let Some(name) = name else { return Vec::new() };
+        let images = &self.session.images;
+        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
+        picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 
     /// Paints a still, or says why it is not there.

@@ -6,7 +6,7 @@ use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use crate::canvas::Mapping;
 use crate::hit::Part;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
-use crate::picture::{Picture, Pictures};
+use crate::picture::{Picture, Pictures, Piece};
 use crate::session::Session;
 use crate::theme::{self, on_image};
 use crate::tools::{PlanHandle, plan_handles, plan_scale};
@@ -43,19 +43,22 @@ impl Floor<'_> {
     }
 
     /// The plan's picture under everything, turned as the plan is.
-    pub fn paint_plan(&self, painter: &Painter, picture: &Picture) {
+    pub fn paint_plan(&self, painter: &Painter, pieces: &[Piece]) {
         let scale = plan_scale(&self.session.site);
-        let [w, h] = picture.size().map(f64::from);
-        let corner = |x: f64, y: f64| self.at(scale.floor_from_plan(calib_core::PlanPixel::new(x, y)));
-        let mut mesh = Mesh::with_texture(picture.overview.id());
-        let corners = [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)];
-        for (x, y) in corners {
-            let uv = Pos2::new((x / w) as f32, (y / h) as f32);
-            mesh.vertices.push(egui::epaint::Vertex { pos: corner(x, y), uv, color: Color32::WHITE });
+        for piece in pieces {
+            let mut mesh = Mesh::with_texture(piece.texture);
+            for [s, t] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+                let at = calib_core::PlanPixel::new(
+                    piece.low[0] + s * piece.size[0],
+                    piece.low[1] + t * piece.size[1],
+                );
+                let (pos, uv) = (self.at(scale.floor_from_plan(at)), Pos2::new(s as f32, t as f32));
+                mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: Color32::WHITE });
+            }
+            mesh.add_triangle(0, 1, 2);
+            mesh.add_triangle(0, 2, 3);
+            painter.add(Shape::mesh(mesh));
         }
-        mesh.add_triangle(0, 1, 2);
-        mesh.add_triangle(0, 2, 3);
-        painter.add(Shape::mesh(mesh));
     }
 
     /// The metre grid, where there is no plan or where it ends.

@@ -403,7 +403,12 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let response = ui.interact(rect, ui.scope_id().with(("plan", place)), Sense::hover());
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Floor plan"));
     let [low, high] = app.floor_bounds();
-    let view = *app.panes.views.entry(key).or_insert_with(|| View::of(low, high, rect, true, false));
+    let whole = View::of(low, high, rect, true, false);
+    // Once cameras are moved about, the floor under them stays put.
+    let view = match app.panes.views.get(&key) {
+        Some(view) if app.session.history.depth() > 0 => *view,
+        _ => app.panes.fitted_or_chosen(key, whole),
+    };
     let mut mapping = Mapping { view, rect };
     app.panes.rects.insert(key, rect);
     pan_and_zoom(app, ui, key, &mut mapping);
@@ -412,7 +417,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     let palette = theme::palette(ui.ctx());
     painter.rect_filled(rect, 0.0, palette.canvas);
-    app.ask_for_plan(ui.ctx());
+    let pieces = app.plan_pieces(ui.ctx());
     let before = app.poses_before();
     let floor = Floor {
         session: &app.session,
@@ -422,11 +427,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         coverage: app.coverage,
         before: &before,
     };
-    let name = app.session.site.plan.as_ref().and_then(|plan| plan.image.as_ref());
-    let picture = name.and_then(|name| app.pictures.ready(name));
-    if let Some(picture) = picture {
-        floor.paint_plan(&painter, picture);
-    }
+    floor.paint_plan(&painter, &pieces);
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
     floor.paint_images(&painter, &app.pictures);
     let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));

@@ -42,6 +42,17 @@ impl std::fmt::Debug for Picture {
     }
 }
 
+/// A texture and the pixels that it shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// The first pixel.
+    pub low: [f64; 2],
+    /// How many pixels.
+    pub size: [f64; 2],
+    /// The texture.
+    pub texture: egui::TextureId,
+}
+
 enum State {
     Loading(Task<Result<Decoded, String>>),
     Ready(Box<Picture>),
@@ -127,6 +138,24 @@ impl Picture {
         let size = tile.size.map(|side| side as u32);
         self.tiles.push((at, size, ctx.load_texture("tile", tile, options())));
         ctx.request_repaint();
+    }
+
+    /// Textures with the pixels each shows; the small copy until all tiles have arrived.
+    pub fn pieces(&mut self, ctx: &Context) -> Vec<Piece> {
+        self.next_tile(ctx);
+        if !self.waiting.is_empty() {
+            return vec![Piece {
+                low: [0.0, 0.0],
+                size: self.size().map(f64::from),
+                texture: self.overview.id(),
+            }];
+        }
+        let piece = |(at, size, texture): &([u32; 2], [u32; 2], TextureHandle)| Piece {
+            low: at.map(f64::from),
+            size: size.map(f64::from),
+            texture: texture.id(),
+        };
+        self.tiles.iter().map(piece).collect()
     }
 
     /// Paints it where the mapping shows its pixels.
