@@ -1,0 +1,44 @@
+//! The demonstration site: rendered when its images are first asked for, and kept for the next start.
+
+use std::io::Cursor;
+use std::path::PathBuf;
+
+use calib_core::Site;
+
+use crate::files::{Images, data_dir};
+
+/// The folder in which rendered images are kept.
+fn folder() -> Option<PathBuf> {
+    data_dir().map(|folder| folder.join("demonstration"))
+}
+
+/// The site, and where its images come from.
+#[must_use]
+pub fn open() -> (Site, Images) {
+    let site = calib_demo::demo_site().site;
+    (site, Images::beside(folder(), Some(render)))
+}
+
+/// Renders one image of the site as PNG.
+///
+/// # Errors
+/// When the site has no image of this name.
+pub fn render(name: &str) -> Result<Vec<u8>, String> {
+    let demo = calib_demo::demo_site();
+    let is_plan = demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) == Some(name);
+    let entry = demo.site.cameras.iter().position(|camera| camera.image.as_deref() == Some(name));
+    let image = match entry.and_then(|index| Some((demo.truth.get(index)?, demo.site.cameras.get(index)?))) {
+        Some(((_, camera), entry)) => calib_demo::render(camera, entry.size_px),
+        None if is_plan => demo.plan,
+        None => return Err(format!("{name}: not an image of the demonstration site")),
+    };
+    let mut bytes = Vec::new();
+    image
+        .write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png)
+        .map_err(|error| error.to_string())?;
+    if let Some(folder) = folder() {
+        // A picture that cannot be kept is rendered again.
+        let _ = crate::files::write(&folder.join(name), &bytes);
+    }
+    Ok(bytes)
+}

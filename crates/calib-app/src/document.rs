@@ -1,0 +1,136 @@
+//! What is done with the document as a whole: recovered, saved; cameras renamed, removed, given lenses.
+
+use std::path::Path;
+
+use calib_core::{Annotation, LensEntry};
+
+use crate::app::App;
+use crate::files;
+
+impl App {
+    /// Goes on with what a crashed session left.
+    pub fn recover(&mut self, index: usize) {
+        if index >= self.found.len() {
+            return;
+        }
+        let (slot, found) = self.found.remove(index);
+        self.autosave = Some(slot);
+        self.open_site(found.site, found.images, found.path);
+        // It differs from its file, and is kept already.
+        (self.session.generation, self.kept) = (1, 1);
+    }
+
+    /// Forgets what a crashed session left.
+    pub fn discard_found(&mut self, index: usize) {
+        if index < self.found.len() {
+            self.found.remove(index).0.forget();
+        }
+    }
+
+    /// Saves to the site's own file.
+    pub fn save(&mut self) {
+        let Some(path) = self.session.path.clone() else { return };
+        let solved = self.session.solved.write_into(&self.session.site);
+        match files::save(&path, &solved, &self.session.images) {
+            Ok(()) => {
+                // From now on images are looked for beside the file.
+                let folder = path.parent().map(Path::to_path_buf);
+                if let Some(folder) = folder.filter(|f| self.session.images.folder.as_ref() != Some(f)) {
+                    self.session.rebase(&folder);
+                    self.pictures.clear();
+                }
+                self.session.saved = self.session.generation;
+                self.session.note = Some(format!("Saved {}.", path.display()));
+                if let Some(autosave) = &self.autosave {
+                    autosave.forget();
+                }
+                self.kept = self.session.generation;
+            }
+            Err(error) => self.error = Some(error),
+        }
+    }
+
+    /// Changes what is known of the lens of the camera in hand.
+    pub fn with_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
+        let empty = LensEntry {
+            focal_px: None,
+            roll_deg: None,
+            pitch_deg: None,
+            principal_point_px: None,
+            distortion: None,
+            like: None,
+        };
+        if let Some(entry) = self.session.entry_mut() {
+            change(entry.lens.get_or_insert_with(|| empty.clone()));
+            entry.lens.take_if(|lens| *lens == empty);
+            self.session.commit(name);
+        }
+    }
+
+    /// Adds the copied annotations to the camera in hand, scaled to its image.
+    pub fn paste_lines(&mut self) {
+        let Some((copied, from)) = self.copied.clone() else { return };
+        let Some(entry) = self.session.entry_mut() else { return };
+        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
+        let id = entry.id.clone();
+        for mut annotation in copied {
+            scale(&mut annotation, ratio);
+            annotation.id.take_if(|id| entry.annotations.iter().any(|known| known.id.as_ref() == Some(id)));
+            entry.annotations.push(annotation);
+        }
+        self.session.commit(format!("paste annotations onto {id}"));
+    }
+
+    /// Gives the camera in hand another id, everywhere.
+    pub fn rename_camera(&mut self, id: &str) {
+        let session = &mut self.session;
+        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
+            session.note = Some("Every camera needs an id of its own.".into());
+            return;
+        }
+        let Some(entry) = session.entry_mut() else { return };
+        let old = std::mem::replace(&mut entry.id, id.to_owned());
+        let links =
+            session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
+        let marks =
+            session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
+        let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
+        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
+            id.clone_into(name);
+        }
+        session.commit(format!("rename {old}"));
+    }
+
+    /// Removes the camera in hand and what refers to it.
+    pub fn remove_camera(&mut self) {
+        let session = &mut self.session;
+        if session.camera >= session.site.cameras.len() {
+            return;
+        }
+        let id = session.site.cameras.remove(session.camera).id;
+        for link in &mut session.site.links {
+            link.seen.retain(|seen| seen.camera != id);
+        }
+        session.site.links.retain(|link| !link.seen.is_empty());
+        for mark in &mut session.site.marks {
+            mark.seen.retain(|seen| seen.camera != id);
+        }
+        for camera in &mut session.site.cameras {
+            if let Some(lens) = &mut camera.lens {
+                lens.like.take_if(|like| *like == id);
+            }
+        }
+        session.selection.clear();
+        session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
+        session.commit(format!("remove {id}"));
+    }
+}
+
+/// Moves the points of an annotation to an image of another size.
+pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
+    let segments = annotation.segments.iter_mut().flatten().flatten();
+    let points = annotation.points.iter_mut().flatten();
+    for pixel in segments.chain(points).chain(&mut annotation.foot).chain(&mut annotation.head) {
+        (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
+    }
+}

@@ -1,0 +1,194 @@
+//! What is under the cursor: a pure function of the site and a pixel.
+
+use std::collections::BTreeSet;
+
+use calib_core::{Camera, Pixel, Site, SiteCamera, on_image};
+
+/// Something of one camera's image that can be picked, moved and deleted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// A point of a drawn line.
+    Vertex {
+        /// Index of the annotation.
+        annotation: usize,
+        /// Index of its line.
+        segment: usize,
+        /// Index of the point.
+        vertex: usize,
+    },
+    /// A drawn line.
+    Line {
+        /// Index of the annotation.
+        annotation: usize,
+        /// Index of its line.
+        segment: usize,
+    },
+    /// A corner of the EFOV.
+    Corner(usize),
+    /// The EFOV.
+    Field,
+    /// A control point.
+    Control(usize),
+    /// A point of a link, where this camera shows it.
+    Link {
+        /// Index of the link.
+        link: usize,
+        /// Index of the sighting.
+        seen: usize,
+        /// Index of the point of that sighting.
+        point: usize,
+    },
+    /// A pixel that a mark is tied to.
+    Pin {
+        /// Index of the mark.
+        mark: usize,
+        /// Index of the sighting.
+        seen: usize,
+    },
+    /// A mark, wherever it is seen.
+    Mark(usize),
+}
+
+/// A part under the cursor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Which.
+    pub part: Part,
+    /// For a line or the field: behind which point of it the cursor is.
+    pub edge: usize,
+    /// How far from the cursor, in pixels.
+    pub distance: f64,
+}
+
+/// Every point of a camera's image that can be held: with its part, in the order Tab walks them.
+pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
+    let Some(entry) = site.cameras.get(index) else { return Vec::new() };
+    let mut list = Vec::new();
+    for (annotation, drawn) in entry.annotations.iter().enumerate() {
+        for (segment, line) in drawn.polylines().enumerate() {
+            for (vertex, pixel) in line.into_iter().enumerate() {
+                list.push((Part::Vertex { annotation, segment, vertex }, pixel));
+            }
+        }
+    }
+    let corners = entry.efov_px.iter().flatten().enumerate();
+    list.extend(corners.map(|(corner, &pixel)| (Part::Corner(corner), pixel)));
+    list.extend(entry.control_points.iter().enumerate().map(|(i, point)| (Part::Control(i), point.px)));
+    for (link, drawn) in site.links.iter().enumerate() {
+        for (seen, sight) in drawn.seen.iter().enumerate().filter(|(_, seen)| seen.camera == entry.id) {
+            let points = sight.px.iter().chain(&sight.foot).chain(&sight.head);
+            let points = points.chain(sight.segment.iter().flatten());
+            list.extend(points.enumerate().map(|(point, &px)| (Part::Link { link, seen, point }, px)));
+        }
+    }
+    for (mark, drawn) in site.marks.iter().enumerate() {
+        let seen = drawn.seen.iter().enumerate().filter(|(_, seen)| seen.camera == entry.id);
+        list.extend(seen.map(|(seen, sight)| (Part::Pin { mark, seen }, sight.px)));
+    }
+    list
+}
+
+/// The part at `at`: what is selected first, then handles, then lines, then marks.
+#[must_use]
+pub fn pick(
+    site: &Site,
+    index: usize,
+    pose: Option<&Camera>,
+    at: Pixel,
+    radius: f64,
+    selected: &BTreeSet<Part>,
+) -> Option<Hit> {
+    let handles = handles(site, index);
+    let near = handles.iter().map(|&(part, pixel)| Hit { part, edge: 0, distance: pixel.distance(at) });
+    let near: Vec<Hit> = near.filter(|hit| hit.distance <= radius).collect();
+    let closest = |wanted: &dyn Fn(&Hit) -> bool| {
+        near.iter().copied().filter(wanted).min_by(|a, b| a.distance.total_cmp(&b.distance))
+    };
+    let entry = site.cameras.get(index)?;
+    closest(&|hit| selected.contains(&hit.part))
+        .or_else(|| closest(&|_| true))
+        .or_else(|| mark_at(site, pose?, at, radius))
+        .or_else(|| line_at(entry, at, 0.75 * radius))
+}
+
+fn line_at(entry: &SiteCamera, at: Pixel, radius: f64) -> Option<Hit> {
+    let mut hits = Vec::new();
+    for (annotation, drawn) in entry.annotations.iter().enumerate() {
+        for (segment, line) in drawn.polylines().enumerate() {
+            hits.extend(nearest(&line, at).map(|(edge, distance)| Hit {
+                part: Part::Line { annotation, segment },
+                edge,
+                distance,
+            }));
+        }
+    }
+    if let Some(corners) = &entry.efov_px {
+        let closed: Vec<Pixel> = corners.iter().chain(corners.first()).copied().collect();
+        hits.extend(nearest(&closed, at).map(|(edge, distance)| Hit { part: Part::Field, edge, distance }));
+    }
+    hits.retain(|hit| hit.distance <= radius);
+    hits.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
+}
+
+/// The mark that is drawn under a pixel.
+#[must_use]
+pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
+    let hits = site.marks.iter().enumerate().filter_map(|(mark, drawn)| {
+        let shape = drawn.shape();
+        let lines = shape.polylines();
+        let pieces = lines.iter().flat_map(|line| on_image(pose, line));
+        let distance = pieces.filter_map(|piece| nearest(&piece, at)).map(|(_, d)| d).min_by(f64::total_cmp);
+        let foot = pose.world_to_pixel(shape.at).map(|foot| foot.distance(at));
+        let distance = distance.into_iter().chain(foot).min_by(f64::total_cmp)?;
+        Some(Hit { part: Part::Mark(mark), edge: 0, distance })
+    });
+    hits.filter(|hit| hit.distance <= radius).min_by(|a, b| a.distance.total_cmp(&b.distance))
+}
+
+/// The edge of a polyline that is nearest to a pixel, and how far it is.
+#[must_use]
+pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
+    let edges = line.windows(2).map(|pair| to_segment(pair[0], pair[1], at));
+    edges.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Distance of `at` from the segment from `a` to `b`.
+#[must_use]
+pub fn to_segment(a: Pixel, b: Pixel, at: Pixel) -> f64 {
+    let (dx, dy) = (b.u - a.u, b.v - a.v);
+    let length = dx * dx + dy * dy;
+    // A segment without length is a point; a clamp with NaN would not be one.
+    let t =
+        if length > 0.0 { (((at.u - a.u) * dx + (at.v - a.v) * dy) / length).clamp(0.0, 1.0) } else { 0.0 };
+    at.distance(Pixel::new(a.u + t * dx, a.v + t * dy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::{Annotation, Kind};
+
+    fn site() -> Site {
+        let mut camera = SiteCamera::new("a", [640, 480]);
+        let line = vec![Pixel::new(100.0, 100.0), Pixel::new(300.0, 100.0)];
+        camera.annotations.push(Annotation::of_segments(Kind::Vertical, vec![line]));
+        camera.efov_px =
+            Some(vec![Pixel::new(104.0, 100.0), Pixel::new(400.0, 400.0), Pixel::new(0.0, 400.0)]);
+        Site { cameras: vec![camera], ..Site::new() }
+    }
+
+    #[test]
+    fn a_handle_comes_before_the_line_it_ends() {
+        let hit = pick(&site(), 0, None, Pixel::new(298.0, 101.0), 8.0, &BTreeSet::new()).unwrap();
+        assert_eq!(hit.part, Part::Vertex { annotation: 0, segment: 0, vertex: 1 });
+        let hit = pick(&site(), 0, None, Pixel::new(200.0, 103.0), 8.0, &BTreeSet::new()).unwrap();
+        assert_eq!(hit.part, Part::Line { annotation: 0, segment: 0 });
+    }
+
+    #[test]
+    fn what_is_selected_comes_before_what_is_nearer() {
+        let at = Pixel::new(101.0, 100.0);
+        let selected = BTreeSet::from([Part::Corner(0)]);
+        assert_eq!(pick(&site(), 0, None, at, 8.0, &selected).unwrap().part, Part::Corner(0));
+    }
+}

@@ -1,0 +1,36 @@
+//! The app: annotate stills, see the site solved as you draw, place the polygons, check in every view.
+//!
+//! A frame, in order: finished work arrives ([`app::App::logic`]), keys become commands ([`command`]),
+//! the pointer goes to the tool ([`tools`]) through a canvas ([`pane`]), what differs is solved
+//! ([`solved`]), everything is painted, and a finished gesture is kept ([`files::Autosave`]).
+
+pub mod theme;
+pub mod icons;
+pub mod paint;
+pub mod task;
+pub mod picture;
+pub mod files;
+pub mod demo;
+pub mod dialog;
+pub mod canvas;
+pub mod hit;
+pub mod edit;
+pub mod history;
+pub mod solved;
+pub mod session;
+pub mod snap;
+pub mod edges;
+pub mod tools;
+pub mod overlay;
+mod lines;
+pub mod floor;
+pub mod scene3d;
+pub mod command;
+mod deeds;
+pub mod pane;
+pub mod panels;
+pub mod app;
+mod document;
+mod stills;
+
+pub use app::App;

@@ -1,0 +1,164 @@
+//! Strokes on images: every line lies on a dark one, so that it is legible on anything.
+
+use egui::{Align2, Color32, CornerRadius, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+
+use crate::theme::{self, on_image};
+
+/// How a line looks.
+#[derive(Clone, Copy, Debug)]
+pub struct Pen {
+    /// Its colour.
+    pub colour: Color32,
+    /// Its width, in points.
+    pub width: f32,
+    /// Lengths of strokes and gaps; solid if empty.
+    pub dash: &'static [f32],
+    /// The dark line it lies on.
+    pub below: Color32,
+}
+
+impl Pen {
+    /// A solid line.
+    #[must_use]
+    pub const fn new(colour: Color32, width: f32) -> Self {
+        Self { colour, width, dash: &[], below: on_image::OUTLINE }
+    }
+
+    /// Strokes and gaps.
+    #[must_use]
+    pub const fn dashed(self, dash: &'static [f32]) -> Self {
+        Self { dash, ..self }
+    }
+
+    /// Without the dark line below.
+    #[must_use]
+    pub const fn bare(self) -> Self {
+        Self { below: Color32::TRANSPARENT, ..self }
+    }
+
+    /// With a dark line below that is hardly seen.
+    #[must_use]
+    pub const fn faint(self) -> Self {
+        Self { below: Color32::from_black_alpha(56), ..self }
+    }
+}
+
+/// Lines longer than this on the screen are cut to what can be seen, in points.
+const MARGIN: f32 = 64.0;
+
+/// Draws a polyline; parts far outside the clip rectangle are left out.
+pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
+    for piece in clipped(points, painter.clip_rect().expand(MARGIN)) {
+        if pen.below != Color32::TRANSPARENT {
+            let below = Stroke::new(pen.width + 2.0, pen.below);
+            painter.add(dashes(&piece, pen.dash, below));
+        }
+        painter.add(dashes(&piece, pen.dash, Stroke::new(pen.width, pen.colour)));
+    }
+}
+
+fn dashes(points: &[Pos2], dash: &[f32], stroke: Stroke) -> Shape {
+    if dash.len() < 2 {
+        return Shape::line(points.to_vec(), stroke);
+    }
+    let (strokes, gaps): (Vec<f32>, Vec<f32>) = dash.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
+    Shape::Vec(Shape::dashed_line_with_offset(points, stroke, &strokes, &gaps, 0.0))
+}
+
+/// The pieces of a polyline inside a rectangle (Liang and Barsky 1984).
+fn clipped(points: &[Pos2], rect: Rect) -> Vec<Vec<Pos2>> {
+    let mut pieces: Vec<Vec<Pos2>> = Vec::new();
+    for pair in points.windows(2) {
+        let Some([a, b]) = clip(pair[0], pair[1], rect) else { continue };
+        match pieces.last_mut() {
+            Some(piece) if piece.last() == Some(&a) => piece.push(b),
+            _ => pieces.push(vec![a, b]),
+        }
+    }
+    pieces
+}
+
+fn clip(a: Pos2, b: Pos2, rect: Rect) -> Option<[Pos2; 2]> {
+    if !(a.is_finite() && b.is_finite()) {
+        return None;
+    }
+    let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
+    let by = b - a;
+    let sides = [
+        (-by.x, a.x - rect.left()),
+        (by.x, rect.right() - a.x),
+        (-by.y, a.y - rect.top()),
+        (by.y, rect.bottom() - a.y),
+    ];
+    for (slope, room) in sides {
+        if slope == 0.0 {
+            if room < 0.0 {
+                return None;
+            }
+        } else if slope < 0.0 {
+            enter = enter.max(room / slope);
+        } else {
+            leave = leave.min(room / slope);
+        }
+    }
+    (enter <= leave).then(|| {
+        let at = |t: f32| {
+            if t == 0.0 {
+                a
+            } else if t == 1.0 {
+                b
+            } else {
+                a + t * by
+            }
+        };
+        [at(enter), at(leave)]
+    })
+}
+
+/// A filled round handle with a dark rim.
+pub fn handle(painter: &Painter, at: Pos2, colour: Color32) {
+    painter.circle(at, theme::HANDLE, colour, Stroke::new(1.0, on_image::OUTLINE));
+}
+
+/// A handle that is hovered, selected or held.
+pub fn ring(painter: &Painter, at: Pos2, colour: Color32, held: bool) {
+    let radius = if held { 9.0 } else { 6.0 };
+    painter.circle_stroke(at, radius, Stroke::new(3.0, on_image::OUTLINE));
+    painter.circle_stroke(at, radius, Stroke::new(1.5, colour));
+    painter.circle_filled(at, 2.0, Color32::WHITE);
+}
+
+/// Words on an image, on a dark ground.
+pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color32) -> Rect {
+    let galley = painter.layout_no_wrap(text.to_owned(), theme::regular(11.0), colour);
+    let size = galley.size() + Vec2::new(12.0, 4.0);
+    let rect = align.anchor_size(at, size);
+    if rect.intersects(painter.clip_rect()) {
+        painter.rect_filled(rect, CornerRadius::same(3), on_image::TAG);
+        painter.galley(rect.min + Vec2::new(6.0, 2.0), galley, colour);
+    }
+    rect
+}
+
+/// A camera's letter on its colour.
+pub fn chip(painter: &Painter, at: Pos2, camera: usize) -> Rect {
+    let rect = Rect::from_center_size(at, Vec2::new(16.0, 16.0));
+    painter.rect_filled(rect, CornerRadius::same(3), theme::camera(camera));
+    let letter = theme::camera_letter(camera);
+    painter.text(rect.center(), Align2::CENTER_CENTER, letter, theme::medium(11.0), Color32::BLACK);
+    rect
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_cut_where_it_leaves_the_rectangle() {
+        let rect = Rect::from_min_max(Pos2::ZERO, Pos2::new(100.0, 100.0));
+        let [a, b] = clip(Pos2::new(-1e6, 50.0), Pos2::new(1e6, 50.0), rect).unwrap();
+        assert!(a.x.abs() < 1.0 && (b.x - 100.0).abs() < 1.0, "{a:?} {b:?}");
+        assert_eq!(clip(Pos2::new(-5.0, -5.0), Pos2::new(-5.0, 200.0), rect), None);
+        assert_eq!(clip(Pos2::new(f32::NAN, 0.0), Pos2::new(50.0, 50.0), rect), None);
+    }
+}

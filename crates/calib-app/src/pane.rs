@@ -1,0 +1,463 @@
+//! Canvases: what the pointer does on them goes to the tool, then they are painted.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use calib_core::Pixel;
+use egui::{
+    Color32, CursorIcon, Event, EventFilter, Modifiers, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo,
+};
+
+use crate::app::App;
+use crate::canvas::{Mapping, View};
+use crate::floor::Floor;
+use crate::hit::{self, Part};
+use crate::overlay::Overlay;
+use crate::paint::{Pen, line};
+use crate::theme::{self, on_image};
+use crate::tools::{Pane, Phase, Pointer};
+
+/// Movement less than this is a click, in points.
+const CLICK: f32 = 4.0;
+/// An edge this near to the cursor is offered, in points.
+const OFFER: f32 = 5.0;
+/// Two clicks within this are a double click, in seconds.
+const DOUBLE: f64 = 0.4;
+/// Side of the loupe and how much it enlarges.
+const LOUPE: f32 = 172.0;
+const LOUPE_ZOOM: f64 = 6.0;
+
+/// Where a pane stands: a camera alone and among others is looked at in two ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// It has the canvas.
+    Main,
+    /// It stands beside the plan.
+    Half,
+    /// One of many.
+    Tile,
+}
+
+/// What canvases remember between frames.
+#[derive(Debug, Default)]
+pub struct Panes {
+    /// How each is looked at.
+    pub views: HashMap<(Place, Pane), View>,
+    /// What the views were when they were made to fit.
+    fitted: HashMap<(Place, Pane), View>,
+    /// Whether there are more tiles than the window shows.
+    pub tiles_overflow: bool,
+    /// Where the cursor is, in the pane's units.
+    pub cursor: Option<(Pane, [f64; 2])>,
+    /// The pane and place that holds the pointer while a button is down.
+    captured: Option<(Place, Pane)>,
+    pressed: Pos2,
+    moved: bool,
+    double: bool,
+    last_press: Option<(f64, Pos2)>,
+    /// The pane that was used last: zoom keys mean it.
+    pub active: Option<(Place, Pane)>,
+    /// Where every pane was shown last, for zoom keys and tests.
+    pub rects: HashMap<(Place, Pane), Rect>,
+}
+
+impl Panes {
+    /// Forgets where panes were, and a cursor on one that is no longer shown.
+    pub fn begin_frame(&mut self) {
+        let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
+        self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
+        self.rects.clear();
+    }
+
+    /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
+    fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
+        let chosen = self.views.get(&key).copied();
+        let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
+        if was_fitted {
+            self.fitted.insert(key, whole);
+            self.views.insert(key, whole);
+        }
+        chosen.filter(|_| !was_fitted).unwrap_or(whole)
+    }
+
+    /// Where a pane shows its document.
+    #[must_use]
+    pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
+        Some(Mapping { view: *self.views.get(&(place, pane))?, rect: *self.rects.get(&(place, pane))? })
+    }
+}
+
+fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
+    let pointer = ui.input(|i| i.pointer.hover_pos());
+    let is_over = pointer.is_some_and(|at| is_over(ui, mapping.rect, at));
+    let holds = app.panes.captured == Some(key);
+    if !is_over && !holds {
+        return;
+    }
+    let (scroll, zoom, by, space, middle, touch) = ui.input(|i| {
+        let touch = i.multi_touch().map_or(Vec2::ZERO, |touch| touch.translation_delta);
+        let space = i.key_down(egui::Key::Space) && i.pointer.primary_down();
+        let (middle, by) = (i.pointer.middle_down(), i.pointer.delta());
+        (i.smooth_scroll_delta(), f64::from(i.zoom_delta()), by, space, middle, touch)
+    });
+    // Where tiles overflow the wheel scrolls them, and zooms with Ctrl.
+    let scroll = if key.0 == Place::Tile && app.panes.tiles_overflow { Vec2::ZERO } else { scroll };
+    let at = pointer.unwrap_or_else(|| mapping.rect.center());
+    let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
+    if factor != 1.0 {
+        mapping.view = mapping.zoomed(at, factor);
+    }
+    if scroll.x != 0.0 {
+        mapping.view.pan(Vec2::new(scroll.x, 0.0));
+    }
+    if space || middle {
+        mapping.view.pan(by);
+        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    }
+    mapping.view.pan(touch);
+    app.panes.views.insert(key, mapping.view);
+}
+
+fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
+    rect.contains(at) && ui.clip_rect().contains(at) && ui.ctx().layer_id_at(at) == Some(ui.layer_id())
+}
+
+/// Sends what the pointer did on this canvas to the tool.
+fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
+    let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
+    for event in events {
+        match event {
+            Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
+            Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {
+                pressed(app, ui, key, mapping, (pos, time), modifiers);
+            }
+            Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: false, modifiers }
+                if app.panes.captured == Some(key) =>
+            {
+                app.panes.moved |= pos.distance(app.panes.pressed) > CLICK;
+                send(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
+                app.panes.captured = None;
+            }
+            _ => {}
+        }
+    }
+}
+
+fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2, modifiers: Modifiers) {
+    let holds = app.panes.captured == Some(key);
+    if holds || (app.panes.captured.is_none() && is_over(ui, mapping.rect, at)) {
+        app.panes.moved |= holds && at.distance(app.panes.pressed) > CLICK;
+        app.panes.cursor = Some((key.1, mapping.document(at)));
+        let phase = if holds { Phase::Drag } else { Phase::Hover };
+        send(app, ui, key.1, mapping, at, phase, modifiers);
+    } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1) && !mapping.rect.contains(at) {
+        app.panes.cursor = None;
+    }
+}
+
+fn pressed(
+    app: &mut App,
+    ui: &Ui,
+    key: (Place, Pane),
+    mapping: &Mapping,
+    (at, time): (Pos2, f64),
+    modifiers: Modifiers,
+) {
+    let space = ui.input(|i| i.key_down(egui::Key::Space));
+    if app.panes.captured.is_some() || space || !is_over(ui, mapping.rect, at) {
+        return;
+    }
+    let panes = &mut app.panes;
+    let recent = panes
+        .last_press
+        .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
+    panes.double = recent;
+    panes.last_press = (!recent).then_some((time, at));
+    (panes.captured, panes.active) = (Some(key), Some(key));
+    (panes.pressed, panes.moved) = (at, false);
+    panes.cursor = Some((key.1, mapping.document(at)));
+    send(app, ui, key.1, mapping, at, Phase::Press, modifiers);
+}
+
+fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
+    let (mut still, mut offer) = (None, None);
+    if let Pane::Image(camera) = pane {
+        let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
+        still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
+        offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), mapping.units(OFFER));
+    }
+    let pointer = Pointer {
+        pane,
+        at: mapping.document(at),
+        phase,
+        modifiers,
+        radius: mapping.units(theme::HIT),
+        moved: app.panes.moved,
+        double: app.panes.double,
+        offer,
+        still,
+    };
+    if phase == Phase::Press {
+        app.session.note = None;
+    }
+    app.tool.pointer(&mut app.session, &pointer);
+    app.session.solve();
+}
+
+/// The image of a camera.
+pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
+    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let (size, name) = (entry.size(), entry.image.clone());
+    let pane = Pane::Image(camera);
+    let key = (place, pane);
+    let id = ui.scope_id().with(("image", place, camera));
+    let response = ui.interact(rect, id, Sense::hover());
+    let label = format!("Image of {}", entry.id);
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
+    let whole = View::of([0.0, 0.0], size, rect, false, place != Place::Main);
+    let view = app.panes.fitted_or_chosen(key, whole);
+    let mut mapping = Mapping { view, rect };
+    app.panes.rects.insert(key, rect);
+    pan_and_zoom(app, ui, key, &mut mapping);
+    pointer_events(app, ui, key, &mapping);
+
+    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    let palette = theme::palette(ui.ctx());
+    painter.rect_filled(rect, 0.0, palette.canvas);
+    app.paint_still(&painter, name.as_deref(), &mapping, rect);
+    blend_old(app, &painter, camera, &mapping, size);
+    let overlay = overlay(app, ui, camera, mapping, place);
+    overlay.paint(&painter);
+    for points in app.tool.rubber(pane) {
+        let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
+        line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
+    }
+    offered(app, ui, &painter, camera, &mapping);
+    if place != Place::Tile {
+        handles(app, ui, camera, &mapping);
+    }
+    cursor(app, ui, pane, &mapping);
+    if let Some((held, at)) = app.tool.held()
+        && held == pane
+        && app.panes.cursor.is_some_and(|(over, _)| over == pane)
+    {
+        loupe(app, ui, camera, &mapping, at);
+    }
+}
+
+/// The still that was replaced, over the new one.
+fn blend_old(app: &mut App, painter: &egui::Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
+    let Some((own, name, share)) = app.old_still.clone() else { return };
+    let images = &app.session.images;
+    let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
+    if let Some(picture) = picture.filter(|_| own == camera) {
+        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        let tint = Color32::from_white_alpha((255.0 * share) as u8);
+        painter.image(picture.overview.id(), mapping.screen_rect([0.0, 0.0], [w, h]), uv, tint);
+    }
+}
+
+/// The edge under the cursor, as a ghost that a click takes.
+fn offered(app: &mut App, ui: &Ui, painter: &egui::Painter, camera: usize, mapping: &Mapping) {
+    let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
+    if !app.tool.is_idle() {
+        return;
+    }
+    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), mapping.units(OFFER)) else { return };
+    let colour = app.tool_kind().map_or(on_image::WHITE, theme::kind);
+    let ends = edge.map(|pixel| mapping.screen(pixel.into()));
+    line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
+    for end in ends {
+        painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
+    }
+}
+
+fn overlay<'a>(app: &'a App, ui: &Ui, camera: usize, mapping: Mapping, place: Place) -> Overlay<'a> {
+    let cursor =
+        app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
+    let lit = app.lit.filter(|_| camera == app.session.camera).or_else(|| {
+        let pose = app.session.solved.pose(camera);
+        let near = mapping.units(theme::HIT);
+        let over = cursor.filter(|_| app.tool_row == 0 && app.tool.is_idle());
+        let hit = hit::pick(&app.session.site, camera, pose, over?, near, &app.session.selection)?;
+        match hit.part {
+            Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+                Some((annotation, segment))
+            }
+            _ => None,
+        }
+    });
+    Overlay {
+        session: &app.session,
+        camera,
+        mapping,
+        layers: app.layers,
+        cursor: cursor.filter(|_| app.tool.is_idle()),
+        lit,
+        holding: !app.tool.is_idle(),
+        time: ui.input(|i| i.time) - app.suspect_since,
+        labels: place != Place::Tile || mapping.rect.width() > 300.0,
+        lines: place != Place::Tile || app.tool_kind().is_some(),
+    }
+}
+
+/// A name for every handle, for screen readers, the Tab key and tests.
+fn handles(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
+    let list = hit::handles(&app.session.site, camera);
+    let mut chosen = None;
+    for (part, pixel) in list {
+        let at = mapping.screen(pixel.into());
+        if !mapping.rect.contains(at) {
+            continue;
+        }
+        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
+        let id = ui.scope_id().with(("handle", camera, part));
+        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
+        let name = handle_name(app, part);
+        let selected = app.session.selection.contains(&part);
+        response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &name));
+        if response.has_focus() {
+            let arrows =
+                EventFilter { horizontal_arrows: true, vertical_arrows: true, ..EventFilter::default() };
+            ui.memory_mut(|memory| memory.set_focus_lock_filter(id, arrows));
+        }
+        if response.gained_focus() {
+            chosen = Some(part);
+        }
+    }
+    if let Some(part) = chosen {
+        app.session.select_only(camera, part);
+    }
+}
+
+fn handle_name(app: &App, part: Part) -> String {
+    let name = app.session.part_name(part);
+    match part {
+        Part::Vertex { vertex, .. } => format!("{name} point {}", vertex + 1),
+        Part::Link { point, .. } if point > 0 => format!("{name} point {}", point + 1),
+        _ => name,
+    }
+}
+
+fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
+    let over = ui.input(|i| i.pointer.hover_pos()).filter(|&at| is_over(ui, mapping.rect, at));
+    let Some(at) = over else { return };
+    if ui.input(|i| i.key_down(egui::Key::Space)) {
+        ui.ctx().set_cursor_icon(CursorIcon::Grab);
+        return;
+    }
+    let icon = match (app.tool.held(), app.tool_row, pane) {
+        (Some((held, _)), _, _) if held == pane => CursorIcon::None,
+        (_, 0, Pane::Image(camera)) => {
+            let pose = app.session.solved.pose(camera);
+            let at = Pixel::from(mapping.document(at));
+            let near = mapping.units(theme::HIT);
+            match hit::pick(&app.session.site, camera, pose, at, near, &app.session.selection) {
+                Some(_) => CursorIcon::Move,
+                None => CursorIcon::Default,
+            }
+        }
+        (_, 0, Pane::Plan) => CursorIcon::Default,
+        _ => CursorIcon::Crosshair,
+    };
+    ui.ctx().set_cursor_icon(icon);
+}
+
+/// The neighbourhood of what is held, enlarged, lines and all.
+fn loupe(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2]) {
+    let here = mapping.screen(at);
+    let mut corner = here - Vec2::new(62.0 + LOUPE, 44.0 + LOUPE);
+    if corner.x < mapping.rect.left() {
+        corner.x = here.x + 62.0;
+    }
+    if corner.y < mapping.rect.top() {
+        corner.y = here.y + 44.0;
+    }
+    let rect = Rect::from_min_size(corner, Vec2::splat(LOUPE));
+    let view = View { centre: at, zoom: LOUPE_ZOOM * mapping.view.zoom, y_up: false };
+    let large = Mapping { view, rect };
+    let painter = ui.painter().with_clip_rect(rect);
+    painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
+    let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
+    app.paint_still(&painter, name.as_deref(), &large, rect);
+    let mut overlay = overlay(app, ui, camera, large, Place::Tile);
+    (overlay.labels, overlay.cursor, overlay.lines) = (false, None, true);
+    overlay.paint(&painter);
+    let centre = rect.center();
+    for by in [Vec2::new(14.0, 0.0), Vec2::new(0.0, 14.0)] {
+        for sign in [-1.0, 1.0] {
+            line(&painter, &[centre + 0.3 * sign * by, centre + sign * by], Pen::new(Color32::WHITE, 1.0));
+        }
+    }
+    let text = format!("{LOUPE_ZOOM:.0}\u{d7}   {:.1}, {:.1}", at[0], at[1]);
+    let bar = Rect::from_min_max(Pos2::new(rect.left(), rect.bottom() - 18.0), rect.max);
+    painter.rect_filled(bar, 0.0, on_image::TAG);
+    painter.text(bar.center(), egui::Align2::CENTER_CENTER, text, theme::regular(11.0), Color32::WHITE);
+    let outside = ui.painter();
+    outside.rect_stroke(rect, 3.0, egui::Stroke::new(2.0, Color32::WHITE), egui::StrokeKind::Outside);
+}
+
+/// The floor from above, on its plan.
+pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
+    let key = (place, Pane::Plan);
+    let response = ui.interact(rect, ui.scope_id().with(("plan", place)), Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Floor plan"));
+    let [low, high] = app.floor_bounds();
+    let whole = View::of(low, high, rect, true, false);
+    // Once cameras are moved about, the floor under them stays put.
+    let view = match app.panes.views.get(&key) {
+        Some(view) if app.session.history.depth() > 0 => *view,
+        _ => app.panes.fitted_or_chosen(key, whole),
+    };
+    let mut mapping = Mapping { view, rect };
+    app.panes.rects.insert(key, rect);
+    pan_and_zoom(app, ui, key, &mut mapping);
+    pointer_events(app, ui, key, &mapping);
+
+    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    let palette = theme::palette(ui.ctx());
+    painter.rect_filled(rect, 0.0, palette.canvas);
+    let pieces = app.plan_pieces(ui.ctx());
+    let before = app.poses_before();
+    let floor = Floor {
+        session: &app.session,
+        mapping,
+        opacity: app.opacity,
+        blend: app.blend,
+        coverage: app.coverage,
+        before: &before,
+    };
+    floor.paint_plan(&painter, &pieces);
+    floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
+    floor.paint_images(&painter, &app.pictures);
+    let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
+    floor.paint_cameras(&painter, cursor);
+    floor.paint_elements(&painter, cursor);
+    for points in app.tool.rubber(Pane::Plan) {
+        let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
+        line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
+    }
+    floor.paint_scale(&painter);
+    plan_handle_names(app, ui, &mapping);
+    self::cursor(app, ui, Pane::Plan, &mapping);
+}
+
+fn plan_handle_names(app: &App, ui: &Ui, mapping: &Mapping) {
+    let Some(entry) = app.session.entry() else { return };
+    for (handle, at) in crate::tools::plan_handles(&app.session, app.session.camera) {
+        let at = mapping.screen(at);
+        if !mapping.rect.contains(at) {
+            continue;
+        }
+        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
+        let id = ui.scope_id().with(("plan handle", handle));
+        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
+        let name = match handle {
+            crate::tools::PlanHandle::Corner(corner) => {
+                format!("corner {} of {} on the plan", corner + 1, entry.id)
+            }
+            other => format!("{} {} on the plan", other.verb(), entry.id),
+        };
+        response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &name));
+    }
+}

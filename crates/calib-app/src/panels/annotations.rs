@@ -1,0 +1,221 @@
+//! The table of annotations: what was drawn, how well it fits, switches.
+
+use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
+use egui::{Align2, DragValue, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
+
+use crate::app::App;
+use crate::hit::Part;
+use crate::icons::{self, Icon};
+use crate::panels::heading;
+use crate::theme;
+use crate::tools::TOOLS;
+
+/// What a row asks for.
+enum Wish {
+    Select(usize, usize, bool),
+    Toggle(usize),
+    Length(usize, f64),
+    Height(usize, f64),
+}
+
+/// The panel.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    heading(ui, "Lines", "residual, px");
+    app.lit = None;
+    let Some(entry) = app.session.entry() else { return };
+    let annotations = entry.annotations.clone();
+    let sigma = entry.sigma_px.unwrap_or(1.0);
+    if annotations.is_empty() {
+        let palette = theme::palette(ui.ctx());
+        ui.label(
+            RichText::new("Nothing drawn yet. V draws verticals, P parallels, R right angles.")
+                .color(palette.text2),
+        );
+    }
+    let mut wishes = Vec::new();
+    ui.spacing_mut().item_spacing.y = 0.0;
+    for row in KINDS {
+        let mut letter = 'a';
+        for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| a.kind == row.kind) {
+            group(ui, annotation, index, letter, &mut wishes);
+            letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
+            for (segment, line) in annotation.polylines().enumerate() {
+                let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
+                line_row(app, ui, &annotations, &line, &mut wishes);
+            }
+        }
+    }
+    for wish in wishes {
+        grant(app, wish);
+    }
+}
+
+fn group(ui: &mut Ui, annotation: &Annotation, index: usize, letter: char, wishes: &mut Vec<Wish>) {
+    let palette = theme::palette(ui.ctx());
+    let row = annotation.kind.row();
+    let icon = TOOLS.iter().find(|tool| tool.kind == Some(row.kind)).map_or(Icon::Vertical, |tool| tool.icon);
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        icons::inline(ui, icon, theme::kind_icon(row.kind, ui.visuals().dark_mode));
+        let lettered = matches!(row.kind, Kind::Parallel | Kind::EqualLength | Kind::Perpendicular);
+        let name = annotation.name.clone().unwrap_or_else(|| {
+            if lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
+        });
+        ui.label(RichText::new(name).font(theme::medium(12.0)));
+        let count = annotation.polylines().count();
+        ui.label(RichText::new(count.to_string()).color(palette.text3));
+        if annotation.at_right_angles_to.is_some() {
+            ui.label(RichText::new("square").color(palette.text2))
+                .on_hover_text("at right angles to another direction");
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if row.has_length {
+                let mut value = annotation.length_m.unwrap_or(1.0);
+                if metres(ui, &mut value, "Known length") {
+                    wishes.push(Wish::Length(index, value));
+                }
+            } else if let Some(height) = annotation.height_m {
+                let mut value = height.value;
+                if metres(ui, &mut value, "Height of the upright") {
+                    wishes.push(Wish::Height(index, value));
+                }
+            }
+        });
+    });
+}
+
+fn metres(ui: &mut Ui, value: &mut f64, tip: &str) -> bool {
+    let field = DragValue::new(value).speed(0.01).range(0.01..=1e4).suffix(" m").max_decimals(3);
+    ui.add(field.update_while_editing(false)).on_hover_text(format!("{tip}, in metres")).changed()
+}
+
+struct Line<'a> {
+    annotation: usize,
+    segment: usize,
+    points: &'a [Pixel],
+    sigma: f64,
+    off: bool,
+}
+
+fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<'_>, wishes: &mut Vec<Wish>) {
+    let palette = theme::palette(ui.ctx());
+    let (index, segment) = (line.annotation, line.segment);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 19.0), Sense::click());
+    let name = line_name(annotations, index, segment);
+    let part = Part::Line { annotation: index, segment };
+    let selected = app.session.selection.contains(&part);
+    let residual = app.session.solution().and_then(|solution| {
+        solution.residuals.iter().find(|r| r.annotation == Some(index) && r.segment == Some(segment)).cloned()
+    });
+    let suspect = residual.as_ref().is_some_and(|r| r.outlier);
+    let label = format!("Line {name}");
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &label));
+    if response.hovered() {
+        app.lit = Some((index, segment));
+    }
+    if selected {
+        ui.painter().rect_filled(rect, 0.0, palette.accent_bg);
+    } else if suspect {
+        let since = ui.input(|i| i.time) - app.suspect_since;
+        let lit = since > 3.0 || since.rem_euclid(1.0) < 0.5;
+        ui.painter().rect_filled(rect, 0.0, palette.bad_bg.gamma_multiply(if lit { 1.0 } else { 0.4 }));
+    } else if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, palette.raised);
+    }
+    if response.clicked() {
+        wishes.push(Wish::Select(index, segment, ui.input(|i| i.modifiers.command)));
+    }
+    let text = match (suspect, line.off) {
+        (true, _) => palette.bad,
+        (false, true) => palette.text3,
+        (false, false) => palette.text,
+    };
+    let y = rect.center().y;
+    let painter = ui.painter();
+    painter.text(egui::pos2(rect.left() + 24.0, y), Align2::LEFT_CENTER, &name, theme::medium(12.0), text);
+    let length: f64 = line.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    let about = if suspect { "set aside".to_owned() } else { format!("{length:.0} px") };
+    painter.text(
+        egui::pos2(rect.left() + 64.0, y),
+        Align2::LEFT_CENTER,
+        about,
+        theme::regular(11.0),
+        palette.text3,
+    );
+    if let Some(residual) = residual {
+        let px = residual.px.abs();
+        bar(ui, rect, px / line.sigma);
+        let text = if px < 100.0 { format!("{px:.1}") } else { format!("{px:.0}") };
+        ui.painter().text(
+            egui::pos2(rect.right(), y),
+            Align2::RIGHT_CENTER,
+            text,
+            theme::regular(12.0),
+            palette.text,
+        );
+    }
+    if switch(ui, rect, &name, !line.off) {
+        wishes.push(Wish::Toggle(index));
+    }
+}
+
+/// The box that switches a line on or off; whether it was clicked.
+fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
+    let place = Rect::from_min_size(row.min + Vec2::new(2.0, 1.0), Vec2::new(18.0, 17.0));
+    let check = ui.put(place, egui::Checkbox::without_text(&mut on));
+    check.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, on, format!("Use {name}")));
+    check.changed()
+}
+
+/// A bar as long as the residual is large, with a tick at three sigma.
+fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
+    const WIDTH: f32 = 44.0;
+    const MOST: f64 = 4.2;
+    let palette = theme::palette(ui.ctx());
+    let right = row.right() - 40.0;
+    let back = Rect::from_min_max(
+        egui::pos2(right - WIDTH, row.center().y - 4.0),
+        egui::pos2(right, row.center().y + 4.0),
+    );
+    ui.painter().rect_filled(back, 1.0, palette.bg);
+    let share = (over_sigma / MOST).clamp(0.0, 1.0) as f32;
+    let filled = Rect::from_min_size(back.min, Vec2::new(share * WIDTH, back.height()));
+    ui.painter().rect_filled(filled, 1.0, theme::residual(palette, over_sigma));
+    let tick = back.left() + (3.0 / MOST) as f32 * WIDTH;
+    ui.painter().vline(tick, back.y_range(), egui::Stroke::new(1.0, palette.text2));
+}
+
+fn grant(app: &mut App, wish: Wish) {
+    app.cancel();
+    match wish {
+        Wish::Select(annotation, segment, more) => {
+            let part = Part::Line { annotation, segment };
+            if !more {
+                app.session.selection.clear();
+            }
+            if !app.session.selection.remove(&part) {
+                app.session.selection.insert(part);
+            }
+        }
+        Wish::Toggle(index) => {
+            let name = app.session.part_name(Part::Line { annotation: index, segment: 0 });
+            if let Some(annotation) = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index)) {
+                annotation.off = !annotation.off;
+            }
+            app.session.commit(format!("switch {name} on or off"));
+        }
+        Wish::Length(index, value) => {
+            if let Some(annotation) = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index)) {
+                annotation.length_m = Some(value);
+            }
+            app.session.commit("change a known length");
+        }
+        Wish::Height(index, value) => {
+            let annotation = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index));
+            if let Some(height) = annotation.and_then(|a| a.height_m.as_mut()) {
+                height.value = value;
+            }
+            app.session.commit("change the height of an upright");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
+
+use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
+
+use crate::app::App;
+use crate::dialog::Purpose;
+use crate::icons::{self, Icon, Look};
+use crate::paint::chip;
+use crate::panels::steps;
+use crate::picture::cropped;
+use crate::theme;
+
+/// How the list is ordered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// As in the site.
+    #[default]
+    Site,
+    /// Those that miss most first.
+    Missing,
+    /// Those whose floor is known worst first.
+    Sigma,
+}
+
+/// How the list is filtered and sorted.
+#[derive(Clone, Debug, Default)]
+pub struct List {
+    /// Part of a name.
+    pub filter: String,
+    /// Only those that are not finished.
+    pub unfinished: bool,
+    /// How it is ordered.
+    pub order: Order,
+}
+
+/// The list, or (`rail`) a narrow strip of it.
+pub fn show(app: &mut App, ui: &mut Ui, rail: bool) {
+    let rows = rows(app);
+    if rail {
+        ui.add_space(6.0);
+    } else {
+        header(app, ui);
+    }
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for &camera in &rows {
+            if row(app, ui, camera, rail) {
+                app.cancel();
+                app.session.choose(camera);
+            }
+        }
+        if !rail {
+            let palette = theme::palette(ui.ctx());
+            ui.add_space(8.0);
+            ui.vertical_centered(|ui| {
+                ui.label(egui::RichText::new("Drop images here to add").small().color(palette.text3));
+            });
+        }
+    });
+}
+
+fn header(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    egui::Frame::NONE.inner_margin(egui::Margin::symmetric(10, 6)).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            ui.label(egui::RichText::new("Cameras").font(theme::medium(13.0)));
+            let count = app.session.site.cameras.len();
+            let done = (0..count).filter(|&i| steps::is_finished(&app.session, i)).count();
+            ui.label(egui::RichText::new(format!("{done} of {count}")).small().color(palette.text3));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let look = Look { size: Vec2::splat(20.0), ..Look::default() };
+                if icons::button(ui, Icon::Plus, "Add images", "", look).clicked() {
+                    app.ask(Purpose::AddImages);
+                }
+            });
+        });
+        // A few cameras need no finding.
+        if app.session.site.cameras.len() > 6 {
+            let label = ui.label(egui::RichText::new("Filter").small().color(palette.text3));
+            ui.add(TextEdit::singleline(&mut app.list.filter).hint_text("name").desired_width(f32::INFINITY))
+                .labelled_by(label.id);
+            ui.horizontal(|ui| {
+                ui.checkbox(&mut app.list.unfinished, "unfinished");
+                let text = match app.list.order {
+                    Order::Site => "in order",
+                    Order::Missing => "missing",
+                    Order::Sigma => "floor \u{b1}",
+                };
+                if ui.button(text).on_hover_text("Sort by").clicked() {
+                    app.list.order = match app.list.order {
+                        Order::Site => Order::Missing,
+                        Order::Missing => Order::Sigma,
+                        Order::Sigma => Order::Site,
+                    };
+                }
+            });
+        }
+    });
+}
+
+fn rows(app: &App) -> Vec<usize> {
+    let wanted = app.list.filter.to_lowercase();
+    let mut rows: Vec<usize> = app
+        .session
+        .site
+        .cameras
+        .iter()
+        .enumerate()
+        .filter(|(_, camera)| camera.id.to_lowercase().contains(&wanted))
+        .filter(|(index, _)| !app.list.unfinished || !steps::is_finished(&app.session, *index))
+        .map(|(index, _)| index)
+        .collect();
+    match app.list.order {
+        Order::Site => {}
+        Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(&app.session, i))),
+        Order::Sigma => {
+            let sigma = |i: usize| steps::floor_sigma(&app.session, i).unwrap_or(f64::INFINITY);
+            rows.sort_by(|&a, &b| sigma(b).total_cmp(&sigma(a)));
+        }
+    }
+    rows
+}
+
+/// One camera; whether it was clicked.
+fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.session.site.cameras.get(camera) else { return false };
+    let (id, image) = (entry.id.clone(), entry.image.clone());
+    let height = if rail { 62.0 } else { 54.0 };
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::click());
+    let is_own = camera == app.session.camera;
+    let label = format!("Camera {id}");
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_own, &label));
+    if !ui.is_rect_visible(rect) {
+        return response.clicked();
+    }
+    if is_own {
+        ui.painter().rect_filled(rect, 0.0, palette.raised);
+        let bar = Rect::from_min_size(rect.min, Vec2::new(2.0, height));
+        ui.painter().rect_filled(bar, 0.0, palette.accent);
+    } else if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, palette.raised.gamma_multiply(0.5));
+    }
+    let thumb = if rail {
+        Rect::from_min_size(rect.min + Vec2::new(8.0, 5.0), Vec2::new(48.0, 34.0))
+    } else {
+        Rect::from_min_size(rect.min + Vec2::new(10.0, 7.0), Vec2::new(70.0, 40.0))
+    };
+    thumbnail(app, ui, image.as_deref(), thumb);
+    chip(ui.painter(), thumb.left_top() + Vec2::new(9.0, 9.0), camera);
+    if rail {
+        let at = thumb.center_bottom() + Vec2::new(0.0, 3.0);
+        let clip = ui.painter().with_clip_rect(rect.shrink(2.0));
+        clip.text(at, Align2::CENTER_TOP, &id, theme::regular(10.0), palette.text2);
+    } else {
+        words(app, ui, camera, rect, thumb);
+    }
+    let response = response.on_hover_text(steps::summary(&app.session, camera));
+    response.clicked() || response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))
+}
+
+fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let left = thumb.right() + 8.0;
+    let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
+    let top = egui::pos2(left, rect.top() + 7.0);
+    let sigma = steps::floor_sigma(&app.session, camera);
+    let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
+    let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
+    let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
+    let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
+    name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
+    let (text, is_done) = steps::next(&app.session, camera);
+    let colour = if is_done { palette.ok } else { palette.warn };
+    let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
+    clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
+}
+
+fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {
+    let palette = theme::palette(ui.ctx());
+    let images = &app.session.images;
+    let picture = name.and_then(|name| app.pictures.get(ui.ctx(), name, || images.reader(name)));
+    match picture {
+        Some(picture) => {
+            let uv = cropped(picture.overview.size_vec2(), rect);
+            ui.painter().image(picture.overview.id(), rect, uv, Color32::WHITE);
+        }
+        None => {
+            ui.painter().rect_filled(rect, 2.0, palette.canvas);
+            ui.painter().rect_stroke(rect, 2.0, Stroke::new(1.0, palette.line), egui::StrokeKind::Inside);
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! What cameras share: marks, links, control points, and how well views agree.
+
+use calib_core::{Link, LinkKind, MarkKind, Pixel, ResidualOf, WorldPoint};
+use egui::{DragValue, RichText, Ui, Vec2};
+
+use crate::app::App;
+use crate::command::{self, Command};
+use crate::hit::Part;
+use crate::icons::{self, Icon, Look};
+use crate::panels::{heading, number};
+use crate::theme;
+use crate::tools::TOOLS;
+
+const fn icon(kind: MarkKind) -> Icon {
+    match kind {
+        MarkKind::Cross => Icon::Cross,
+        MarkKind::Post => Icon::Post,
+        MarkKind::Box => Icon::Box,
+        MarkKind::Cylinder => Icon::Cylinder,
+        MarkKind::Circle => Icon::Circle,
+        MarkKind::Person => Icon::Person,
+        MarkKind::Grid => Icon::Grid,
+    }
+}
+
+/// Virtual elements: the kind of the next one, and those there are.
+pub fn marks(app: &mut App, ui: &mut Ui) {
+    heading(ui, "Marks", "M");
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for kind in MarkKind::ALL {
+            let name = format!("{kind:?}").to_lowercase();
+            let look =
+                Look { chosen: app.session.mark_kind == kind, size: Vec2::splat(28.0), ..Look::default() };
+            if icons::button(ui, icon(kind), &format!("Mark kind {name}"), &name, look).clicked() {
+                wanted = Some(kind);
+            }
+        }
+    });
+    if let Some(kind) = wanted {
+        app.session.mark_kind = kind;
+        let tool = TOOLS.iter().position(|tool| tool.title == "Mark").unwrap_or(0);
+        app.take_tool(tool);
+    }
+    for index in 0..app.session.site.marks.len() {
+        mark_row(app, ui, index);
+    }
+}
+
+fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
+    let palette = theme::palette(ui.ctx());
+    let Some(mut mark) = app.session.site.marks.get(index).cloned() else { return };
+    let part = Part::Mark(index);
+    let selected = app.session.selection.contains(&part);
+    let name = app.session.part_name(part);
+    let WorldPoint { x, y, .. } = mark.at_m;
+    ui.horizontal(|ui| {
+        icons::inline(ui, icon(mark.kind), palette.text);
+        if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
+            app.session.selection = [part].into();
+        }
+        let sizes: Vec<String> = mark.size_m.iter().map(|size| number(*size, 2)).collect();
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(format!("{}, {} m", number(x, 2), number(y, 2)));
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                let text = RichText::new(sizes.join(" \u{d7} ")).color(palette.text2);
+                ui.add(egui::Label::new(text).truncate());
+            });
+        });
+    });
+    if !selected {
+        return;
+    }
+    let mut changed = false;
+    let mut field = |ui: &mut Ui, title: &str, value: &mut f64, unit: &str| {
+        let label = ui.label(RichText::new(title).small().color(palette.text2));
+        let edit = DragValue::new(value).speed(0.01).suffix(unit).max_decimals(3).update_while_editing(false);
+        changed |= ui.add(edit).labelled_by(label.id).changed();
+    };
+    ui.horizontal_wrapped(|ui| {
+        for (title, value) in mark.kind.size_names().iter().zip(mark.size_m.iter_mut()) {
+            field(ui, title, value, "");
+        }
+        field(ui, "turn", &mut mark.turn_deg, "\u{b0}");
+        field(ui, "height", &mut mark.at_m.z, " m");
+    });
+    let was_fixed = mark.fixed;
+    ui.checkbox(&mut mark.fixed, "held in a joint solve");
+    if changed || was_fixed != mark.fixed {
+        for size in &mut mark.size_m {
+            *size = size.clamp(1e-3, 1e4);
+        }
+        app.cancel();
+        app.session.site.marks[index] = mark;
+        app.session.commit(format!("change {name}"));
+    }
+}
+
+/// Links: who sees each, how far the views are apart on the floor.
+pub fn links(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Links", "apart on the floor");
+    if app.session.site.links.is_empty() {
+        ui.label(RichText::new("K links what two views show.").color(palette.text2));
+    }
+    let mut chosen = None;
+    let mut change = None;
+    for (index, link) in app.session.site.links.iter().enumerate() {
+        let waits = link.seen.len() < 2;
+        let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
+        ui.horizontal(|ui| {
+            let colour = if waits { palette.warn } else { palette.text };
+            let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
+            let response = ui.add(egui::Button::new(text).frame(false));
+            if response.clicked() {
+                chosen = Some(index);
+            }
+            for seen in &link.seen {
+                let camera = app.session.site.cameras.iter().position(|camera| camera.id == seen.camera);
+                if let Some(camera) = camera {
+                    let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
+                    crate::paint::chip(ui.painter(), rect.center(), camera);
+                    joint_residual(app, ui, index, &seen.camera);
+                }
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let text = match (waits, apart(app, index)) {
+                    (true, _) => "1 view".into(),
+                    (false, Some(apart)) => format!("{:.1} cm", 100.0 * apart),
+                    (false, None) => "\u{2014}".into(),
+                };
+                ui.label(RichText::new(text).color(palette.text2));
+            });
+        });
+        let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
+        if app.session.selection.iter().any(is_own) {
+            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(ui, index, link)));
+        }
+    }
+    if let Some((index, link)) = change {
+        app.cancel();
+        app.session.commit_link(index, link);
+    }
+    if let Some(link) = chosen {
+        let seen = app.session.site.links.get(link).and_then(|link| link.seen.first()).cloned();
+        let camera = seen.and_then(|seen| app.session.site.cameras.iter().position(|c| c.id == seen.camera));
+        if let Some(camera) = camera {
+            app.cancel();
+            app.session.select_only(camera, Part::Link { link, seen: 0, point: 0 });
+        }
+    }
+}
+
+/// How many pixels off a view is after a joint solve.
+fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
+    let palette = theme::palette(ui.ctx());
+    let found = app.session.solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
+    let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
+        return;
+    };
+    let sigma = app.session.site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
+    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
+}
+
+/// How a saved version differs from this one.
+pub fn compared(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(saved) = &app.compared else { return };
+    heading(ui, "Against the saved version", "position, turn");
+    for (index, camera) in app.session.site.cameras.iter().enumerate() {
+        let old = saved.camera(&camera.id).and_then(calib_core::SiteCamera::camera);
+        let text = match (old, app.session.solved.pose(index)) {
+            (Some(old), Some(new)) => {
+                let turned = (old.yaw - new.yaw).to_degrees().abs();
+                format!("{:.1} cm, {turned:.2}\u{b0}", 100.0 * old.position.distance(new.position))
+            }
+            (None, _) => "not in it, or not solved".into(),
+            (_, None) => "not solved now".into(),
+        };
+        ui.horizontal(|ui| {
+            ui.label(&camera.id);
+            ui.label(RichText::new(text).color(palette.text2));
+        });
+    }
+    if ui.button("Done").clicked() {
+        app.compared = None;
+    }
+}
+
+/// What a link is and how high it is; the link as it is to become.
+fn link_fields(ui: &mut Ui, index: usize, link: &Link) -> Option<(usize, Link)> {
+    let mut new = link.clone();
+    match link.kind {
+        LinkKind::Point => {
+            let mut height = link.height_m.unwrap_or(0.0);
+            let label = ui.label("above the floor");
+            let field = DragValue::new(&mut height).speed(0.01).suffix(" m").max_decimals(3);
+            if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
+                new.height_m = Some(height).filter(|height| *height != 0.0);
+            }
+        }
+        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
+            new.kind = LinkKind::Post;
+            for seen in &mut new.seen {
+                let ends = seen.segment.take().unwrap_or_default();
+                (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
+            }
+        }
+        LinkKind::Post if ui.button("It is a floor line").clicked() => {
+            (new.kind, new.length_m) = (LinkKind::Line, None);
+            for seen in &mut new.seen {
+                seen.segment = seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
+            }
+        }
+        LinkKind::Line | LinkKind::Post => {}
+    }
+    (new != *link).then_some((index, new))
+}
+
+/// Distances that were measured: they give the scale where no plan does.
+pub fn distances(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Distances", "measured");
+    let mut list = app.session.site.distances.clone();
+    let mut removed = None;
+    for (index, distance) in list.iter_mut().enumerate() {
+        ui.horizontal(|ui| {
+            let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
+            let value = &mut distance.length_m.value;
+            let field = DragValue::new(value).speed(0.01).range(0.001..=1e5).suffix(" m").max_decimals(3);
+            ui.add(field.update_while_editing(false)).labelled_by(label.id);
+            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
+            if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
+                removed = Some(index);
+            }
+        });
+    }
+    if let Some(index) = removed {
+        list.remove(index);
+    }
+    let links = app.session.site.links.iter().filter_map(|link| link.id.clone());
+    let ids: Vec<String> =
+        links.chain(app.session.site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
+    if ids.len() >= 2 {
+        pick_pair(app, ui, &ids, &mut list);
+    } else {
+        ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
+    }
+    if list != app.session.site.distances {
+        app.cancel();
+        app.session.site.distances = list;
+        app.session.commit("change a measured distance");
+    }
+}
+
+/// Two ids to choose, and a button that adds a distance between them.
+fn pick_pair(app: &mut App, ui: &mut Ui, ids: &[String], list: &mut Vec<calib_core::Distance>) {
+    ui.horizontal(|ui| {
+        let [a, b] = &mut app.pair;
+        for (salt, chosen) in [("from", a), ("to", b)] {
+            egui::ComboBox::from_id_salt(salt).width(80.0).selected_text(chosen.as_str()).show_ui(ui, |ui| {
+                for id in ids {
+                    ui.selectable_value(chosen, id.clone(), id);
+                }
+            });
+        }
+        let is_pair = app.pair[0] != app.pair[1] && app.pair.iter().all(|id| ids.contains(id));
+        if ui.add_enabled(is_pair, egui::Button::new("Add")).clicked() {
+            list.push(calib_core::Distance {
+                id: None,
+                name: None,
+                off: false,
+                keep: false,
+                between: app.pair.clone(),
+                length_m: calib_core::Known::prior(1.0, 0.01),
+            });
+        }
+    });
+}
+
+/// The greatest distance between where two views say a point link is, in metres.
+fn apart(app: &App, index: usize) -> Option<f64> {
+    let link = app.session.site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
+    let height = link.height_m.unwrap_or(0.0);
+    let places: Vec<_> =
+        link.seen.iter().filter_map(|seen| place(app, &seen.camera, seen.px?, height)).collect();
+    let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(|b| a.distance(*b)));
+    pairs.max_by(f64::total_cmp)
+}
+
+fn place(app: &App, id: &str, px: Pixel, height: f64) -> Option<calib_core::FloorPoint> {
+    let camera = app.session.site.cameras.iter().position(|camera| camera.id == id)?;
+    app.session.solved.placed(camera)?.pixel_to_floor(px, height)
+}
+
+/// Refine, and what it changed.
+pub fn agreement(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "All cameras together", "");
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        let text = RichText::new("Refine").color(palette.bg).font(theme::medium(12.0));
+        if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+            chosen = Some(Command::Refine);
+        }
+        if app.session.before_refine.is_some() && ui.button("Compare with before").clicked() {
+            chosen = Some(Command::CompareBefore);
+        }
+    });
+    if let Some(before) = &app.session.before_refine {
+        for (index, camera) in app.session.site.cameras.iter().enumerate() {
+            let (Some(Some(old)), Some(new)) = (before.get(index), app.session.solved.pose(index)) else {
+                continue;
+            };
+            let moved = old.position.distance(new.position);
+            let turned = (old.yaw - new.yaw).to_degrees().abs();
+            ui.horizontal(|ui| {
+                ui.label(&camera.id);
+                let text = format!("moved {:.1} cm, turned {turned:.2}\u{b0}", 100.0 * moved);
+                ui.label(RichText::new(text).color(palette.text2));
+            });
+        }
+        ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
+    }
+    if let Some(overlaps) = app.session.solved.joint_report().map(|report| report.site.overlaps.clone()) {
+        for overlap in overlaps {
+            let apart =
+                overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| format!("{:.1} cm", 100.0 * rms));
+            ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
+        }
+    }
+    if let Some(command) = chosen {
+        let ctx = ui.ctx().clone();
+        command::run(app, &ctx, command, egui::Modifiers::NONE);
+    }
+}
+
+/// The control points of the camera in hand.
+pub fn controls(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Control points", "residual, px");
+    let Some(entry) = app.session.entry() else { return };
+    let points = entry.control_points.clone();
+    if points.is_empty() {
+        ui.label(RichText::new("C sets a point whose place you know.").color(palette.text2));
+    }
+    let plan = app.session.site.plan.clone();
+    let mut change = None;
+    for (index, point) in points.iter().enumerate() {
+        let name = point.id.clone().unwrap_or_else(|| index.to_string());
+        let residual = app.session.solution().and_then(|solution| {
+            let own =
+                |r: &&calib_core::Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref() == Some(&name);
+            solution.residuals.iter().find(own).map(|r| r.px)
+        });
+        let part = Part::Control(index);
+        let selected = app.session.selection.contains(&part);
+        let mut new = point.clone();
+        let mut changed = false;
+        ui.horizontal(|ui| {
+            let mut on = !point.off;
+            if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
+                (new.off, changed) = (!on, true);
+            }
+            if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
+                app.session.selection = [part].into();
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let text = residual.map_or_else(|| "\u{2014}".into(), |px| format!("{px:.1}"));
+                ui.label(text);
+            });
+        });
+        if selected && let Some(control) = point.control_point(plan.as_ref()) {
+            let mut world = control.world;
+            ui.horizontal(|ui| {
+                for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
+                    let label = ui.label(RichText::new(title).color(palette.text2));
+                    let edit = DragValue::new(value).speed(0.01).max_decimals(3).update_while_editing(false);
+                    changed |= ui.add(edit.suffix(" m")).labelled_by(label.id).changed();
+                }
+            });
+            if world != control.world {
+                (new.world_m, new.plan_px, new.height_m) = (Some(world), None, None);
+            }
+        }
+        if changed {
+            change = Some((index, new, name));
+        }
+    }
+    if let Some((index, new, name)) = change {
+        app.cancel();
+        if let Some(entry) = app.session.entry_mut() {
+            entry.control_points[index] = new;
+        }
+        app.session.commit(format!("change {name}"));
+    }
+}

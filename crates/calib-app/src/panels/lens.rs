@@ -1,0 +1,189 @@
+//! What is known of the camera in hand: its names, its still, its lens.
+
+use calib_core::{Coefficient, DistortionEntry, DistortionModel};
+use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
+
+use crate::app::App;
+use crate::panels::heading;
+use crate::theme;
+
+/// Where the distortion comes from.
+#[derive(Clone, Debug, PartialEq)]
+enum From {
+    /// As much as the straight edges support.
+    Edges,
+    /// Named coefficients are fitted.
+    Fitted,
+    /// Coefficients are given.
+    Given,
+    /// Another camera's lens.
+    Like(String),
+}
+
+impl From {
+    fn of(app: &App) -> Self {
+        let lens = app.session.entry().and_then(|entry| entry.lens.as_ref());
+        if let Some(like) = lens.and_then(|lens| lens.like.clone()) {
+            return Self::Like(like);
+        }
+        match lens.and_then(|lens| lens.distortion.as_ref()) {
+            None => Self::Edges,
+            Some(entry) if entry.fit.is_some() => Self::Fitted,
+            Some(_) => Self::Given,
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Edges => "from straight edges".into(),
+            Self::Fitted => "fit k1 and k2".into(),
+            Self::Given => "given".into(),
+            Self::Like(id) => format!("like {id}"),
+        }
+    }
+}
+
+/// The panel.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.session.entry() else { return };
+    let [w, h] = entry.size_px;
+    heading(ui, "Camera", &format!("{w} \u{d7} {h} px"));
+    names(app, ui);
+    let own = From::of(app);
+    let id = app.session.entry().map(|entry| entry.id.clone()).unwrap_or_default();
+    let mut choices = vec![From::Edges, From::Fitted, From::Given];
+    let free = |camera: &&calib_core::SiteCamera| {
+        // A lens is shared with a camera that has one of its own.
+        camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
+    };
+    choices.extend(app.session.site.cameras.iter().filter(free).map(|camera| From::Like(camera.id.clone())));
+    let mut chosen = own.clone();
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Lens").color(palette.text2));
+        ComboBox::from_id_salt("lens")
+            .selected_text(own.text())
+            .show_ui(ui, |ui| {
+                for choice in choices {
+                    let text = choice.text();
+                    ui.selectable_value(&mut chosen, choice, text);
+                }
+            })
+            .response
+            .labelled_by(label.id);
+    });
+    if chosen != own {
+        set(app, chosen);
+    } else if own == From::Given {
+        coefficients(app, ui);
+    }
+}
+
+fn names(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.session.entry() else { return };
+    let (mut id, mut name) = (entry.id.clone(), entry.name.clone().unwrap_or_default());
+    let field = |ui: &mut Ui, title: &str, text: &mut String| -> bool {
+        let salt = ui.scope_id().with((title, app.session.camera));
+        let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| text.clone());
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        let response = ui.add(TextEdit::singleline(&mut typed).desired_width(88.0)).labelled_by(label.id);
+        if response.has_focus() {
+            ui.data_mut(|data| data.insert_temp(salt, typed.clone()));
+            return false;
+        }
+        ui.data_mut(|data| data.remove::<String>(salt));
+        let is_new = response.lost_focus() && typed != *text;
+        *text = typed;
+        is_new
+    };
+    let (mut renamed, mut titled) = (false, false);
+    ui.horizontal(|ui| {
+        renamed = field(ui, "Id", &mut id);
+        titled = field(ui, "Name", &mut name);
+    });
+    if titled {
+        if let Some(entry) = app.session.entry_mut() {
+            entry.name = Some(name).filter(|name| !name.trim().is_empty());
+        }
+        app.session.commit("name a camera");
+    }
+    if renamed {
+        app.rename_camera(id.trim());
+    }
+}
+
+fn set(app: &mut App, to: From) {
+    let focal = app.session.solution().map(|solution| solution.focal_px);
+    let current = app.session.solution().and_then(|solution| solution.distortion.clone());
+    app.with_lens("change where the lens comes from", |lens| {
+        lens.like = None;
+        let bare = DistortionEntry::new(DistortionModel::BrownConrady);
+        lens.distortion = match to {
+            From::Edges => None,
+            From::Fitted => {
+                Some(DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare })
+            }
+            From::Given => {
+                let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
+                Some(DistortionEntry { fit: None, focal_px: focal, ..current.unwrap_or(zero) })
+            }
+            From::Like(id) => {
+                lens.like = Some(id);
+                None
+            }
+        };
+    });
+}
+
+/// The coefficients that are given, and the focal that they refer to.
+fn coefficients(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let lens = app.session.entry().and_then(|entry| entry.lens.as_ref());
+    let Some(mut entry) = lens.and_then(|lens| lens.distortion.clone()) else { return };
+    let mut changed = false;
+    ui.horizontal_wrapped(|ui| {
+        let values: [(&str, &mut Option<f64>); 6] = [
+            ("k1", &mut entry.k1),
+            ("k2", &mut entry.k2),
+            ("k3", &mut entry.k3),
+            ("k4", &mut entry.k4),
+            ("p1", &mut entry.p1),
+            ("p2", &mut entry.p2),
+        ];
+        let lambda = ("\u{3bb}", &mut entry.lambda);
+        for (title, value) in values.into_iter().chain([lambda]) {
+            let Some(value) = value else { continue };
+            let label = ui.label(RichText::new(title).color(palette.text2));
+            let field = DragValue::new(value).speed(0.001).max_decimals(6).update_while_editing(false);
+            changed |= ui.add(field).labelled_by(label.id).changed();
+        }
+        if let Some(focal) = &mut entry.focal_px {
+            let label = ui.label(RichText::new("for focal").color(palette.text2));
+            let field = DragValue::new(focal).speed(1.0).range(1.0..=1e6).max_decimals(2);
+            changed |= ui.add(field.update_while_editing(false)).labelled_by(label.id).changed();
+        }
+    });
+    if changed {
+        app.with_lens("change the lens", |lens| lens.distortion = Some(entry));
+    }
+}
+
+/// The still before this one, blended over it, to see whether the camera moved.
+pub fn old_still(app: &mut App, ui: &mut Ui) {
+    let Some((camera, _, mut share)) = app.old_still.clone() else { return };
+    if camera != app.session.camera {
+        return;
+    }
+    let palette = theme::palette(ui.ctx());
+    let mut done = false;
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Old still").color(palette.text2));
+        ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
+        done = ui.button("Done").clicked();
+    });
+    match (&mut app.old_still, done) {
+        (Some((.., kept)), false) => *kept = share,
+        (old, _) => *old = None,
+    }
+}

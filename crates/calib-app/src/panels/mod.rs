@@ -1,0 +1,150 @@
+//! The panels about the canvas, one a file.
+
+pub mod annotations;
+pub mod cameras;
+pub mod elements;
+pub mod lens;
+pub mod palette;
+pub mod placement;
+pub mod result;
+pub mod start;
+pub mod status;
+pub mod steps;
+pub mod toolstrip;
+pub mod topbar;
+pub mod tour;
+pub mod views;
+pub mod warnings;
+
+use egui::{CentralPanel, Frame, Margin, Panel, RichText, ScrollArea, Stroke, Ui};
+
+use crate::app::{App, Mode};
+use crate::theme;
+
+/// The narrowest window in which the right panel shows more than its steps, in points.
+const NARROW: f32 = 1000.0;
+
+/// The whole window.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
+    Panel::top("top").exact_size(40.0).frame(bar(palette.panel)).show(ui, |ui| topbar::show(app, ui));
+    Panel::bottom("status").exact_size(28.0).frame(bar(palette.panel)).show(ui, |ui| status::show(app, ui));
+    let has_site = !app.session.site.cameras.is_empty() || app.session.site.plan.is_some();
+    if has_site {
+        let rail = matches!(app.mode, Mode::Plan | Mode::All);
+        let side = Frame::NONE.fill(palette.panel);
+        Panel::left(if rail { "rail" } else { "cameras" })
+            .resizable(!rail)
+            .default_size(if rail { 64.0 } else { 192.0 })
+            .size_range(if rail { 64.0..=64.0 } else { 150.0..=400.0 })
+            .frame(side)
+            .show(ui, |ui| cameras::show(app, ui, rail));
+        Panel::left("tools").exact_size(44.0).resizable(false).frame(side).show(ui, |ui| {
+            toolstrip::show(app, ui);
+        });
+        let inset = Frame::NONE.fill(palette.panel);
+        let narrow = ui.ctx().content_rect().width() < NARROW;
+        Panel::right("right")
+            .default_size(if narrow { 220.0 } else { 296.0 })
+            .size_range(200.0..=480.0)
+            .frame(inset)
+            .show(ui, |ui| right(app, ui));
+    }
+    CentralPanel::default().frame(Frame::NONE.fill(palette.bg)).show(ui, |ui| {
+        if has_site {
+            views::show(app, ui);
+        } else {
+            start::show(app, ui);
+        }
+    });
+    tour::show(app, ui);
+    palette::show(app, ui.ctx());
+}
+
+fn right(app: &mut App, ui: &mut Ui) {
+    warnings::error(app, ui);
+    if app.session.entry().is_none() {
+        return;
+    }
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        section(ui, |ui| steps::show(app, ui));
+        lens::old_still(app, ui);
+        if app.compared.is_some() {
+            section(ui, |ui| elements::compared(app, ui));
+        }
+        match app.mode {
+            Mode::Image => {
+                section(ui, |ui| result::show(app, ui));
+                section(ui, |ui| warnings::show(app, ui));
+                section(ui, |ui| annotations::show(app, ui));
+                section(ui, |ui| lens::show(app, ui));
+            }
+            Mode::Plan => {
+                section(ui, |ui| placement::show(app, ui));
+                section(ui, |ui| warnings::show(app, ui));
+                section(ui, |ui| placement::plan(app, ui));
+                section(ui, |ui| elements::controls(app, ui));
+            }
+            Mode::All | Mode::Scene => {
+                section(ui, |ui| elements::marks(app, ui));
+                section(ui, |ui| elements::links(app, ui));
+                section(ui, |ui| elements::distances(app, ui));
+                section(ui, |ui| elements::agreement(app, ui));
+                section(ui, |ui| warnings::site(app, ui));
+            }
+        }
+    });
+}
+
+/// A part of a panel with a line below it.
+pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
+    let palette = theme::palette(ui.ctx());
+    Frame::NONE.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        contents(ui);
+    });
+    let rect = ui.min_rect();
+    ui.painter().hline(rect.x_range(), rect.bottom(), Stroke::new(1.0, palette.line));
+}
+
+/// The heading of a section, with a word on its right.
+pub fn heading(ui: &mut Ui, text: &str, right: &str) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(RichText::new(right).small().color(palette.text3));
+        });
+    });
+}
+
+/// A number with so many digits and a real minus.
+#[must_use]
+pub fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let is_zero = text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.');
+    if is_zero { text.replace('-', "") } else { text.replace('-', "\u{2212}") }
+}
+
+/// Digits behind the point that `\u{b1} sigma` supports: two of sigma's own.
+#[must_use]
+pub fn digits(sigma: f64) -> usize {
+    if !(sigma.is_finite() && sigma > 0.0) {
+        return 2;
+    }
+    (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize
+}
+
+/// Feet in a metre.
+const FEET: f64 = 3.280_839_895;
+
+/// A length for the screen, with its unit.
+#[must_use]
+pub fn length(metres: f64, digits: usize, feet: bool) -> String {
+    if feet {
+        format!("{} ft", number(metres * FEET, digits))
+    } else {
+        format!("{} m", number(metres, digits))
+    }
+}

@@ -1,0 +1,289 @@
+//! The result with its uncertainty, and a lock for every number that can be held or given.
+
+use calib_core::{Known, LensEntry, Solution};
+use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
+
+use crate::app::App;
+use crate::icons::{self, Icon, Look};
+use crate::panels::{digits, heading, number};
+use crate::theme;
+
+/// A number of the result that can be held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Number {
+    Focal,
+    Pitch,
+    Roll,
+    Height,
+}
+
+const NUMBERS: [Number; 4] = [Number::Focal, Number::Pitch, Number::Roll, Number::Height];
+
+impl Number {
+    const fn title(self) -> &'static str {
+        match self {
+            Self::Focal => "Focal",
+            Self::Pitch => "Pitch",
+            Self::Roll => "Roll",
+            Self::Height => "Height",
+        }
+    }
+
+    const fn unit(self) -> &'static str {
+        match self {
+            Self::Focal => "px",
+            Self::Pitch | Self::Roll => "\u{b0}",
+            Self::Height => "m",
+        }
+    }
+
+    /// The value and its sigma.
+    fn of(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
+        let sigma = solution.sigma.as_ref();
+        Some(match self {
+            Self::Focal => (solution.focal_px, sigma.and_then(|s| s.focal_px)),
+            Self::Pitch => (solution.pitch_deg?, sigma.and_then(|s| s.pitch_deg)),
+            Self::Roll => (solution.roll_deg?, sigma.and_then(|s| s.roll_deg)),
+            Self::Height => (solution.position_m?.z, sigma.and_then(|s| s.z_m)),
+        })
+    }
+
+    fn known(self, app: &App) -> Option<Known> {
+        let entry = app.session.entry()?;
+        let lens = entry.lens.as_ref();
+        match self {
+            Self::Focal => lens?.focal_px,
+            Self::Pitch => lens?.pitch_deg,
+            Self::Roll => lens?.roll_deg,
+            Self::Height => entry.height_m,
+        }
+    }
+
+    fn set(self, app: &mut App, known: Option<Known>) {
+        let verb = match known {
+            Some(known) if known.fixed => "hold",
+            Some(_) => "believe",
+            None => "release",
+        };
+        let name = format!("{verb} the {}", self.title().to_lowercase());
+        let change = |lens: &mut LensEntry| match self {
+            Self::Focal => lens.focal_px = known,
+            Self::Pitch => lens.pitch_deg = known,
+            Self::Roll | Self::Height => lens.roll_deg = known,
+        };
+        if self == Self::Height {
+            if let Some(entry) = app.session.entry_mut() {
+                entry.height_m = known;
+            }
+            app.session.commit(name);
+        } else {
+            app.with_lens(&name, change);
+        }
+    }
+}
+
+/// The panel.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let solution = app.session.solution().cloned();
+    let Some(solution) = solution else {
+        heading(ui, "Result", "");
+        if let Some(Err(failure)) = app.session.solved.result(app.session.camera) {
+            ui.label(RichText::new(&failure.message).color(palette.text));
+            ui.label(RichText::new(&failure.advice).color(palette.text2));
+        }
+        return;
+    };
+    let lines = solution.residuals.len();
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines} lines"));
+    heading(ui, "Result", &rms);
+    let mut change = None;
+    for which in NUMBERS {
+        if let Some((value, sigma)) = which.of(&solution) {
+            let known = which.known(app);
+            if let Some(new) = row(ui, which, value, sigma, known) {
+                change = Some((which, new));
+            }
+            if which == Number::Focal {
+                view_row(app, ui, &solution);
+            }
+        }
+    }
+    lens_row(ui, &solution);
+    floor_row(ui, &solution);
+    alternatives(app, ui, &solution);
+    if let Some((which, known)) = change {
+        which.set(app, known);
+    }
+}
+
+/// One number: value, sigma, unit, lock. What it is to become, if the lock was clicked or a field changed.
+fn row(
+    ui: &mut Ui,
+    which: Number,
+    value: f64,
+    sigma: Option<f64>,
+    known: Option<Known>,
+) -> Option<Option<Known>> {
+    let shown = sigma.map_or(2, digits).min(3);
+    let mut change = None;
+    ui.horizontal(|ui| {
+        cells(ui, which.title(), &number(value, shown), sigma.map(|s| number(s, shown)), which.unit());
+        let (icon, colour) = match known {
+            Some(known) if known.fixed => (Icon::Locked, Some(theme::palette(ui.ctx()).accent)),
+            Some(_) => (Icon::Locked, Some(theme::palette(ui.ctx()).warn)),
+            None => (Icon::Unlocked, Some(theme::palette(ui.ctx()).text3)),
+        };
+        let look = Look { size: Vec2::splat(18.0), colour, ..Look::default() };
+        let title = which.title().to_lowercase();
+        let (label, tip) = match known {
+            None => (format!("Hold the {title}"), format!("Hold the {title} at {}", number(value, shown))),
+            Some(_) => (format!("Release the {title}"), format!("Let the lines tell the {title}")),
+        };
+        if icons::button(ui, icon, &label, &tip, look).clicked() {
+            // A held number keeps the digits that its uncertainty supports, and one more.
+            let digits = 10_f64.powi(shown as i32 + 1);
+            let held = (value * digits).round() / digits;
+            change = Some(known.is_none().then(|| Known::fixed(held)));
+        }
+    });
+    if let Some(known) = known {
+        fields(ui, which, known, &mut change);
+    }
+    change
+}
+
+/// Value and sigma of what is held or believed, to be typed.
+fn fields(ui: &mut Ui, which: Number, known: Known, change: &mut Option<Option<Known>>) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        ui.add_space(12.0);
+        let speed = if which == Number::Focal { 1.0 } else { 0.05 };
+        let mut value = known.value;
+        let response =
+            ui.add(DragValue::new(&mut value).speed(speed).max_decimals(4).update_while_editing(false));
+        let label = format!("{} value", which.title());
+        response.widget_info(|| egui::WidgetInfo::drag_value(true, value));
+        let response = response.on_hover_text(&label);
+        ui.label(RichText::new(which.unit()).color(palette.text3));
+        let mut fixed = known.fixed;
+        let held = ui.checkbox(&mut fixed, "held");
+        let mut sigma = known.sigma.unwrap_or(0.05 * known.value.abs().max(1.0));
+        let mut typed = false;
+        if !fixed {
+            ui.label(RichText::new("\u{b1}").color(palette.text3));
+            let field = DragValue::new(&mut sigma).speed(0.1 * speed).range(1e-6..=1e6).max_decimals(4);
+            typed = ui.add(field.update_while_editing(false)).on_hover_text("How sure: one sigma").changed();
+        }
+        if response.changed() || held.changed() || typed {
+            let new = if fixed { Known::fixed(value) } else { Known::prior(value, sigma) };
+            *change = Some(Some(new));
+        }
+    });
+}
+
+/// Title, number, its sigma and unit, each in its column.
+pub fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit: &str) {
+    let palette = theme::palette(ui.ctx());
+    let width = (ui.available_width() - 26.0).max(120.0);
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 18.0), Sense::hover());
+    let painter = ui.painter();
+    let middle = rect.center().y;
+    let at = |x: f32| egui::pos2(x, middle);
+    painter.text(at(rect.left()), Align2::LEFT_CENTER, title, theme::regular(12.0), palette.text2);
+    let column = rect.right() - 76.0;
+    painter.text(at(column), Align2::RIGHT_CENTER, value, theme::medium(12.0), palette.text);
+    if let Some(sigma) = sigma {
+        let text = format!("\u{b1} {sigma}");
+        painter.text(
+            at(rect.right() - 22.0),
+            Align2::RIGHT_CENTER,
+            text,
+            theme::regular(12.0),
+            palette.text2,
+        );
+    }
+    painter.text(at(rect.right() - 18.0), Align2::LEFT_CENTER, unit, theme::regular(12.0), palette.text2);
+}
+
+fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
+    let Some(entry) = app.session.entry() else { return };
+    let half = 0.5 * entry.size()[0];
+    let view = |focal: f64| 2.0 * (half / focal).atan().to_degrees();
+    let hfov = view(solution.focal_px);
+    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px);
+    let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
+    let shown = spread.map_or(1, digits).min(2);
+    ui.horizontal(|ui| {
+        cells(ui, "Horizontal view", &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
+    });
+}
+
+fn lens_row(ui: &mut Ui, solution: &Solution) {
+    let Some(distortion) = &solution.distortion else { return };
+    let named = [
+        ("k1", distortion.k1),
+        ("k2", distortion.k2),
+        ("k3", distortion.k3),
+        ("k4", distortion.k4),
+        ("\u{3bb}", distortion.lambda),
+    ];
+    let used: Vec<(&str, f64)> =
+        named.into_iter().filter_map(|(name, value)| Some((name, value.filter(|v| *v != 0.0)?))).collect();
+    if used.is_empty() {
+        return;
+    }
+    let names: Vec<&str> = used.iter().map(|(name, _)| *name).collect();
+    let values: Vec<String> = used.iter().map(|(_, value)| number(*value, 3)).collect();
+    ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
+}
+
+fn floor_row(ui: &mut Ui, solution: &Solution) {
+    let palette = theme::palette(ui.ctx());
+    let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
+    ui.painter().rect_filled(rect, 4.0, palette.raised);
+    let inner: Rect = rect.shrink2(Vec2::new(8.0, 0.0));
+    let colour = if rel > 0.03 { palette.warn } else { palette.text };
+    let painter = ui.painter();
+    painter.text(
+        inner.left_center(),
+        Align2::LEFT_CENTER,
+        "Length on the floor",
+        theme::regular(12.0),
+        palette.text,
+    );
+    let text = format!("\u{b1} {:.1} %", 100.0 * rel);
+    painter.text(inner.right_center(), Align2::RIGHT_CENTER, text, theme::medium(12.0), colour);
+}
+
+/// Other cameras that fit as well, each with its field of view.
+fn alternatives(app: &mut App, ui: &mut Ui, solution: &Solution) {
+    let palette = theme::palette(ui.ctx());
+    if solution.alternatives.is_empty() {
+        return;
+    }
+    let mut chosen = None;
+    ui.add_space(4.0);
+    ui.label(RichText::new("Another camera fits as well").font(theme::medium(12.0)).color(palette.warn));
+    for other in &solution.alternatives {
+        egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {
+            let text = format!(
+                "view {:.0}\u{b0}, focal {:.0} px, pitch {}\u{b0}, roll {}\u{b0}",
+                other.hfov_deg,
+                other.focal_px,
+                number(other.pitch_deg, 1),
+                number(other.roll_deg, 1)
+            );
+            ui.label(text);
+            if ui.button(format!("Use {:.0}\u{b0}", other.hfov_deg)).clicked() {
+                chosen = Some(other.focal_px);
+            }
+        });
+    }
+    if let Some(focal) = chosen {
+        app.with_lens("use the second solution", |lens| {
+            lens.focal_px = Some(Known::prior(focal, 0.05 * focal));
+        });
+    }
+}

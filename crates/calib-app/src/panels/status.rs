@@ -1,0 +1,116 @@
+//! The line below: what the next click does, where the cursor is, how the solve went.
+
+use calib_core::Pixel;
+use egui::{Align, Layout, RichText, Ui};
+
+use crate::app::App;
+use crate::icons::{self, Icon};
+use crate::panels::{digits, length, number};
+use crate::theme;
+use crate::tools::{Pane, plan_scale};
+
+/// The status line.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal_centered(|ui| {
+        let hint = match &app.session.note {
+            Some(note) if app.tool.is_idle() => note.clone(),
+            _ if app.session.site.cameras.is_empty() => {
+                "Open the demonstration, open a site, or drop images here.".into()
+            }
+            _ => app.tool.hint(&app.session),
+        };
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            state(app, ui);
+            place(app, ui);
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
+            });
+        });
+    });
+}
+
+fn state(app: &App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let loading = app.pictures.loading();
+    if loading > 0 {
+        ui.spinner();
+        ui.label(RichText::new(format!("reading {loading} images")).color(palette.text2));
+    }
+    if app.edges.looking() > 0 {
+        ui.spinner();
+        ui.label(RichText::new("finding edges").color(palette.text2));
+    }
+    let solved = &app.session.solved;
+    if solved.paused {
+        ui.label(RichText::new("Solving is paused").color(palette.warn));
+        return;
+    }
+    match solved.result(app.session.camera) {
+        Some(Ok(_)) => {
+            let text = format!("Solved in {:.1} ms", solved.milliseconds);
+            ui.label(RichText::new(text).color(palette.ok));
+            icons::inline(ui, Icon::Check, palette.ok);
+        }
+        Some(Err(_)) => {
+            ui.label(RichText::new("Not solved yet").color(palette.warn));
+        }
+        None => {}
+    }
+}
+
+fn place(app: &App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some((pane, at)) = app.panes.cursor else { return };
+    let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
+    match pane {
+        Pane::Image(camera) => {
+            let Some(entry) = app.session.site.cameras.get(camera) else { return };
+            let pose = app.session.solved.pose(camera);
+            if let Some(pose) = pose {
+                floor(app, ui, pose, at.into());
+                ui.add_space(12.0);
+            }
+            ui.label(strong(format!("{}, {}", number(at[0], 1), number(at[1], 1))));
+            ui.label(RichText::new(format!("{} px", entry.id)).color(palette.text2));
+        }
+        Pane::Plan => {
+            let seen = (0..app.session.site.cameras.len())
+                .filter(|&i| {
+                    let field = app.session.solved.solution(i).map(|solution| &solution.efov_m);
+                    field.is_some_and(|field| crate::tools::is_inside(field, at))
+                })
+                .map(|i| app.session.site.cameras[i].id.as_str());
+            let seen: Vec<&str> = seen.collect();
+            if !seen.is_empty() {
+                ui.label(RichText::new(format!("seen by {}", seen.join(", "))).color(palette.text2));
+                ui.add_space(12.0);
+            }
+            if app.session.site.plan.is_some() {
+                let px = plan_scale(&app.session.site).plan_from_floor(at.into());
+                ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
+                ui.add_space(12.0);
+            }
+            ui.label(strong(length(at[1], 2, app.feet)));
+            ui.label(strong(format!("{},", length(at[0], 2, app.feet))));
+            ui.label(RichText::new("floor").color(palette.text2));
+        }
+    }
+}
+
+fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
+    let palette = theme::palette(ui.ctx());
+    let Some(point) = pose.pixel_to_floor(at, 0.0) else {
+        ui.label(RichText::new("no metres above the horizon").color(palette.text2));
+        return;
+    };
+    let sigma = pose.floor_covariance(at, 1.0).map(|covariance| covariance.worst_sigma());
+    let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
+    if let Some(sigma) = sigma {
+        ui.label(RichText::new(format!("\u{b1} {}", length(sigma, shown, app.feet))).color(palette.text2));
+    }
+    let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
+    ui.label(strong(length(point.y, shown, app.feet)));
+    ui.label(strong(format!("{},", length(point.x, shown, app.feet))));
+    ui.label(RichText::new("floor").color(palette.text2));
+}

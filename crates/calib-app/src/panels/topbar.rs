@@ -1,0 +1,160 @@
+//! Menu, name of the site, views, undo, solving, commands.
+
+use egui::{Align, Button, Key, KeyboardShortcut, Layout, RichText, Ui, Vec2};
+
+use crate::app::{App, Mode};
+use crate::command::{self, COMMANDS, Command};
+use crate::icons::{self, Icon, Look};
+use crate::theme;
+
+/// The commands of the menu, in its order; a gap between groups.
+const MENU: &[&[Command]] = &[
+    &[Command::NewSite, Command::Demo, Command::Tour, Command::Open, Command::Save, Command::SaveAs],
+    &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
+    &[Command::SavePicture, Command::Theme, Command::Feet],
+    &[Command::Shortcuts, Command::About],
+];
+
+const VIEWS: [(Mode, Command, Icon, &str); 4] = [
+    (Mode::Image, Command::ViewImage, Icon::Image, "Image"),
+    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan"),
+    (Mode::All, Command::ViewAll, Icon::All, "All cameras"),
+    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene"),
+];
+
+/// The bar at the top.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let mut chosen = None;
+    ui.horizontal_centered(|ui| {
+        menu(app, ui, &mut chosen);
+        title(app, ui);
+        // The views stand in the middle of the window.
+        let width = 4.0 * 112.0;
+        let middle = ui.ctx().content_rect().center().x;
+        let rect = egui::Rect::from_center_size(
+            egui::pos2(middle, ui.max_rect().center().y),
+            Vec2::new(width, 28.0),
+        );
+        ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
+            ui.horizontal_centered(|ui| views(app, ui, &mut chosen));
+        });
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
+    });
+    if let Some(command) = chosen {
+        let ctx = ui.ctx().clone();
+        command::run(app, &ctx, command, egui::Modifiers::NONE);
+    }
+}
+
+fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let response = icons::button(ui, Icon::Menu, "Menu", "Menu", Look::default());
+    egui::Popup::menu(&response).show(|ui| {
+        ui.set_min_width(260.0);
+        for (i, group) in MENU.iter().enumerate() {
+            if i > 0 {
+                ui.separator();
+            }
+            for row in COMMANDS.iter().filter(|row| group.contains(&row.command)) {
+                let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
+                let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
+                if ui.add_enabled(command::is_enabled(app, row.command), button).clicked() {
+                    *chosen = Some(row.command);
+                    ui.close();
+                }
+            }
+        }
+    });
+}
+
+/// Keys in the words of this platform.
+#[must_use]
+pub fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
+    match keys.logical_key {
+        Key::Questionmark => "?".into(),
+        Key::OpenBracket => {
+            if keys.modifiers.shift {
+                "{".into()
+            } else {
+                "[".into()
+            }
+        }
+        Key::CloseBracket => {
+            if keys.modifiers.shift {
+                "}".into()
+            } else {
+                "]".into()
+            }
+        }
+        _ => ui.ctx().format_shortcut(&keys),
+    }
+}
+
+fn title(app: &App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let file = app.session.path.as_deref().and_then(|path| path.file_stem());
+    let name = app.session.site.name.clone().or_else(|| file.map(|stem| stem.to_string_lossy().into_owned()));
+    let name = name.unwrap_or_else(|| "New site".into());
+    ui.label(RichText::new(name).font(theme::medium(13.0)).color(palette.text));
+    let saved = match (app.session.is_saved(), app.session.path.is_some()) {
+        (true, true) => "saved",
+        (true, false) => "",
+        (false, _) => "not saved",
+    };
+    ui.label(RichText::new(saved).color(palette.text3));
+}
+
+fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let palette = theme::palette(ui.ctx());
+    ui.spacing_mut().item_spacing.x = 4.0;
+    for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
+        let is_on = app.mode == mode;
+        let text = RichText::new(format!("      {title}   {}", i + 1));
+        let text = text.color(if is_on { palette.text } else { palette.text2 });
+        let fill = if is_on { palette.raised } else { palette.panel };
+        let response = ui.add(Button::new(text).fill(fill).min_size(Vec2::new(0.0, 26.0)).selected(false));
+        let at = egui::Rect::from_center_size(
+            response.rect.left_center() + Vec2::new(15.0, 0.0),
+            Vec2::splat(16.0),
+        );
+        icons::paint(ui.painter(), icon, at, 14.0, if is_on { palette.accent } else { palette.text2 });
+        response.widget_info(|| {
+            egui::WidgetInfo::selected(egui::Role::Button, true, is_on, format!("View {title}"))
+        });
+        if response.clicked() {
+            *chosen = Some(command);
+        }
+    }
+}
+
+/// From the right edge inwards.
+fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let palette = theme::palette(ui.ctx());
+    let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
+        let look = Look { enabled: command::is_enabled(app, command), chosen: on, ..Look::default() };
+        if icons::button(ui, icon, label, "", look).clicked() {
+            *chosen = Some(command);
+        }
+    };
+    button(ui, Icon::Sun, "Light or dark theme", Command::Theme, false);
+    button(ui, Icon::Search, "Commands (Ctrl+K)", Command::Palette, false);
+    let paused = app.session.solved.paused;
+    let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
+    button(ui, icon, label, Command::Pause, paused);
+    let redo = command::text_of(app, row_of(Command::Redo));
+    button(ui, Icon::Redo, &redo, Command::Redo, false);
+    let undo = command::text_of(app, row_of(Command::Undo));
+    button(ui, Icon::Undo, &undo, Command::Undo, false);
+    // The words give way before the views do.
+    let room = ui.available_width() - 4.0;
+    if app.session.history.undo_name().is_some() && room > 60.0 {
+        ui.add(egui::Label::new(RichText::new(undo).color(palette.text2)).truncate());
+    }
+}
+
+fn row_of(command: Command) -> command::Row {
+    COMMANDS.iter().copied().find(|row| row.command == command).unwrap_or(command::Row {
+        command,
+        text: "",
+        keys: None,
+    })
+}

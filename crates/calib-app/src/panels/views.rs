@@ -1,0 +1,238 @@
+//! The middle of the window: one image, image and plan, all cameras, or the scene.
+
+use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
+
+use crate::app::{App, Mode};
+use crate::command::{self, Command};
+use crate::paint::chip;
+use crate::pane::{self, Place};
+use crate::panels::number;
+use crate::scene3d::{self, Orbit};
+use crate::theme;
+use crate::tools::Pane;
+
+/// Height of the line above a view, in points.
+const HEADER: f32 = 28.0;
+/// The least height of a view among many, in points.
+const LEAST: f32 = 150.0;
+
+/// What the mode shows.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let rect = ui.max_rect();
+    match app.mode {
+        Mode::Image => {
+            let camera = app.session.camera;
+            single(app, ui, rect, camera, Place::Main);
+        }
+        Mode::Plan => {
+            let (left, right) = rect.split_left_right_at_fraction(0.46);
+            images(app, ui, left);
+            header(
+                app,
+                ui,
+                right.with_max_y(right.top() + HEADER),
+                "Floor plan",
+                &[Command::Coverage, Command::Blend],
+            );
+            pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
+            ui.painter().vline(left.right(), rect.y_range(), Stroke::new(1.0, theme::palette(ui.ctx()).line));
+        }
+        Mode::All => all(app, ui, rect),
+        Mode::Scene => scene(app, ui, rect),
+    }
+}
+
+fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
+    let switches = [
+        Command::Grid,
+        Command::Horizon,
+        Command::Field,
+        Command::Prism,
+        Command::Guide,
+        Command::ColourByResidual,
+    ];
+    let above = rect.with_max_y(rect.top() + HEADER);
+    camera_header(app, ui, above, camera, &switches);
+    pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
+}
+
+/// The camera in hand, and below it the one that shares most of its floor.
+fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
+    let camera = app.session.camera;
+    let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
+        single(app, ui, rect, camera, Place::Half);
+        return;
+    };
+    let (top, bottom) = rect.split_top_bottom_at_fraction(0.52);
+    single(app, ui, top, camera, Place::Half);
+    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), other, &[]);
+    pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
+}
+
+/// The placed camera that sees most of this one's field.
+fn neighbour(app: &App, camera: usize) -> Option<usize> {
+    let own = app.session.solved.solution(camera)?;
+    let shared = |index: usize| {
+        let pose = app.session.solved.placed(index)?;
+        let [w, h] = app.session.site.cameras.get(index)?.size();
+        let is_seen = |p: &&calib_core::FloorPoint| {
+            pose.world_to_pixel(p.at_height(0.0))
+                .is_some_and(|p| p.u > 0.0 && p.v > 0.0 && p.u < w && p.v < h)
+        };
+        Some(own.efov_m.iter().filter(is_seen).count())
+    };
+    let count = app.session.site.cameras.len();
+    let others =
+        (0..count).filter(|&index| index != camera).filter_map(|index| Some((index, shared(index)?)));
+    others.filter(|(_, seen)| *seen > 0).max_by_key(|(_, seen)| *seen).map(|(index, _)| index)
+}
+
+fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches: &[Command]) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let title = entry.name.clone().unwrap_or_else(|| entry.id.clone());
+    let key = (Place::Main, Pane::Image(camera));
+    let zoom = app
+        .panes
+        .views
+        .get(&key)
+        .map_or_else(String::new, |view| format!("{} %", number(100.0 * view.zoom, 0)));
+    // In a narrow view the switches that matter least give way to the name.
+    let room = ((rect.width() - 180.0) / 66.0).max(0.0) as usize;
+    let shown = &switches[..switches.len().min(room)];
+    header(app, ui, rect, "", shown);
+    let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 66.0 * shown.len() as f32));
+    chip(&clip, rect.left_center() + Vec2::new(18.0, 0.0), camera);
+    let at = rect.left_center() + Vec2::new(34.0, 0.0);
+    let name = clip.text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
+    if !switches.is_empty() {
+        let at = name.right_center() + Vec2::new(10.0, 0.0);
+        clip.text(at, Align2::LEFT_CENTER, zoom, theme::regular(12.0), palette.text2);
+    }
+}
+
+/// The line above a view: a title and switches.
+fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Command]) {
+    let palette = theme::palette(ui.ctx());
+    ui.painter().rect_filled(rect, 0.0, palette.panel);
+    let at = rect.left_center() + Vec2::new(12.0, 0.0);
+    ui.painter().text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
+    let mut chosen = None;
+    let inner = rect.shrink2(Vec2::new(8.0, 0.0));
+    ui.scope_builder(egui::UiBuilder::new().max_rect(inner), |ui| {
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            for &switch in switches.iter().rev() {
+                let (word, is_on) = state(app, switch);
+                let response = ui.selectable_label(is_on, word);
+                if response.clicked() {
+                    chosen = Some(switch);
+                }
+            }
+        });
+    });
+    if let Some(command) = chosen {
+        let ctx = ui.ctx().clone();
+        command::run(app, &ctx, command, egui::Modifiers::NONE);
+    }
+}
+
+/// A switch in a word, and whether it is on.
+const fn state(app: &App, command: Command) -> (&'static str, bool) {
+    match command {
+        Command::Grid => ("Grid", app.layers.grid),
+        Command::Horizon => ("Horizon", app.layers.horizon),
+        Command::Field => ("Field", app.layers.field),
+        Command::Prism => ("Prism", app.layers.prism),
+        Command::Guide => ("Guide", app.layers.guide),
+        Command::ColourByResidual => ("By residual", app.layers.by_residual),
+        Command::Coverage => ("Coverage", app.coverage),
+        Command::Blend => ("All images", app.blend),
+        _ => ("", false),
+    }
+}
+
+/// Every camera at once, and the floor.
+fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
+    let count = app.session.site.cameras.len() + 1;
+    let columns = columns(count, rect);
+    let rows = count.div_ceil(columns);
+    let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
+    app.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
+    ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
+        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            ui.spacing_mut().item_spacing = Vec2::ZERO;
+            let (area, _) =
+                ui.allocate_exact_size(Vec2::new(rect.width(), size.y * rows as f32), Sense::hover());
+            for index in 0..count {
+                let cell = Vec2::new((index % columns) as f32 * size.x, (index / columns) as f32 * size.y);
+                let tile = Rect::from_min_size(area.min + cell, size).shrink(0.5);
+                if !ui.is_rect_visible(tile) {
+                    continue;
+                }
+                let above = tile.with_max_y(tile.top() + HEADER);
+                let below = tile.with_min_y(above.bottom());
+                if index + 1 == count {
+                    header(app, ui, above, "Floor", &[Command::Blend]);
+                    pane::plan(app, ui, below, Place::Tile);
+                } else {
+                    camera_header(app, ui, above, index, &[]);
+                    pane::image(app, ui, below, index, Place::Tile);
+                    if index == app.session.camera {
+                        let stroke = Stroke::new(1.0, theme::palette(ui.ctx()).accent);
+                        ui.painter().rect_stroke(tile, 0.0, stroke, egui::StrokeKind::Inside);
+                    }
+                }
+            }
+        });
+    });
+}
+
+/// As many columns as make the tiles nearest to the shape of a still.
+fn columns(count: usize, rect: Rect) -> usize {
+    const STILL: f32 = 1.6;
+    let off = |columns: usize| {
+        let rows = count.div_ceil(columns);
+        let shape = (rect.width() / columns as f32) / (rect.height() / rows as f32).max(LEAST);
+        (shape / STILL).ln().abs()
+    };
+    (1..=count.max(1)).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1)
+}
+
+fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
+    app.ask_for_plan(ui.ctx());
+    let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Scene"));
+    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(&app.session));
+    let by = response.drag_delta();
+    let pans = ui.input(|i| i.modifiers.shift || i.pointer.middle_down() || i.pointer.secondary_down());
+    if by != Vec2::ZERO {
+        if pans { orbit.pan(by) } else { orbit.turn(by) }
+    }
+    if response.contains_pointer() {
+        let factor =
+            ui.input(|i| f64::from(i.zoom_delta()) * (f64::from(i.smooth_scroll_delta().y) / 240.0).exp());
+        orbit.zoom(factor);
+    }
+    if let Some(camera) = response
+        .clicked()
+        .then(|| response.interact_pointer_pos().and_then(|at| scene3d::pick(rect, &orbit, &app.session, at)))
+        .flatten()
+    {
+        app.session.choose(camera);
+    }
+    let painter = ui.painter().with_clip_rect(rect);
+    painter.rect_filled(rect, 0.0, theme::DARK.canvas);
+    let name = app.session.site.plan.as_ref().and_then(|plan| plan.image.as_ref());
+    let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
+    scene3d::paint(&painter, rect, &orbit, &app.session, plan);
+    let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to take it.";
+    painter.text(
+        rect.left_top() + Vec2::new(12.0, 12.0),
+        Align2::LEFT_TOP,
+        text,
+        theme::regular(11.0),
+        theme::DARK.text3,
+    );
+    app.orbit = Some(orbit);
+}

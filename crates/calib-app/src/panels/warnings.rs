@@ -1,0 +1,127 @@
+//! What an operator should know of a result, with what to do about it as a button.
+
+use calib_core::{Code, Warning};
+use egui::{RichText, Ui};
+
+use crate::app::App;
+use crate::hit::Part;
+use crate::icons::{self, Icon};
+use crate::panels::steps::is_grave;
+use crate::theme;
+use crate::{command, command::Command};
+
+/// The warnings of the camera in hand.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let mut wish = None;
+    for warning in &warnings {
+        card(ui, warning, |ui| buttons(app, ui, warning, &mut wish));
+    }
+    if warnings.is_empty() && app.session.solution().is_some() {
+        let palette = theme::palette(ui.ctx());
+        ui.horizontal(|ui| {
+            icons::inline(ui, Icon::Check, palette.ok);
+            ui.label(RichText::new("No warnings").color(palette.text2));
+        });
+    }
+    if let Some((command, select)) = wish {
+        app.cancel();
+        if let Some(part) = select {
+            app.session.selection = [part].into();
+            if command.is_none() {
+                app.reveal(part);
+            }
+        }
+        if let Some(command) = command {
+            let ctx = ui.ctx().clone();
+            command::run(app, &ctx, command, egui::Modifiers::NONE);
+        }
+    }
+}
+
+/// The warnings of the site as a whole.
+pub fn site(app: &App, ui: &mut Ui) {
+    let warnings = app.session.solved.joint_report().map(|report| report.site.warnings.clone());
+    for warning in warnings.unwrap_or_default() {
+        card(ui, &warning, |_| {});
+    }
+}
+
+fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
+    let palette = theme::palette(ui.ctx());
+    let (fill, colour) = match warning.code {
+        Code::Outlier | Code::Unusable | Code::Misfit => (palette.bad_bg, palette.bad),
+        code if is_grave(code) => (palette.warn_bg, palette.warn),
+        _ => (palette.raised, palette.warn),
+    };
+    egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.horizontal_top(|ui| {
+            icons::inline(ui, Icon::Warn, colour);
+            ui.vertical(|ui| {
+                ui.label(RichText::new(&warning.message).font(theme::medium(12.0)));
+                ui.label(RichText::new(&warning.advice).color(palette.text2));
+                more(ui);
+            });
+        });
+    });
+    ui.add_space(4.0);
+}
+
+type Deed = (Option<Command>, Option<Part>);
+
+fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
+    match warning.code {
+        Code::Outlier => {
+            // The message begins with the line's name.
+            let part = app.session.solution().and_then(|solution| {
+                solution.residuals.iter().filter(|r| r.outlier).find_map(|residual| {
+                    let (annotation, segment) = (residual.annotation?, residual.segment?);
+                    let part = Part::Line { annotation, segment };
+                    let name = app.session.part_name(part);
+                    let first = warning.message.split([' ', ',']).next();
+                    (first == Some(name.as_str())).then_some(part)
+                })
+            });
+            let part = part.or_else(|| first_outlier(app));
+            ui.horizontal(|ui| {
+                for (text, command) in [
+                    ("Show", None),
+                    ("Use anyway", Some(Command::UseAnyway)),
+                    ("Delete", Some(Command::Delete)),
+                ] {
+                    if ui.button(text).clicked() {
+                        *wish = Some((command, part));
+                    }
+                }
+            });
+        }
+        Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions
+            if command::is_enabled(app, Command::TakeSuggestion)
+                && ui.button("Draw what helps   N").clicked() =>
+        {
+            *wish = Some((Some(Command::TakeSuggestion), None));
+        }
+        _ => {}
+    }
+}
+
+fn first_outlier(app: &App) -> Option<Part> {
+    let residual = app.session.solution()?.residuals.iter().find(|r| r.outlier)?;
+    Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
+}
+
+/// An error that concerns the document.
+pub fn error(app: &mut App, ui: &mut Ui) {
+    let Some(error) = app.error.clone() else { return };
+    let palette = theme::palette(ui.ctx());
+    let mut close = false;
+    egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.label(RichText::new(error).color(palette.bad));
+        close = ui.button("Close").clicked();
+    });
+    if close {
+        app.error = None;
+    }
+}

@@ -1,0 +1,294 @@
+//! Stills: bytes to image off the frame's path, texture tiles no larger than the GL limit, thumbnails.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::sync::Arc;
+
+use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
+use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
+
+use crate::canvas::Mapping;
+use crate::task::Task;
+
+/// Most memory that decoding one image may take, in bytes.
+const MAX_IMAGE_BYTES: u64 = 1 << 30;
+/// Side of a tile, in pixels: WebGL2 promises no more.
+const TILE: u32 = 2048;
+/// Longer side of the small copy that rails, plan and floor show, in pixels.
+const OVERVIEW: u32 = 1024;
+/// Decoded pictures that are kept, in bytes; those not shown for longest go first.
+const BUDGET: usize = 1 << 30;
+
+/// Decoded, cut into tiles, not yet on the graphics card.
+struct Decoded {
+    image: RgbImage,
+    tiles: Vec<([u32; 2], ColorImage)>,
+    overview: ColorImage,
+}
+
+/// One still.
+pub struct Picture {
+    /// Its pixels.
+    pub image: Arc<RgbImage>,
+    /// The whole of it, small.
+    pub overview: TextureHandle,
+    waiting: Vec<([u32; 2], ColorImage)>,
+    tiles: Vec<([u32; 2], [u32; 2], TextureHandle)>,
+}
+
+impl std::fmt::Debug for Picture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Picture").field("size", &self.size()).finish_non_exhaustive()
+    }
+}
+
+/// A texture and the pixels that it shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// The first pixel.
+    pub low: [f64; 2],
+    /// How many pixels.
+    pub size: [f64; 2],
+    /// The texture.
+    pub texture: egui::TextureId,
+}
+
+enum State {
+    Loading(Task<Result<Decoded, String>>),
+    Ready(Box<Picture>),
+    Failed(String),
+}
+
+struct Slot {
+    state: State,
+    /// The frame that showed it last.
+    shown: u64,
+}
+
+/// Every still that was asked for, by its name in the site.
+#[derive(Default)]
+pub struct Pictures {
+    slots: BTreeMap<String, Slot>,
+    frame: u64,
+}
+
+impl std::fmt::Debug for Pictures {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Pictures").field("slots", &self.slots.len()).finish_non_exhaustive()
+    }
+}
+
+/// Turns bytes into an image, upright as its EXIF data says.
+///
+/// # Errors
+/// When the bytes are no image, or one too large.
+pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(MAX_IMAGE_BYTES);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(|e| e.to_string())?;
+    let orientation = decoder.orientation().map_err(|e| e.to_string())?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?;
+    image.apply_orientation(orientation);
+    Ok(image.into_rgb8())
+}
+
+fn cut(image: RgbImage) -> Decoded {
+    let (width, height) = image.dimensions();
+    let mut tiles = Vec::new();
+    for y in (0..height).step_by(TILE as usize - 2) {
+        for x in (0..width).step_by(TILE as usize - 2) {
+            // Neighbours share two pixels, so that filtering shows no seam.
+            let (w, h) = (TILE.min(width - x), TILE.min(height - y));
+            let tile = image::imageops::crop_imm(&image, x, y, w, h).to_image();
+            tiles.push(([x, y], ColorImage::from_rgb([w as usize, h as usize], &tile)));
+        }
+    }
+    let ratio = (f64::from(OVERVIEW) / f64::from(width.max(height).max(1))).min(1.0);
+    let size = [width, height].map(|side| ((f64::from(side) * ratio) as u32).max(1));
+    let small = image::imageops::thumbnail(&image, size[0], size[1]);
+    let overview = ColorImage::from_rgb(size.map(|side| side as usize), &small);
+    Decoded { image, tiles, overview }
+}
+
+fn options() -> TextureOptions {
+    TextureOptions { mipmap_mode: Some(egui::TextureFilter::Linear), ..TextureOptions::LINEAR }
+}
+
+impl Picture {
+    fn upload(ctx: &Context, name: &str, decoded: Decoded) -> Self {
+        let overview = ctx.load_texture(format!("{name} small"), decoded.overview, options());
+        Self { image: Arc::new(decoded.image), overview, waiting: decoded.tiles, tiles: Vec::new() }
+    }
+
+    /// Its size, in pixels.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        self.image.dimensions().into()
+    }
+
+    fn bytes(&self) -> usize {
+        self.image.len() + 4 * self.image.len() / 3
+    }
+
+    /// Sends one more tile to the graphics card: all at once would be felt.
+    fn next_tile(&mut self, ctx: &Context) {
+        let Some((at, tile)) = self.waiting.pop() else { return };
+        let size = tile.size.map(|side| side as u32);
+        self.tiles.push((at, size, ctx.load_texture("tile", tile, options())));
+        ctx.request_repaint();
+    }
+
+    /// Textures with the pixels each shows; the small copy until all tiles have arrived.
+    pub fn pieces(&mut self, ctx: &Context) -> Vec<Piece> {
+        self.next_tile(ctx);
+        if !self.waiting.is_empty() {
+            return vec![Piece {
+                low: [0.0, 0.0],
+                size: self.size().map(f64::from),
+                texture: self.overview.id(),
+            }];
+        }
+        let piece = |(at, size, texture): &([u32; 2], [u32; 2], TextureHandle)| Piece {
+            low: at.map(f64::from),
+            size: size.map(f64::from),
+            texture: texture.id(),
+        };
+        self.tiles.iter().map(piece).collect()
+    }
+
+    /// Paints it where the mapping shows its pixels.
+    pub fn paint(&mut self, painter: &Painter, mapping: &Mapping, tint: Color32) {
+        let [w, h] = self.size().map(f64::from);
+        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        if !self.waiting.is_empty() || tint != Color32::WHITE {
+            let all = mapping.screen_rect([0.0, 0.0], [w, h]);
+            painter.image(self.overview.id(), all, uv, tint);
+        }
+        self.next_tile(painter.ctx());
+        for (at, size, texture) in &self.tiles {
+            let low = at.map(f64::from);
+            let rect = mapping.screen_rect(low, [low[0] + f64::from(size[0]), low[1] + f64::from(size[1])]);
+            if rect.intersects(painter.clip_rect()) && tint == Color32::WHITE {
+                painter.image(texture.id(), rect, uv, tint);
+            }
+        }
+    }
+}
+
+impl Pictures {
+    /// Begins a frame: finished work arrives, what was not shown for long goes.
+    pub fn begin_frame(&mut self, ctx: &Context) {
+        self.frame += 1;
+        for (name, slot) in &mut self.slots {
+            if let State::Loading(task) = &slot.state
+                && let Some(result) = task.poll()
+            {
+                slot.state = match result {
+                    Ok(decoded) => State::Ready(Box::new(Picture::upload(ctx, name, decoded))),
+                    Err(error) => State::Failed(error),
+                };
+            }
+        }
+        self.evict();
+    }
+
+    fn evict(&mut self) {
+        let size = |slot: &Slot| match &slot.state {
+            State::Ready(picture) => picture.bytes(),
+            _ => 0,
+        };
+        let mut total: usize = self.slots.values().map(size).sum();
+        while total > BUDGET {
+            let is_idle = |slot: &&Slot| size(slot) > 0 && slot.shown + 1 < self.frame;
+            let oldest = self.slots.iter().filter(|(_, s)| is_idle(s)).min_by_key(|(_, slot)| slot.shown);
+            let Some((name, freed)) = oldest.map(|(name, slot)| (name.clone(), size(slot))) else { return };
+            self.slots.remove(&name);
+            total -= freed;
+        }
+    }
+
+    /// A still; the first question starts the decoding of what `bytes` fetches.
+    pub fn get<F>(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> F) -> Option<&mut Picture>
+    where
+        F: FnOnce() -> Result<Arc<[u8]>, String> + Send + 'static,
+    {
+        let frame = self.frame;
+        let slot = self.slots.entry(name.to_owned()).or_insert_with(|| {
+            let fetch = bytes();
+            let work = move || decode(&fetch()?).map(cut);
+            Slot { state: State::Loading(Task::spawn(ctx, work)), shown: frame }
+        });
+        slot.shown = frame;
+        match &mut slot.state {
+            State::Ready(picture) => Some(picture),
+            _ => None,
+        }
+    }
+
+    /// A still that is there already.
+    #[must_use]
+    pub fn ready(&self, name: &str) -> Option<&Picture> {
+        match &self.slots.get(name)?.state {
+            State::Ready(picture) => Some(picture),
+            _ => None,
+        }
+    }
+
+    /// Why a still cannot be shown.
+    #[must_use]
+    pub fn error(&self, name: &str) -> Option<&str> {
+        match &self.slots.get(name)?.state {
+            State::Failed(error) => Some(error),
+            _ => None,
+        }
+    }
+
+    /// How many stills are still being decoded.
+    #[must_use]
+    pub fn loading(&self) -> usize {
+        self.slots.values().filter(|slot| matches!(slot.state, State::Loading(_))).count()
+    }
+
+    /// Forgets every still.
+    pub fn clear(&mut self) {
+        self.slots.clear();
+    }
+
+    /// Forgets one still, so that it is read again.
+    pub fn forget(&mut self, name: &str) {
+        self.slots.remove(name);
+    }
+}
+
+/// The rectangle of texture coordinates that shows `size` cropped to the shape of `rect`.
+#[must_use]
+pub fn cropped(size: Vec2, rect: Rect) -> Rect {
+    let (image, wanted) = (size.x / size.y.max(1.0), rect.width() / rect.height().max(1.0));
+    let keep = if image > wanted {
+        Vec2::new(wanted / image, 1.0)
+    } else {
+        Vec2::new(1.0, image / wanted.max(1e-6))
+    };
+    Rect::from_center_size(Pos2::new(0.5, 0.5), keep)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_an_image_larger_than_one() {
+        let decoded = cut(RgbImage::new(2 * TILE + 100, 50));
+        let widths: Vec<usize> = decoded.tiles.iter().map(|(_, tile)| tile.size[0]).collect();
+        assert!(widths.iter().all(|&width| width <= TILE as usize), "{widths:?}");
+        let (at, last) = decoded.tiles.last().unwrap();
+        assert_eq!(at[0] as usize + last.size[0], 2 * TILE as usize + 100);
+    }
+
+    #[test]
+    fn what_is_no_image_is_an_error() {
+        assert!(decode(b"not an image").is_err());
+    }
+}

@@ -1,0 +1,271 @@
+//! Files that come in: by dialog, by drop, by name; and pictures that go out.
+
+use std::path::{Path, PathBuf};
+
+use calib_core::{Plan, PlanPixel, SiteCamera};
+use egui::Context;
+
+use crate::app::{App, Mode, NewStill};
+use crate::dialog::{Chosen, Purpose};
+use crate::document::scale;
+use crate::files;
+use crate::task::Task;
+use crate::tools::TOOLS;
+
+impl App {
+    pub(crate) fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
+        match (purpose, file.path.clone()) {
+            (Purpose::OpenSite, Some(path)) => self.open_path(&path),
+            (Purpose::OpenSite, None) => {
+                let text = file.bytes.and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
+                match files::parse(&text, None) {
+                    Ok((site, images)) => self.open_site(site, images, None),
+                    Err(error) => self.error = Some(format!("{}: {error}", file.name)),
+                }
+            }
+            (Purpose::SaveSite, Some(path)) => {
+                self.session.path = Some(path);
+                self.save();
+            }
+            (Purpose::Compare, Some(path)) => match files::open(&path) {
+                Ok((site, _)) => self.compared = Some(site),
+                Err(error) => self.error = Some(error),
+            },
+            (Purpose::AddImages, _) => self.add_still(ctx, file),
+            (Purpose::LoadPlan, _) => self.planning = Some(self.read_still(ctx, file)),
+            (Purpose::ReplaceStill, _) => {
+                self.replacing = Some((self.session.camera, self.read_still(ctx, file)));
+            }
+            (Purpose::SaveSite | Purpose::Compare, None) => {}
+        }
+    }
+
+    /// Begins to read a still that becomes a camera.
+    pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
+        let task = self.read_still(ctx, file);
+        self.adding.push(task);
+    }
+
+    pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<NewStill> {
+        let title = Path::new(&file.name)
+            .file_stem()
+            .map_or_else(|| file.name.clone(), |stem| stem.to_string_lossy().into_owned());
+        let name = match (&file.path, file.bytes) {
+            (Some(path), _) => path.to_string_lossy().into_owned(),
+            (None, Some(bytes)) => {
+                let mime =
+                    if file.name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" };
+                self.session.images.store(bytes.into(), mime)
+            }
+            (None, None) => file.name.clone(),
+        };
+        let read = self.session.images.reader(&name);
+        Task::spawn(ctx, move || {
+            let size = crate::picture::decode(&read()?)?.dimensions().into();
+            Ok((name, title, size))
+        })
+    }
+
+    pub(crate) fn poll_stills(&mut self) {
+        let mut done = Vec::new();
+        self.adding.retain(|task| task.poll().map(|result| done.push(result)).is_none());
+        let was_empty = self.session.site.cameras.is_empty();
+        // Threads finish in any order; names come in theirs.
+        done.sort_by(|a, b| a.as_ref().map(|s| &s.1).ok().cmp(&b.as_ref().map(|s| &s.1).ok()));
+        for still in done {
+            match still {
+                Ok((image, title, size)) => self.add_camera(image, &title, size),
+                Err(error) => self.error = Some(error),
+            }
+        }
+        if was_empty && !self.session.site.cameras.is_empty() {
+            self.session.camera = 0;
+        }
+        if let Some((camera, task)) = self.replacing.take() {
+            match task.poll() {
+                None => self.replacing = Some((camera, task)),
+                Some(Ok((image, _, size))) => self.replace_still(camera, image, size),
+                Some(Err(error)) => self.error = Some(error),
+            }
+        }
+        if let Some(task) = self.planning.take() {
+            match task.poll() {
+                None => self.planning = Some(task),
+                Some(Ok((image, _, size))) => self.set_plan(image, size),
+                Some(Err(error)) => self.error = Some(error),
+            }
+        }
+    }
+
+    pub(crate) fn add_camera(&mut self, image: String, title: &str, size: [u32; 2]) {
+        let site = &mut self.session.site;
+        let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
+        let id = std::iter::once(title.to_owned())
+            .chain((2..).map(|number| format!("{title}-{number}")))
+            .find(|id| !taken(id))
+            .unwrap_or_default();
+        site.cameras.push(SiteCamera { image: Some(image), ..SiteCamera::new(id.clone(), size) });
+        self.session.commit(format!("add {id}"));
+    }
+
+    /// Another still of one camera: annotations stay; on an image of another size they are rescaled.
+    pub(crate) fn replace_still(&mut self, camera: usize, image: String, size: [u32; 2]) {
+        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
+        if entry.size_px != size {
+            let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(entry.size_px[axis].max(1)));
+            for annotation in &mut entry.annotations {
+                scale(annotation, ratio);
+            }
+            let points = entry.efov_px.iter_mut().flatten();
+            for pixel in points.chain(entry.control_points.iter_mut().map(|point| &mut point.px)) {
+                (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
+            }
+            self.session.note = Some("Annotations were rescaled to the new size.".into());
+        }
+        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
+        let old = entry.image.replace(image);
+        entry.size_px = size;
+        let id = entry.id.clone();
+        self.old_still = old.map(|old| (camera, old, 0.5));
+        self.session.commit(format!("replace the still of {id}"));
+    }
+
+    pub(crate) fn set_plan(&mut self, image: String, size: [u32; 2]) {
+        let told = files::world_file(&self.session.images, &image).and_then(|text| plan_of(&text));
+        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
+        let bare = Plan {
+            image: None,
+            metres_per_px,
+            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
+            x_axis_deg: 0.0,
+            georeference: None,
+        };
+        let is_scaled = told.is_some();
+        let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
+        self.session.site.plan = Some(plan);
+        self.session.commit("load a plan");
+        self.show(Mode::Plan);
+        self.panes.views.clear();
+        if is_scaled {
+            self.session.note = Some("The scale is that of the world file.".into());
+            return;
+        }
+        let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
+        self.take_tool(measure);
+    }
+
+    pub(crate) fn take_dropped(&mut self, ctx: &Context) {
+        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
+        for file in dropped {
+            self.take_path(ctx, file.path().to_path_buf());
+        }
+    }
+
+    /// Takes what was dropped or named: a site, an image, or a folder of images.
+    pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
+        let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+        if is_site {
+            self.open_path(&path);
+            return;
+        }
+        let images = if files::is_image(&path) { vec![path] } else { files::images_in(&path) };
+        for path in images {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });
+        }
+    }
+
+    /// Asks for a picture of the window.
+    pub fn take_picture(&mut self, ctx: &Context) {
+        let (sender, picture) = std::sync::mpsc::channel();
+        let again = ctx.clone();
+        ctx.request_screenshot(move |image| {
+            // Nobody waits any more when the receiver is gone.
+            let _ = sender.send(image);
+            again.request_repaint();
+        });
+        self.picture = Some(picture);
+    }
+
+    pub(crate) fn poll_picture(&mut self) {
+        let Some(image) = self.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else { return };
+        self.picture = None;
+        let [w, h] = image.size.map(|side| side as u32);
+        let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+        let mut png = std::io::Cursor::new(Vec::new());
+        let written = image::RgbaImage::from_raw(w, h, rgba)
+            .ok_or_else(|| "the window has no size".to_owned())
+            .and_then(|image| {
+                image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())
+            });
+        let folder = self.session.path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+        let path = folder.or_else(files::data_dir).unwrap_or_default().join("calib-view.png");
+        match written.and_then(|()| files::write(&path, png.get_ref())) {
+            Ok(()) => self.session.note = Some(format!("Saved {}.", path.display())),
+            Err(error) => self.error = Some(error),
+        }
+    }
+
+    pub(crate) fn poll_dialog(&mut self, ctx: &Context) {
+        let Some(dialog) = &mut self.dialog else { return };
+        let Some(chosen) = dialog.poll() else {
+            ctx.request_repaint_after(std::time::Duration::from_millis(100));
+            return;
+        };
+        let purpose = dialog.purpose;
+        self.dialog = None;
+        for file in chosen {
+            self.take_file(ctx, purpose, file);
+        }
+    }
+
+    /// Opens a site file; what is wrong with it is shown.
+    pub fn open_path(&mut self, path: &Path) {
+        match files::open(path) {
+            Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
+            Err(error) => self.error = Some(error),
+        }
+    }
+}
+
+/// A plan as its world file has it: six numbers, metres a pixel along and across, and the world
+/// coordinates of the middle of the first pixel. `None` for a file that mirrors or shears.
+fn plan_of(world_file: &str) -> Option<Plan> {
+    let numbers: Vec<f64> = world_file.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let [a, d, b, e, x, y] = numbers[..] else { return None };
+    let metres_per_px = a.hypot(d);
+    let skew = (b - d).hypot(e + a) / metres_per_px;
+    if !(metres_per_px > 0.0 && metres_per_px.is_finite() && skew < 1e-3) {
+        return None;
+    }
+    // The pixel that shows world (0, 0): minus the first pixel's place, turned back and scaled.
+    let square = metres_per_px * metres_per_px;
+    let (right, down) = (-(a * x + d * y) / square, (a * y - d * x) / square);
+    Some(Plan {
+        image: None,
+        metres_per_px,
+        origin_px: PlanPixel::new(right + 0.5, down + 0.5),
+        x_axis_deg: -d.atan2(a).to_degrees(),
+        georeference: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::FloorPoint;
+
+    #[test]
+    fn a_world_file_puts_the_first_pixel_where_it_says() {
+        for (turn, at) in [(0.0_f64, [12.5, 40.25]), (0.4, [-3.0, 7.0])] {
+            let (a, d) = (0.02 * turn.cos(), 0.02 * turn.sin());
+            let text = format!("{a}\n{d}\n{d}\n{}\n{}\n{}\n", -a, at[0], at[1]);
+            let plan = plan_of(&text).unwrap();
+            let first = plan.scale().floor_from_plan(PlanPixel::new(0.5, 0.5));
+            assert!(first.distance(FloorPoint::from(at)) < 1e-9, "{first:?}");
+            let next = plan.scale().floor_from_plan(PlanPixel::new(1.5, 0.5));
+            assert!(next.distance(FloorPoint::new(at[0] + a, at[1] + d)) < 1e-9, "{next:?}");
+        }
+        assert!(plan_of("0.02 0 0 0.02 0 0").is_none(), "a mirrored plan");
+    }
+}

@@ -1,0 +1,96 @@
+//! Control points: a pixel of an image, then its place on the plan.
+
+use calib_core::{ControlPointEntry, FloorPoint, Pixel};
+
+use crate::hit::Part;
+use crate::session::Session;
+use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
+
+/// The tool of control points.
+#[derive(Debug, Default)]
+pub(super) struct Control {
+    /// The pixel that waits for its place.
+    waiting: Option<(usize, Pixel)>,
+    /// Where the pointer is on the floor, for the rubber band.
+    over: Option<[f64; 2]>,
+}
+
+impl Control {
+    fn finish(&mut self, session: &mut Session, at: FloorPoint) {
+        let Some((camera, px)) = self.waiting.take() else { return };
+        let plan_px = session.site.plan.as_ref().map(|_| plan_scale(&session.site).plan_from_floor(at));
+        let world_m = plan_px.is_none().then(|| at.at_height(0.0));
+        let Some(entry) = session.site.cameras.get_mut(camera) else { return };
+        let taken = |id: &String| entry.control_points.iter().any(|point| point.id.as_ref() == Some(id));
+        let id = (1..).map(|number| format!("C{number}")).find(|id| !taken(id));
+        let name = id.clone().unwrap_or_default();
+        entry.control_points.push(ControlPointEntry {
+            id,
+            name: None,
+            off: false,
+            keep: false,
+            px,
+            world_m,
+            height_m: None,
+            plan_px,
+            sigma_px: None,
+            sigma_m: None,
+        });
+        let part = Part::Control(entry.control_points.len() - 1);
+        session.select_only(camera, part);
+        session.commit(format!("add {name}"));
+        self.over = None;
+    }
+}
+
+impl Tool for Control {
+    fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        match (pointer.pane, pointer.phase) {
+            (Pane::Image(camera), Phase::Press | Phase::Drag | Phase::Release) => {
+                session.choose(camera);
+                self.waiting = Some((camera, pointer.at.into()));
+            }
+            (Pane::Plan, Phase::Release) => self.finish(session, pointer.at.into()),
+            (Pane::Plan, _) => self.over = Some(pointer.at),
+            _ => {}
+        }
+    }
+
+    fn accept(&mut self, session: &mut Session) {
+        // Where the camera shows it now: a beginning for numbers typed in the table.
+        let at = self.waiting.and_then(|(camera, px)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
+        if let Some(at) = at {
+            self.finish(session, at);
+        }
+    }
+
+    fn cancel(&mut self) {
+        *self = Self::default();
+    }
+
+    fn is_idle(&self) -> bool {
+        self.waiting.is_none()
+    }
+
+    fn hint(&self, _: &Session) -> String {
+        match self.waiting {
+            None => "Click a point whose place you know.".into(),
+            Some(_) => "Click the same point on the plan.  Enter: type its metres instead".into(),
+        }
+    }
+
+    fn held(&self) -> Option<(Pane, [f64; 2])> {
+        self.waiting.map(|(camera, px)| (Pane::Image(camera), px.into()))
+    }
+
+    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+        let cross = |[x, y]: [f64; 2], arm: f64| {
+            vec![vec![[x - arm, y], [x + arm, y]], vec![[x, y - arm], [x, y + arm]]]
+        };
+        match (pane, self.waiting, self.over) {
+            (Pane::Image(camera), Some((own, px)), _) if camera == own => cross(px.into(), 12.0),
+            (Pane::Plan, Some(_), Some(over)) => cross(over, 0.3),
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Virtual elements: made on the floor, dragged in any view, pinned with Alt.
+
+use calib_core::{ControlPoint, Mark, MarkKind, MarkSeen, Pixel, Placement, Site, WorldPoint};
+
+use crate::edit;
+use crate::hit::Part;
+use crate::session::Session;
+use crate::tools::place::pinned;
+use crate::tools::{Pane, Phase, Pointer, Tool};
+
+/// The size a new mark has, in metres.
+#[must_use]
+fn usual_size(kind: MarkKind) -> Vec<f64> {
+    match kind {
+        MarkKind::Cross => vec![0.5],
+        MarkKind::Post => vec![0.1, 0.1, 2.0],
+        MarkKind::Box => vec![1.0, 1.0, 1.0],
+        MarkKind::Cylinder => vec![0.3, 1.0],
+        MarkKind::Circle => vec![1.0],
+        MarkKind::Person => vec![1.75],
+        MarkKind::Grid => vec![1.0, 4.0, 4.0],
+    }
+}
+
+/// The names of a mark's points, as its kind has them.
+#[must_use]
+fn point_names(kind: MarkKind) -> &'static [&'static str] {
+    match kind {
+        MarkKind::Cross => &["centre", "x", "-x", "y", "-y"],
+        MarkKind::Post => &["base", "top"],
+        MarkKind::Box => &["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
+        MarkKind::Cylinder => &["centre", "top"],
+        MarkKind::Circle => &["centre"],
+        MarkKind::Person => &["foot", "head"],
+        MarkKind::Grid => &["0,0", "4,0", "4,4", "0,4"],
+    }
+}
+
+fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
+    site.marks.push(Mark {
+        id: Some(edit::free_id(site, 'M')),
+        name: None,
+        off: false,
+        keep: false,
+        kind,
+        at_m: WorldPoint::new(at[0], at[1], 0.0),
+        turn_deg: 0.0,
+        size_m: usual_size(kind),
+        fixed: false,
+        seen: Vec::new(),
+        solution: None,
+    });
+    site.marks.len() - 1
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum What {
+    /// The mark slides under the pointer.
+    Slide { offset: [f64; 2] },
+    /// Its picture is pinned: the camera moves.
+    Pin { camera: usize, point: &'static str, own: Placement },
+}
+
+/// A mark in the hand.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MarkDrag {
+    mark: usize,
+    height: f64,
+    what: What,
+    started: Pixel,
+}
+
+impl MarkDrag {
+    /// The mark whose foot is under the pointer on the plan.
+    pub(super) fn under(session: &Session, pointer: &Pointer) -> Option<usize> {
+        session.site.marks.iter().position(|mark| {
+            (mark.at_m.x - pointer.at[0]).hypot(mark.at_m.y - pointer.at[1]) <= pointer.radius
+        })
+    }
+
+    pub(super) fn start(session: &mut Session, mark: usize, pointer: &Pointer) -> Option<Self> {
+        let drawn = session.site.marks.get(mark)?;
+        let at = drawn.at_m;
+        let started = Pixel::from(pointer.at);
+        if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt) {
+            if session.is_held_by_points(camera) {
+                session.note = Some("Control points hold this camera; switch them off to pin it.".into());
+                return None;
+            }
+            let pose = session.solved.pose(camera)?;
+            let shape = drawn.shape();
+            let shown = |name: &&str| Some(pose.world_to_pixel(shape.point(name)?)?.distance(started));
+            let names = point_names(drawn.kind).iter().filter_map(|name| Some((*name, shown(name)?)));
+            let (point, _) = names.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let own = session.placement(camera)?;
+            return Some(Self { mark, height: at.z, what: What::Pin { camera, point, own }, started });
+        }
+        let under = pointer.floor(session, at.z)?;
+        let offset = [at.x - under.x, at.y - under.y];
+        Some(Self { mark, height: at.z, what: What::Slide { offset }, started })
+    }
+
+    pub(super) fn drag(self, session: &mut Session, pointer: &Pointer) -> Self {
+        if !pointer.moved {
+            return self;
+        }
+        session.revert();
+        match self.what {
+            What::Slide { offset } => self.slide(session, pointer, offset),
+            What::Pin { camera, point, own } if pointer.pane == Pane::Image(camera) => {
+                self.pin(session, camera, point, own, pointer.at.into());
+            }
+            What::Pin { .. } => {}
+        }
+        self
+    }
+
+    fn slide(&self, session: &mut Session, pointer: &Pointer, offset: [f64; 2]) {
+        let raised = pointer.modifiers.ctrl.then(|| self.raised(session, pointer)).flatten();
+        let under = pointer.floor(session, self.height);
+        let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
+        if let Some(z) = raised {
+            mark.at_m.z = z;
+        } else if let Some(under) = under {
+            mark.at_m.x = under.x + offset[0];
+            mark.at_m.y = under.y + offset[1];
+        }
+    }
+
+    /// The height at which the mark's foot is shown nearest to the pointer's.
+    fn raised(&self, session: &Session, pointer: &Pointer) -> Option<f64> {
+        let (camera, at) = pointer.pixel()?;
+        let pose = session.solved.pose(camera)?;
+        let foot = session.site.marks.get(self.mark)?.at_m;
+        let (low, high) =
+            (pose.world_to_pixel(foot)?, pose.world_to_pixel(WorldPoint { z: foot.z + 1.0, ..foot })?);
+        let rise = (low.v - high.v).abs().max(1e-6);
+        Some(self.height + (self.started.v - at.v) / rise)
+    }
+
+    fn pin(&self, session: &mut Session, camera: usize, point: &str, own: Placement, px: Pixel) {
+        let Some(id) = session.site.cameras.get(camera).map(|c| c.id.clone()) else { return };
+        let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
+        match mark.seen.iter_mut().find(|seen| seen.camera == id && seen.point == point) {
+            Some(seen) => seen.px = px,
+            None => mark.seen.push(MarkSeen { camera: id.clone(), point: point.into(), px }),
+        }
+        let pins: Vec<ControlPoint> = session
+            .site
+            .marks
+            .iter()
+            .flat_map(|mark| mark.seen.iter().map(move |seen| (mark, seen)))
+            .filter(|(_, seen)| seen.camera == id)
+            .filter_map(|(mark, seen)| {
+                Some(ControlPoint { pixel: seen.px, world: mark.shape().point(&seen.point)? })
+            })
+            .collect();
+        if let Some(placement) = pinned(session, camera, &pins, own) {
+            session.place(camera, placement);
+        }
+    }
+
+    pub(super) fn finish(self, session: &mut Session) {
+        if let What::Pin { camera, point, own } = self.what
+            && session.history.is_at(&session.site)
+        {
+            // A click with Alt pins it where it is.
+            self.pin(session, camera, point, own, self.started);
+        }
+        let name = session.part_name(Part::Mark(self.mark));
+        match self.what {
+            What::Slide { .. } => session.commit(format!("move {name}")),
+            What::Pin { camera, .. } => {
+                let id = session.site.cameras.get(camera).map_or_else(String::new, |c| c.id.clone());
+                session.commit(format!("pin {name} in {id}"));
+            }
+        }
+    }
+
+    pub(super) const fn hint(&self) -> &'static str {
+        match self.what {
+            What::Slide { .. } => {
+                "Drag until it sits on the same thing in every view.  Alt: move the camera instead, Ctrl: height"
+            }
+            What::Pin { .. } => "Release to pin it here: the camera moves so that it shows the mark there.",
+        }
+    }
+}
+
+/// The tool that makes marks; the kind is chosen in the panel.
+#[derive(Debug, Default)]
+pub(super) struct Marking {
+    held: Option<MarkDrag>,
+}
+
+impl Tool for Marking {
+    fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        match (self.held, pointer.phase) {
+            (None, Phase::Press) => {
+                if let Some((camera, _)) = pointer.pixel() {
+                    session.choose(camera);
+                }
+                let Some(at) = pointer.floor(session, 0.0) else {
+                    session.note = Some("No floor there: click below the horizon of a solved camera.".into());
+                    return;
+                };
+                let kind = session.mark_kind;
+                let mark = add(&mut session.site, kind, at.into());
+                let what = What::Slide { offset: [0.0, 0.0] };
+                session.selection = [Part::Mark(mark)].into();
+                self.held = Some(MarkDrag { mark, height: 0.0, what, started: pointer.at.into() });
+            }
+            (Some(drag), Phase::Release) => {
+                self.held = None;
+                let name = session.part_name(Part::Mark(drag.mark));
+                session.commit(format!("add {name}"));
+            }
+            (Some(drag), _) if pointer.moved => {
+                // It is not in the last finished state: slide it without putting that back.
+                drag.slide(session, pointer, [0.0, 0.0]);
+            }
+            _ => {}
+        }
+    }
+
+    fn cancel(&mut self) {
+        self.held = None;
+    }
+
+    fn is_idle(&self) -> bool {
+        self.held.is_none()
+    }
+
+    fn hint(&self, _: &Session) -> String {
+        match self.held {
+            None => "Click the floor, in any view or on the plan, to set a mark.".into(),
+            Some(_) => "Release to set the mark here.".into(),
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Stage 2 by hand: a polygon on the floor is moved, turned and scaled by its handles.
+
+use calib_core::{FloorPoint, Pixel, Placement};
+
+use crate::session::{Session, corners_of};
+use crate::tools::Pointer;
+
+/// What of a placed camera can be held on the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PlanHandle {
+    /// The camera's foot: moves.
+    Foot,
+    /// The ring on its axis: turns about the foot.
+    Turn,
+    /// The square on its axis: scales about the foot, which sets the height.
+    Scale,
+    /// A corner of the polygon: turns and scales about its centre, or the pinned pivot.
+    Corner(usize),
+    /// The polygon: moves.
+    Body,
+}
+
+impl PlanHandle {
+    /// What dragging it does.
+    #[must_use]
+    pub const fn verb(self) -> &'static str {
+        match self {
+            Self::Foot | Self::Body => "move",
+            Self::Turn => "turn",
+            Self::Scale => "scale",
+            Self::Corner(_) => "turn and scale",
+        }
+    }
+}
+
+/// How far along the axis the handles stand: of the way from the foot to the middle of the far edge.
+const SCALE_AT: f64 = 0.55;
+const TURN_AT: f64 = 1.12;
+/// With Shift, what is held moves by so much of what the pointer moves.
+const FINE: f64 = 0.1;
+
+/// The handles of a camera on the floor, in metres; empty while it has no pose.
+#[must_use]
+pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 2])> {
+    let (Some(entry), Some(pose)) = (session.site.cameras.get(camera), session.solved.pose(camera)) else {
+        return Vec::new();
+    };
+    let foot = pose.position.on_floor();
+    let corners: Vec<FloorPoint> =
+        corners_of(entry).iter().filter_map(|&pixel| pose.pixel_to_floor(pixel, 0.0)).collect();
+    let far = corners.iter().map(|corner| corner.distance(foot)).fold(pose.position.z, f64::max);
+    let reach = far.min(30.0 * pose.position.z.abs().max(0.1));
+    let ahead = [-pose.yaw.sin(), pose.yaw.cos()];
+    let along = |share: f64| [foot.x + share * reach * ahead[0], foot.y + share * reach * ahead[1]];
+    let mut handles = vec![
+        (PlanHandle::Foot, foot.into()),
+        (PlanHandle::Turn, along(TURN_AT)),
+        (PlanHandle::Scale, along(SCALE_AT)),
+    ];
+    handles.extend(corners.iter().enumerate().map(|(i, &corner)| (PlanHandle::Corner(i), corner.into())));
+    handles
+}
+
+/// A camera's polygon in the hand.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlaceDrag {
+    camera: usize,
+    handle: PlanHandle,
+    /// Where the hand took hold.
+    from: [f64; 2],
+    /// The placement at that moment.
+    own: Placement,
+    /// About which point a corner turns and scales.
+    pivot: [f64; 2],
+}
+
+impl PlaceDrag {
+    /// Takes hold of what is under the pointer: a handle of the camera in hand first.
+    pub(super) fn start(session: &mut Session, pointer: &Pointer) -> Option<Self> {
+        let (camera, handle) = Self::under(session, pointer)?;
+        session.choose(camera);
+        if pointer.double {
+            let is_pinned = session.pivot.take().is_some();
+            session.pivot = (!is_pinned).then_some(pointer.at);
+            let note =
+                if is_pinned { "The pivot is the centre again." } else { "Corners turn about this pivot." };
+            session.note = Some(note.into());
+            return None;
+        }
+        if session.is_held_by_points(camera) {
+            let name = &session.site.cameras[camera].id;
+            session.note = Some(format!("Control points hold {name}; switch them off to move it by hand."));
+            return None;
+        }
+        let own = session.placement(camera)?;
+        let corners: Vec<[f64; 2]> = plan_handles(session, camera)
+            .into_iter()
+            .filter_map(|(handle, at)| matches!(handle, PlanHandle::Corner(_)).then_some(at))
+            .collect();
+        let count = corners.len().max(1) as f64;
+        let mean = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / count;
+        let pivot = session.pivot.unwrap_or([mean(0), mean(1)]);
+        Some(Self { camera, handle, from: pointer.at, own, pivot })
+    }
+
+    fn under(session: &Session, pointer: &Pointer) -> Option<(usize, PlanHandle)> {
+        let near = |camera: usize| {
+            let far = |at: &[f64; 2]| (at[0] - pointer.at[0]).hypot(at[1] - pointer.at[1]);
+            plan_handles(session, camera)
+                .into_iter()
+                .map(|(handle, at)| (handle, far(&at)))
+                .filter(|(_, far)| *far <= pointer.radius)
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .map(|(handle, _)| (camera, handle))
+        };
+        let count = session.site.cameras.len();
+        let feet = |camera: &usize| near(*camera).filter(|(_, handle)| *handle == PlanHandle::Foot);
+        let inside = |camera: &usize| {
+            session.solved.solution(*camera).is_some_and(|solution| is_inside(&solution.efov_m, pointer.at))
+        };
+        let body = |camera| (camera, PlanHandle::Body);
+        near(session.camera)
+            .or_else(|| (0..count).find_map(|camera| feet(&camera)))
+            .or_else(|| Some(session.camera).filter(inside).map(body))
+            .or_else(|| (0..count).find(inside).map(body))
+    }
+
+    pub(super) fn drag(self, session: &mut Session, pointer: &Pointer) -> Self {
+        if pointer.moved {
+            let share = if pointer.modifiers.shift { FINE } else { 1.0 };
+            let at =
+                std::array::from_fn(|axis| self.from[axis] + share * (pointer.at[axis] - self.from[axis]));
+            session.revert();
+            session.place(self.camera, self.placed(at));
+        }
+        self
+    }
+
+    /// The placement that brings what was held from where it was to `at`.
+    fn placed(&self, at: [f64; 2]) -> Placement {
+        let foot = [self.own.by.x, self.own.by.y];
+        match self.handle {
+            PlanHandle::Foot | PlanHandle::Body => Placement {
+                by: FloorPoint::new(foot[0] + at[0] - self.from[0], foot[1] + at[1] - self.from[1]),
+                ..self.own
+            },
+            PlanHandle::Turn => about(self.own, foot, self.from, at, [true, false]),
+            PlanHandle::Scale => about(self.own, foot, self.from, at, [false, true]),
+            PlanHandle::Corner(_) => about(self.own, self.pivot, self.from, at, [true, true]),
+        }
+    }
+
+    pub(super) fn finish(self, session: &mut Session) {
+        let name = session.site.cameras.get(self.camera).map_or_else(String::new, |c| c.id.clone());
+        session.commit(format!("{} {name}", self.handle.verb()));
+    }
+
+    pub(super) fn hint(&self, session: &Session) -> String {
+        let name = session.site.cameras.get(self.camera).map_or("", |c| c.id.as_str());
+        let now = session.placement(self.camera).unwrap_or(self.own);
+        let what = match self.handle {
+            PlanHandle::Turn => format!("turn {:.1}\u{b0}", now.turn.to_degrees()),
+            PlanHandle::Scale => format!("scale {:.3}, height {:.2} m", now.scale, 3.0 * now.scale),
+            _ => format!("at {:.2}, {:.2} m", now.by.x, now.by.y),
+        };
+        format!("Release to {} {name}: {what}.  Shift: fine, Esc: put back", self.handle.verb())
+    }
+}
+
+/// The placement turned and scaled about a pivot by what brings `from` to `to`.
+pub(crate) fn about(
+    own: Placement,
+    pivot: [f64; 2],
+    from: [f64; 2],
+    to: [f64; 2],
+    [turns, scales]: [bool; 2],
+) -> Placement {
+    let arm = |point: [f64; 2]| [point[0] - pivot[0], point[1] - pivot[1]];
+    let (a, b) = (arm(from), arm(to));
+    let (la, lb) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
+    // On the pivot there is neither direction nor length.
+    if la < 1e-9 || lb < 1e-9 {
+        return own;
+    }
+    let turn = if turns { b[1].atan2(b[0]) - a[1].atan2(a[0]) } else { 0.0 };
+    let scale = if scales { lb / la } else { 1.0 };
+    let (sin, cos) = turn.sin_cos();
+    let foot = arm(own.by.into());
+    let by = FloorPoint::new(
+        pivot[0] + scale * (cos * foot[0] - sin * foot[1]),
+        pivot[1] + scale * (sin * foot[0] + cos * foot[1]),
+    );
+    let half = std::f64::consts::PI;
+    let turned = (own.turn + turn + half).rem_euclid(2.0 * half) - half;
+    Placement { by, turn: turned, scale: own.scale * scale }
+}
+
+/// Whether a polygon holds a point (even-odd rule).
+#[must_use]
+pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
+    let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
+    let crossed =
+        edges.filter(|(a, b)| (a.y > y) != (b.y > y) && x < a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x));
+    crossed.count() % 2 == 1
+}
+
+/// The placement nearest to `own` with which the camera shows every pin: one moves it, more also turn
+/// and scale it.
+pub(super) fn pinned(
+    session: &Session,
+    camera: usize,
+    pins: &[calib_core::ControlPoint],
+    own: Placement,
+) -> Option<Placement> {
+    let pose = own.apply(session.solved.pose(camera)?);
+    match pins {
+        [] => None,
+        [pin] => {
+            let shown: Pixel = pin.pixel;
+            let seen = pose.pixel_to_floor(shown, pin.world.z)?;
+            let by = FloorPoint::new(own.by.x + pin.world.x - seen.x, own.by.y + pin.world.y - seen.y);
+            Some(Placement { by, ..own })
+        }
+        _ => calib_core::from_control_points(&pose, pins, None).map(|placed| Placement::of(&placed)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_turned_and_scaled_about_a_pivot_keeps_the_pivot() {
+        let own = Placement { by: FloorPoint::new(2.0, 1.0), turn: 0.3, scale: 1.2 };
+        let on_floor = FloorPoint::new(0.7, 4.0);
+        let pivot = own.carry(on_floor);
+        let new = about(own, pivot.into(), [5.0, 5.0], [3.0, 9.0], [true, true]);
+        assert!(new.carry(on_floor).distance(pivot) < 1e-12);
+        let held = own.carry(FloorPoint::new(-1.0, 2.0));
+        let moved = about(own, pivot.into(), held.into(), [0.0, 0.0], [true, true]);
+        assert!(moved.carry(FloorPoint::new(-1.0, 2.0)).distance(FloorPoint::new(0.0, 0.0)) < 1e-9);
+    }
+}

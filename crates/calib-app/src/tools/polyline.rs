@@ -1,0 +1,179 @@
+//! Draws a line of many points, click by click: a straight edge, or the field of view.
+
+use calib_core::{Kind, Pixel};
+
+use crate::edit;
+use crate::hit::Part;
+use crate::session::Session;
+use crate::tools::{Pane, Phase, Pointer, Tool};
+
+#[derive(Clone, Debug, Default, PartialEq)]
+enum Gesture {
+    #[default]
+    Idle,
+    /// Points so far; the last one follows the pointer.
+    Drawing { camera: usize, points: Vec<Pixel> },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Makes {
+    StraightEdge,
+    Field,
+}
+
+/// The tool of what has more than two points.
+#[derive(Debug)]
+pub(super) struct Polyline {
+    makes: Makes,
+    gesture: Gesture,
+}
+
+impl Polyline {
+    pub(super) const fn straight() -> Self {
+        Self { makes: Makes::StraightEdge, gesture: Gesture::Idle }
+    }
+
+    pub(super) const fn field() -> Self {
+        Self { makes: Makes::Field, gesture: Gesture::Idle }
+    }
+
+    fn show(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
+        session.revert();
+        if points.len() < 3 {
+            return;
+        }
+        let Some(entry) = session.site.cameras.get_mut(camera) else { return };
+        let part = match self.makes {
+            Makes::StraightEdge => edit::add_line(entry, Kind::Straight, points.to_vec(), true),
+            Makes::Field => {
+                entry.efov_px = Some(points.to_vec());
+                Part::Field
+            }
+        };
+        session.select_only(camera, part);
+    }
+
+    /// Ends with the points that were set; too few are none.
+    fn finish(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
+        self.show(session, camera, points);
+        if points.len() < 3 {
+            session.note = Some("Needs three points.".into());
+            return;
+        }
+        match self.makes {
+            Makes::Field => session.commit("draw the field of view"),
+            Makes::StraightEdge => {
+                let part = session.selection.first().copied();
+                let name = part.map_or_else(String::new, |part| session.part_name(part));
+                session.commit(format!("add {name}"));
+            }
+        }
+    }
+}
+
+impl Tool for Polyline {
+    fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        let Some((camera, at)) = pointer.pixel() else { return };
+        self.gesture = match std::mem::take(&mut self.gesture) {
+            Gesture::Idle if pointer.phase == Phase::Press => {
+                session.choose(camera);
+                Gesture::Drawing { camera, points: vec![at, at] }
+            }
+            Gesture::Drawing { camera: own, mut points } if own == camera => {
+                if let Some(last) = points.last_mut() {
+                    *last = at;
+                }
+                let set = points.len() - 1;
+                let closes = set >= 3
+                    && self.makes == Makes::Field
+                    && points.first().is_some_and(|first| first.distance(at) <= pointer.radius);
+                // The first press made the first point; its release is not the second one.
+                let is_new =
+                    points.get(set.wrapping_sub(1)).is_some_and(|p| p.distance(at) > 0.5 * pointer.radius);
+                match pointer.phase {
+                    Phase::Release if closes || (pointer.double && set >= 3) => {
+                        self.finish(session, camera, &points[..set]);
+                        Gesture::Idle
+                    }
+                    Phase::Release if is_new => {
+                        points.push(at);
+                        self.show(session, camera, &points);
+                        Gesture::Drawing { camera, points }
+                    }
+                    _ => {
+                        self.show(session, camera, &points);
+                        Gesture::Drawing { camera, points }
+                    }
+                }
+            }
+            other => other,
+        };
+    }
+
+    fn accept(&mut self, session: &mut Session) {
+        if let Gesture::Drawing { camera, points } = std::mem::take(&mut self.gesture) {
+            let set = points.len() - 1;
+            self.finish(session, camera, &points[..set]);
+        }
+    }
+
+    fn step_back(&mut self, session: &mut Session) -> bool {
+        let Gesture::Drawing { camera, points } = &mut self.gesture else { return false };
+        let (camera, end) = (*camera, points.pop());
+        points.pop();
+        if points.is_empty() {
+            self.cancel();
+            session.revert();
+            return true;
+        }
+        points.extend(end);
+        let points = points.clone();
+        self.show(session, camera, &points);
+        true
+    }
+
+    fn cancel(&mut self) {
+        self.gesture = Gesture::Idle;
+    }
+
+    fn is_idle(&self) -> bool {
+        self.gesture == Gesture::Idle
+    }
+
+    fn hint(&self, _: &Session) -> String {
+        match (&self.gesture, self.makes) {
+            (Gesture::Idle, Makes::StraightEdge) => {
+                "Click along an edge that is straight in space; three points or more.".into()
+            }
+            (Gesture::Idle, Makes::Field) => "Click the corners of the floor that matters.".into(),
+            (Gesture::Drawing { points, .. }, makes) => {
+                let left = 4_usize.saturating_sub(points.len());
+                match (left, makes) {
+                    (0, Makes::Field) => {
+                        "Click the next corner, or the first one to close.  Enter: close".into()
+                    }
+                    (0, Makes::StraightEdge) => "Click the next point.  Enter or double click: done".into(),
+                    _ => format!("Click the next point; {left} more needed."),
+                }
+            }
+        }
+    }
+
+    fn held(&self) -> Option<(Pane, [f64; 2])> {
+        match &self.gesture {
+            Gesture::Drawing { camera, points } => {
+                points.last().map(|&end| (Pane::Image(*camera), end.into()))
+            }
+            Gesture::Idle => None,
+        }
+    }
+
+    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+        match &self.gesture {
+            Gesture::Drawing { camera, points } if pane == Pane::Image(*camera) => {
+                vec![points.iter().map(|&point| point.into()).collect()]
+            }
+            _ => Vec::new(),
+        }
+    }
+}

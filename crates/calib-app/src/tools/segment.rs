@@ -1,0 +1,138 @@
+//! Draws a line of one kind: drag, or click and click.
+
+use calib_core::{Kind, Pixel};
+
+use crate::edit;
+use crate::hit::Part;
+use crate::session::Session;
+use crate::snap;
+use crate::tools::{Pane, Phase, Pointer, Tool};
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Gesture {
+    #[default]
+    Idle,
+    /// The button is down where the line begins.
+    Pressed { camera: usize, start: Pixel, end: Pixel },
+    /// A click set the beginning; the end follows the pointer.
+    Placed { camera: usize, start: Pixel, end: Pixel },
+}
+
+/// The tool of the kinds that are drawn as segments, or from foot to head.
+#[derive(Debug)]
+pub(super) struct Segment {
+    kind: Kind,
+    gesture: Gesture,
+}
+
+/// A line shorter than this is a slip, in pixels.
+const LEAST: f64 = 2.0;
+
+impl Segment {
+    pub(super) const fn new(kind: Kind) -> Self {
+        Self { kind, gesture: Gesture::Idle }
+    }
+
+    fn show(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) -> Option<Part> {
+        session.revert();
+        if line[0].distance(line[1]) < LEAST {
+            return None;
+        }
+        let fresh = session.fresh_group;
+        let entry = session.site.cameras.get_mut(camera)?;
+        let part = edit::add_line(entry, self.kind, line.to_vec(), fresh);
+        session.select_only(camera, part);
+        Some(part)
+    }
+
+    fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
+        let pulled = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
+        let line = pulled.and_then(|still| snap::pull(still, line)).unwrap_or(line);
+        if let Some(part) = self.show(session, camera, line) {
+            let name = format!("add {}", session.part_name(part));
+            session.fresh_group = false;
+            session.commit(name);
+        }
+        Gesture::Idle
+    }
+}
+
+/// Foot first for what stands upright.
+fn upright(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
+    if kind == Kind::Upright && a.v < b.v { [b, a] } else { [a, b] }
+}
+
+impl Tool for Segment {
+    fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        let Some((camera, at)) = pointer.pixel() else { return };
+        self.gesture = match (std::mem::take(&mut self.gesture), pointer.phase) {
+            (Gesture::Idle, Phase::Press) => {
+                session.choose(camera);
+                Gesture::Pressed { camera, start: at, end: at }
+            }
+            // Another view is not where this line ends.
+            (held @ (Gesture::Pressed { camera: own, .. } | Gesture::Placed { camera: own, .. }), _)
+                if own != camera =>
+            {
+                held
+            }
+            (Gesture::Pressed { start, .. }, Phase::Release) if pointer.moved => {
+                self.finish(session, camera, [start, at], pointer)
+            }
+            // A click on an edge that was found takes the edge.
+            (Gesture::Pressed { start, .. }, Phase::Release) => match pointer.offer {
+                Some(edge) => self.finish(session, camera, upright(self.kind, edge), pointer),
+                None => Gesture::Placed { camera, start, end: at },
+            },
+            (Gesture::Pressed { start, .. }, _) => {
+                self.show(session, camera, [start, at]);
+                Gesture::Pressed { camera, start, end: at }
+            }
+            (Gesture::Placed { start, .. }, Phase::Release) => {
+                self.finish(session, camera, [start, at], pointer)
+            }
+            (Gesture::Placed { start, .. }, _) => {
+                self.show(session, camera, [start, at]);
+                Gesture::Placed { camera, start, end: at }
+            }
+            (Gesture::Idle, _) => Gesture::Idle,
+        };
+    }
+
+    fn cancel(&mut self) {
+        self.gesture = Gesture::Idle;
+    }
+
+    fn is_idle(&self) -> bool {
+        self.gesture == Gesture::Idle
+    }
+
+    fn hint(&self, session: &Session) -> String {
+        let title = self.kind.row().title.to_lowercase();
+        match (self.gesture, self.kind) {
+            (Gesture::Idle, Kind::Upright) => {
+                "Press on the foot of a person or post, drag to the head.".into()
+            }
+            (Gesture::Idle, Kind::Perpendicular) => {
+                let open = session.entry().and_then(|e| e.annotations.iter().rfind(|a| a.kind == self.kind));
+                match open.and_then(|a| a.segments.as_ref()).map_or(0, Vec::len) {
+                    1 => "Draw the second line, at right angles to the first.".into(),
+                    _ => "Draw the first of two floor lines at right angles.".into(),
+                }
+            }
+            (Gesture::Idle, Kind::Vertical) => "Draw along something plumb: drag, or click both ends.".into(),
+            (Gesture::Idle, _) => format!("Draw a {title} line on the floor: drag, or click both ends."),
+            (Gesture::Pressed { .. }, _) => "Release to set the end.  Alt: pull onto the edge".into(),
+            (Gesture::Placed { .. }, _) => "Click to set the end.  Alt: pull onto the edge".into(),
+        }
+    }
+
+    fn held(&self) -> Option<(Pane, [f64; 2])> {
+        match self.gesture {
+            Gesture::Idle => None,
+            Gesture::Pressed { camera, end, .. } | Gesture::Placed { camera, end, .. } => {
+                Some((Pane::Image(camera), end.into()))
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Selects, moves and bends what was drawn; on the floor, moves, turns and scales cameras.
+
+use std::collections::BTreeSet;
+
+use calib_core::Pixel;
+
+use crate::edit;
+use crate::hit::{self, Part};
+use crate::session::Session;
+use crate::tools::mark::MarkDrag;
+use crate::tools::place::PlaceDrag;
+use crate::tools::{Pane, Phase, Pointer, Tool};
+
+#[derive(Clone, Debug, Default)]
+enum Gesture {
+    #[default]
+    Idle,
+    /// Parts of an image are held.
+    Parts {
+        camera: usize,
+        from: Pixel,
+        at: Pixel,
+    },
+    /// A box is drawn about what is to be selected.
+    Rubber {
+        camera: usize,
+        from: Pixel,
+        to: Pixel,
+    },
+    Mark(MarkDrag),
+    Place(PlaceDrag),
+}
+
+/// The tool one comes back to.
+#[derive(Debug, Default)]
+pub(super) struct Select {
+    gesture: Gesture,
+}
+
+/// With Shift, what is held moves by so much of what the pointer moves.
+const FINE: f64 = 0.1;
+
+impl Select {
+    fn press(session: &mut Session, pointer: &Pointer) -> Gesture {
+        let Some((camera, at)) = pointer.pixel() else { return Self::press_plan(session, pointer) };
+        session.choose(camera);
+        let pose = session.solved.pose(camera).copied();
+        // Alt means marks, whatever else is drawn there.
+        let mark = pose.filter(|_| pointer.modifiers.alt);
+        let mark = mark.and_then(|pose| hit::mark_at(&session.site, &pose, at, pointer.radius));
+        let hit = mark.or_else(|| {
+            hit::pick(&session.site, camera, pose.as_ref(), at, pointer.radius, &session.selection)
+        });
+        let Some(hit) = hit else {
+            if !pointer.modifiers.command {
+                session.selection.clear();
+            }
+            return Gesture::Rubber { camera, from: at, to: at };
+        };
+        if pointer.modifiers.command {
+            // Adds to the selection, or takes away from it.
+            if !session.selection.remove(&hit.part) {
+                session.selection.insert(hit.part);
+            }
+            return Gesture::Idle;
+        }
+        if !session.selection.contains(&hit.part) {
+            session.selection = BTreeSet::from([hit.part]);
+        }
+        if pointer.double && matches!(hit.part, Part::Line { .. } | Part::Field) {
+            if let Some(part) = edit::insert(&mut session.site, camera, hit.part, hit.edge, at) {
+                session.selection = BTreeSet::from([part]);
+                let name = session.part_name(part);
+                session.commit(format!("insert a point into {name}"));
+            }
+            return Gesture::Idle;
+        }
+        match hit.part {
+            Part::Mark(mark) => MarkDrag::start(session, mark, pointer).map_or(Gesture::Idle, Gesture::Mark),
+            _ => Gesture::Parts { camera, from: at, at },
+        }
+    }
+
+    fn press_plan(session: &mut Session, pointer: &Pointer) -> Gesture {
+        if let Some(mark) = MarkDrag::under(session, pointer) {
+            session.selection = BTreeSet::from([Part::Mark(mark)]);
+            return MarkDrag::start(session, mark, pointer).map_or(Gesture::Idle, Gesture::Mark);
+        }
+        PlaceDrag::start(session, pointer).map_or(Gesture::Idle, Gesture::Place)
+    }
+
+    fn rubber_end(session: &mut Session, camera: usize, from: Pixel, to: Pixel) {
+        let inside = |p: Pixel| (p.u - from.u) * (p.u - to.u) <= 0.0 && (p.v - from.v) * (p.v - to.v) <= 0.0;
+        let found = hit::handles(&session.site, camera).into_iter().filter(|&(_, pixel)| inside(pixel));
+        session.selection.extend(found.map(|(part, _)| part));
+    }
+}
+
+fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Pointer) -> Pixel {
+    let at: Pixel = pointer.at.into();
+    let share = if pointer.modifiers.shift { FINE } else { 1.0 };
+    let by = [share * (at.u - from.u), share * (at.v - from.v)];
+    session.revert();
+    let parts = session.selection.clone();
+    edit::shift(&mut session.site, camera, &parts, by);
+    let first = edit::points_of(&session.site, camera, &parts).into_iter().next();
+    match (parts.len(), first) {
+        (1, Some(part)) if parts.contains(&part) => {
+            edit::pixel_mut(&mut session.site, camera, part).map_or(at, |pixel| *pixel)
+        }
+        _ => Pixel::new(from.u + by[0], from.v + by[1]),
+    }
+}
+
+impl Tool for Select {
+    fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
+        let gesture = std::mem::take(&mut self.gesture);
+        self.gesture = match (gesture, pointer.phase) {
+            (Gesture::Idle, Phase::Press) => Self::press(session, pointer),
+            (Gesture::Parts { camera, from, at }, phase) if pointer.pane == Pane::Image(camera) => {
+                let at = if pointer.moved { drag_parts(session, camera, from, pointer) } else { at };
+                if phase != Phase::Release {
+                    Gesture::Parts { camera, from, at }
+                } else {
+                    if pointer.moved {
+                        let name = session.selection_name();
+                        session.commit(format!("move {name}"));
+                    }
+                    Gesture::Idle
+                }
+            }
+            (Gesture::Rubber { camera, from, to }, phase) if pointer.pane == Pane::Image(camera) => {
+                if phase == Phase::Release {
+                    Self::rubber_end(session, camera, from, to);
+                    Gesture::Idle
+                } else {
+                    Gesture::Rubber { camera, from, to: pointer.at.into() }
+                }
+            }
+            (Gesture::Mark(drag), Phase::Release) => {
+                drag.finish(session);
+                Gesture::Idle
+            }
+            (Gesture::Mark(drag), _) => Gesture::Mark(drag.drag(session, pointer)),
+            (Gesture::Place(drag), Phase::Release) => {
+                drag.finish(session);
+                Gesture::Idle
+            }
+            (Gesture::Place(drag), _) => Gesture::Place(drag.drag(session, pointer)),
+            (other, _) => other,
+        };
+    }
+
+    fn cancel(&mut self) {
+        self.gesture = Gesture::Idle;
+    }
+
+    fn is_idle(&self) -> bool {
+        matches!(self.gesture, Gesture::Idle)
+    }
+
+    fn hint(&self, session: &Session) -> String {
+        match &self.gesture {
+            Gesture::Idle if session.selection.is_empty() => {
+                "Click a line or handle to select it; drag to move it.".into()
+            }
+            Gesture::Idle => format!(
+                "Drag {}, or nudge by arrows 0.1 px (Shift 1 px).  D: duplicate, Del: delete",
+                session.selection_name()
+            ),
+            Gesture::Parts { .. } => {
+                format!("Release to set {}.  Shift: fine, Esc: put back", session.selection_name())
+            }
+            Gesture::Rubber { .. } => "Release to select what is inside.".into(),
+            Gesture::Mark(drag) => drag.hint().into(),
+            Gesture::Place(drag) => drag.hint(session),
+        }
+    }
+
+    fn held(&self) -> Option<(Pane, [f64; 2])> {
+        match self.gesture {
+            Gesture::Parts { camera, at, .. } => Some((Pane::Image(camera), at.into())),
+            _ => None,
+        }
+    }
+
+    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+        match self.gesture {
+            Gesture::Rubber { camera, from, to } if pane == Pane::Image(camera) => {
+                vec![vec![from.into(), [to.u, from.v], to.into(), [from.u, to.v], from.into()]]
+            }
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! What a kill takes: nothing older than the last finished gesture, whenever it comes.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use calib_app::App;
+use calib_app::files::Images;
+use calib_core::Pixel;
+use egui::{Context, Key, Modifiers};
+
+const FOLDER: &str = "CALIB_CRASH_FOLDER";
+
+/// How far the first point of the first line is to the right of where it was, in steps.
+fn progress(site: &calib_core::Site) -> f64 {
+    let start = desk::demo().cameras[0].annotations[0].polylines().next().unwrap()[0];
+    let now: Pixel = site.cameras[0].annotations[0].polylines().next().unwrap()[0];
+    now.u - start.u
+}
+
+/// The program that is killed: nudges and saves for ever, and says what it finished.
+fn work(folder: &Path) {
+    let mut app = App::new(&Context::default(), Some(folder.to_path_buf()));
+    app.open_site(desk::demo(), Images::default(), None);
+    let mut harness = egui_kittest::Harness::builder()
+        .with_size([1000.0, 700.0])
+        .with_context_setup(calib_app::theme::install)
+        .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+    harness.state_mut().session.selection =
+        [calib_app::hit::Part::Vertex { annotation: 0, segment: 0, vertex: 0 }].into();
+    harness.state_mut().session.path = Some(folder.join("site.json"));
+    for step in 1.. {
+        harness.key_press_modifiers(Modifiers::SHIFT, Key::ArrowRight);
+        harness.run_steps(2);
+        if step % 7 == 0 {
+            harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+            harness.run_steps(2);
+        }
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "done {}", progress(&harness.state().session.site)).unwrap();
+        out.flush().unwrap();
+    }
+}
+
+#[test]
+fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        work(Path::new(&folder));
+        return;
+    }
+    let kills = std::env::var("CALIB_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5_u64);
+    for kill in 0..kills {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "a_kill_takes_nothing_older_than_the_last_finished_gesture", "--nocapture"])
+            .env(FOLDER, folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let out = child.stdout.take().unwrap();
+        let (begun, is_at_work) = std::sync::mpsc::channel();
+        let reader = std::thread::spawn(move || {
+            let done = |line: String| line.strip_prefix("done ").and_then(|n| n.parse::<f64>().ok());
+            let steps = BufReader::new(out).lines().map_while(Result::ok).filter_map(done);
+            // After the kill nobody listens.
+            steps.inspect(|_| begun.send(()).unwrap_or_default()).last()
+        });
+        is_at_work.recv().unwrap();
+        std::thread::sleep(Duration::from_millis((kill * 7919) % 1500));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let last = reader.join().unwrap().unwrap_or(0.0);
+        let saved = calib_app::files::open(&folder.path().join("site.json")).ok().map(|(site, _)| site);
+        let again = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+        let kept = again.found.first().map(|(_, found)| found.site.clone());
+        let found = saved.iter().chain(&kept).map(progress).fold(0.0, f64::max);
+        assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are left");
+        assert!(kill > 0 || last > 0.0, "the program finished nothing");
+    }
+}
+
+#[test]
+fn unsaved_work_is_offered_until_it_is_decided_about() {
+    let folder = tempfile::tempdir().unwrap();
+    let start = || App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    let edit = |mut app: App, name: &str| {
+        app.open_site(desk::demo(), Images::default(), None);
+        let mut harness = egui_kittest::Harness::builder()
+            .with_context_setup(calib_app::theme::install)
+            .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+        harness.state_mut().session.site.name = Some(name.into());
+        harness.state_mut().session.commit("name the site");
+        harness.run_steps(2);
+    };
+    edit(start(), "first");
+    // Opened something else without deciding, and that crashed too.
+    edit(start(), "second");
+    let mut app = start();
+    let names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    assert_eq!(names, ["first", "second"]);
+    app.recover(0);
+    assert_eq!(app.session.site.name.as_deref(), Some("first"));
+    app.discard_found(0);
+    assert_eq!(start().found.len(), 1, "what is gone on with is kept until it is saved");
+}

@@ -1,0 +1,119 @@
+//! An operator at a desk: pointer and keys on the app, and what it did to the site.
+#![allow(dead_code, reason = "every test target uses a part of it")]
+
+use calib_app::App;
+use calib_app::dialog::Dialog;
+use calib_app::files::Images;
+use calib_app::pane::Place;
+use calib_app::theme;
+use calib_app::tools::{Pane, TOOLS};
+use calib_core::{Pixel, Site};
+use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2};
+use egui_kittest::Harness;
+
+pub(crate) struct Desk {
+    pub(crate) harness: Harness<'static, App>,
+}
+
+impl Desk {
+    /// A window of 1440 x 900 with this site.
+    pub(crate) fn new(site: Site) -> Self {
+        let mut app = App::new(&Context::default(), None);
+        app.chooser = |purpose| Dialog::answered(purpose, Vec::new());
+        app.open_site(site, Images::default(), None);
+        let harness = Harness::builder()
+            .with_size([1440.0, 900.0])
+            .with_context_setup(theme::install)
+            .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+        let mut desk = Self { harness };
+        desk.harness.run_steps(2);
+        desk
+    }
+
+    pub(crate) fn app(&mut self) -> &mut App {
+        self.harness.state_mut()
+    }
+
+    pub(crate) fn site(&self) -> &Site {
+        &self.harness.state().session.site
+    }
+
+    pub(crate) fn key(&mut self, key: Key) {
+        self.keys(Modifiers::NONE, key);
+    }
+
+    pub(crate) fn keys(&mut self, modifiers: Modifiers, key: Key) {
+        self.harness.key_press_modifiers(modifiers, key);
+        self.harness.run_steps(2);
+    }
+
+    pub(crate) fn undo(&mut self) {
+        self.keys(Modifiers::COMMAND, Key::Z);
+    }
+
+    pub(crate) fn redo(&mut self) {
+        self.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    }
+
+    /// Takes the tool of this title by its key.
+    pub(crate) fn take(&mut self, title: &str) {
+        let row = TOOLS.iter().find(|tool| tool.title == title).expect("a tool of this title");
+        self.key(row.key);
+    }
+
+    /// Where the screen shows a point of a pane.
+    pub(crate) fn screen(&self, pane: Pane, at: [f64; 2]) -> Pos2 {
+        let panes = &self.harness.state().panes;
+        let places = [Place::Main, Place::Half, Place::Tile];
+        let shown = places.into_iter().find_map(|place| panes.mapping(place, pane));
+        shown.expect("a pane that is shown").screen(at)
+    }
+
+    fn button(&mut self, pos: Pos2, pressed: bool, modifiers: Modifiers) {
+        self.harness.event_modifiers(
+            Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers },
+            modifiers,
+        );
+    }
+
+    /// Presses at the first point, passes the others, and releases at the last.
+    pub(crate) fn drag_screen(&mut self, points: &[Pos2], modifiers: Modifiers) {
+        let (first, last) = (points[0], points[points.len() - 1]);
+        self.harness.event_modifiers(Event::PointerMoved(first), modifiers);
+        self.button(first, true, modifiers);
+        for &point in &points[1..] {
+            self.harness.event_modifiers(Event::PointerMoved(point), modifiers);
+        }
+        self.button(last, false, modifiers);
+        self.harness.step();
+    }
+
+    pub(crate) fn drag(&mut self, pane: Pane, from: [f64; 2], to: [f64; 2]) {
+        let points = [self.screen(pane, from), self.screen(pane, to)];
+        self.drag_screen(&points, Modifiers::NONE);
+    }
+
+    pub(crate) fn click(&mut self, pane: Pane, at: [f64; 2]) {
+        let point = self.screen(pane, at);
+        self.drag_screen(&[point], Modifiers::NONE);
+        // So that the next click is no double click.
+        self.harness.run_steps(30);
+    }
+
+    /// Draws a line on the image in hand.
+    pub(crate) fn line(&mut self, camera: usize, from: Pixel, to: Pixel) {
+        self.drag(Pane::Image(camera), from.into(), to.into());
+    }
+}
+
+/// The demonstration site without its images, which tests need not wait for.
+pub(crate) fn demo() -> Site {
+    let mut site = calib_demo::demo_site().site;
+    for camera in &mut site.cameras {
+        camera.image = None;
+    }
+    if let Some(plan) = &mut site.plan {
+        plan.image = None;
+    }
+    site
+}

@@ -1,0 +1,377 @@
+//! Whole pieces of work by pointer and keys: calibrating, placing, marks, and 1,000 gestures at random.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::files;
+use calib_app::pane::Place;
+use calib_app::tools::{Pane, TOOLS, plan_scale};
+use calib_core::{FloorPoint, Kind, Options, Pixel, Shape, Site, Stage};
+use desk::{Desk, demo};
+use egui::{Key, Modifiers, Pos2};
+
+/// The demonstration site before anything was drawn.
+fn blank() -> Site {
+    let mut site = demo();
+    for camera in &mut site.cameras {
+        camera.annotations.clear();
+        camera.control_points.clear();
+        (camera.efov_px, camera.placement, camera.sigma_px) = (None, None, None);
+    }
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    site
+}
+
+fn title(kind: Kind) -> &'static str {
+    kind.row().title
+}
+
+/// Draws on one camera everything that the model drew there.
+fn draw_camera(desk: &mut Desk, camera: usize, model: &Site) {
+    let image = Pane::Image(camera);
+    for annotation in &model.cameras[camera].annotations {
+        desk.take(title(annotation.kind));
+        for (i, line) in annotation.polylines().enumerate() {
+            if i == 0 {
+                desk.key(Key::W);
+            }
+            if annotation.kind.row().shape == Shape::Polyline {
+                for point in line {
+                    desk.click(image, point.into());
+                }
+                desk.key(Key::Enter);
+            } else {
+                desk.line(camera, line[0], line[line.len() - 1]);
+            }
+        }
+    }
+    desk.take("Field of view");
+    for corner in model.cameras[camera].efov_px.iter().flatten() {
+        desk.click(image, (*corner).into());
+    }
+    desk.key(Key::Enter);
+}
+
+#[test]
+fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_file() {
+    let model = demo();
+    let mut desk = Desk::new(blank());
+    for camera in 0..model.cameras.len() {
+        if camera > 0 {
+            desk.key(Key::CloseBracket);
+        }
+        draw_camera(&mut desk, camera, &model);
+    }
+    // shop-1 by control points, on the image and then on the plan.
+    desk.app().session.choose(0);
+    desk.key(Key::Num2);
+    desk.take("Control point");
+    let scale = plan_scale(&model);
+    desk.click(Pane::Plan, [0.0, 2.0]);
+    for _ in 0..8 {
+        desk.key(Key::Minus);
+    }
+    for point in &model.cameras[0].control_points {
+        let world = point.control_point(model.plan.as_ref()).unwrap().world;
+        if world.z == 0.0 {
+            desk.key(Key::Num1);
+            desk.click(Pane::Image(0), point.px.into());
+            desk.key(Key::Num2);
+            let on_plan = scale.floor_from_plan(scale.plan_from_floor(world.on_floor()));
+            desk.click(Pane::Plan, on_plan.into());
+        }
+    }
+    let stage = |desk: &mut Desk, camera| desk.app().session.solved.solution(camera).map(|s| s.stage);
+    assert_eq!(stage(&mut desk, 0), Some(Stage::Placed), "{:?}", desk.site().cameras[0].control_points.len());
+    // The others by dragging their feet on the plan.
+    desk.take("Select");
+    for camera in 1..model.cameras.len() {
+        desk.app().session.choose(camera);
+        desk.harness.run_steps(2);
+        let foot: [f64; 2] = desk.app().session.solved.pose(camera).unwrap().position.on_floor().into();
+        let to = model.cameras[camera].placement.as_ref().unwrap().move_m;
+        let (from, to) = (desk.screen(Pane::Plan, foot), desk.screen(Pane::Plan, to.into()));
+        let aside = from + egui::vec2(30.0, -20.0);
+        desk.drag_screen(&[from, aside, to], Modifiers::NONE);
+        assert_eq!(stage(&mut desk, camera), Some(Stage::Placed), "camera {camera}");
+    }
+    desk.key(Key::F9);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("site.json");
+    desk.app().session.path = Some(path.clone());
+    desk.keys(Modifiers::COMMAND, Key::S);
+    let (saved, _) = files::open(&path).unwrap();
+    let solved = saved.calibrate(&Options::default()).write_into(&saved);
+    for (shown, again) in saved.cameras.iter().zip(&solved.cameras) {
+        let (a, b) = (shown.solution.as_ref().unwrap(), again.solution.as_ref().unwrap());
+        assert_eq!(printed(a), printed(b), "{}", shown.id);
+    }
+}
+
+/// The numbers of a result, as many digits as are printed.
+fn printed(s: &calib_core::Solution) -> String {
+    let position = s.position_m.map(|p| [p.x, p.y, p.z].map(|v| (1e3 * v).round()));
+    let angles = [s.pitch_deg, s.roll_deg, s.yaw_deg].map(|angle| (1e3 * angle.unwrap()).round());
+    format!("{:.1} {angles:?} {position:?} {:.2}", s.focal_px, s.rms_px.unwrap())
+}
+
+#[test]
+fn a_polygon_stays_where_it_lies_when_stage_1_changes() {
+    let mut site = demo();
+    for camera in &mut site.cameras {
+        camera.control_points.clear();
+    }
+    let mut desk = Desk::new(site);
+    let corners = desk.site().cameras[0].efov_px.clone().unwrap();
+    let places = |desk: &mut Desk| -> Vec<FloorPoint> {
+        let pose = *desk.app().session.solved.pose(0).unwrap();
+        corners.iter().map(|&corner| pose.pixel_to_floor(corner, 0.0).unwrap()).collect()
+    };
+    let before = places(&mut desk);
+    let kept = desk.site().cameras[0].placement.clone();
+    desk.take("Select");
+    let end = desk.site().cameras[0].annotations[0].polylines().next().unwrap()[1];
+    desk.click(Pane::Image(0), end.into());
+    desk.keys(Modifiers::SHIFT, Key::ArrowRight);
+    assert_ne!(desk.site().cameras[0].placement, kept, "the placement follows");
+    let size = before.iter().map(|p| p.distance(before[0])).fold(0.0, f64::max);
+    for (a, b) in before.iter().zip(places(&mut desk)) {
+        assert!(a.distance(b) < 0.03 * size, "{:.3} m of {size:.1} m", a.distance(b));
+    }
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].placement, kept, "undo brings the placement back with the line");
+}
+
+#[test]
+fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
+    let mut site = demo();
+    let truth = calib_demo::demo_site().truth;
+    for camera in &mut site.cameras {
+        camera.control_points.clear();
+    }
+    let placement = site.cameras[1].placement.as_mut().unwrap();
+    placement.move_m.x += 0.8;
+    placement.turn_deg += 6.0;
+    let mut desk = Desk::new(site);
+    desk.key(Key::CloseBracket);
+    desk.take("Select");
+    // Two points of marks, dragged with Alt from where the camera shows them to where the image does.
+    for (mark, point) in [(2, "b0"), (3, "b0")] {
+        let there = desk.site().marks[mark].shape().point(point).unwrap();
+        let shown = desk.app().session.solved.pose(1).unwrap().world_to_pixel(there);
+        let real = truth[1].1.world_to_pixel(there);
+        let (Some(shown), Some(real)) = (shown, real) else { panic!("{point} of mark {mark} is not seen") };
+        let points: Vec<Pos2> =
+            [shown, real].iter().map(|&pixel| desk.screen(Pane::Image(1), pixel.into())).collect();
+        desk.drag_screen(&points, Modifiers::ALT);
+    }
+    let pose = desk.app().session.solved.pose(1).copied().unwrap();
+    let off = pose.position.distance(truth[1].1.position);
+    assert!(off < 0.25, "{off:.2} m off after two pins, {:?}", desk.site().marks[2].seen);
+    assert_eq!(desk.site().marks[2].seen.len() + desk.site().marks[3].seen.len(), 2);
+}
+
+/// The shop without its plan, in the frame of its first camera, the others put roughly by hand.
+fn without_plan() -> (Site, Vec<calib_core::Link>) {
+    let mut site = demo();
+    let truth = calib_demo::demo_site().truth;
+    site.plan = None;
+    site.cameras.truncate(3);
+    let links = std::mem::take(&mut site.links);
+    (site.marks, site.distances) = (Vec::new(), Vec::new());
+    for (index, camera) in site.cameras.iter_mut().enumerate() {
+        camera.control_points.clear();
+        let mut placement = calib_core::Placement::of(&in_first(&truth, index));
+        if index > 0 {
+            placement.by.x += 0.6;
+            placement.turn += 0.1;
+            placement.scale *= 1.05;
+        }
+        camera.placement = Some(placement.into());
+    }
+    (site, links)
+}
+
+/// A true camera in the frame in which the first one stands over (0, 0) and looks along y.
+fn in_first(truth: &[(String, calib_core::Camera)], index: usize) -> calib_core::Camera {
+    let (first, mut camera) = (truth[0].1, truth[index].1);
+    let (sin, cos) = (-first.yaw).sin_cos();
+    let (x, y) = (camera.position.x - first.position.x, camera.position.y - first.position.y);
+    (camera.position.x, camera.position.y) = (cos * x - sin * y, sin * x + cos * y);
+    camera.yaw -= first.yaw;
+    camera
+}
+
+#[test]
+fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
+    let (site, links) = without_plan();
+    let truth = calib_demo::demo_site().truth;
+    let mut desk = Desk::new(site);
+    let camera_of = |id: &str| truth.iter().position(|(known, _)| known == id).unwrap();
+    for link in links.iter().filter(|link| link.kind == calib_core::LinkKind::Point) {
+        for (i, seen) in link.seen.iter().enumerate() {
+            let camera = camera_of(&seen.camera);
+            desk.app().session.choose(camera);
+            desk.harness.run_steps(2);
+            let px = seen.px.unwrap();
+            if i == 0 {
+                desk.app().session.mark_kind = calib_core::MarkKind::Cross;
+                desk.take("Mark");
+                desk.click(Pane::Image(camera), px.into());
+                desk.take("Select");
+            }
+            let mark = desk.site().marks.last().unwrap().at_m;
+            let shown = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(mark).unwrap();
+            let points = [shown, px].map(|pixel| desk.screen(Pane::Image(camera), pixel.into()));
+            desk.drag_screen(&points, Modifiers::ALT);
+        }
+    }
+    let pins: usize = desk.site().marks.iter().map(|mark| mark.seen.len()).sum();
+    assert!(pins >= 14, "{pins} pins");
+    desk.key(Key::F9);
+    for mark in &desk.site().marks {
+        let shape = mark.shape();
+        for seen in &mark.seen {
+            let pose = desk.harness.state().session.solved.pose(camera_of(&seen.camera)).unwrap();
+            let off = pose.world_to_pixel(shape.point(&seen.point).unwrap()).unwrap().distance(seen.px);
+            assert!(off < 2.0, "{:?} is {off:.1} px off in {}", mark.id, seen.camera);
+        }
+    }
+    for index in 1..3 {
+        let solution = desk.harness.state().session.solved.solution(index).unwrap();
+        assert_eq!(solution.stage, Stage::Refined);
+        let (sigma, at) = (solution.sigma.as_ref().unwrap(), solution.position_m.unwrap());
+        let off = at.distance(in_first(&truth, index).position);
+        let own = [sigma.x_m, sigma.y_m, sigma.z_m].iter().flatten().map(|s| s * s).sum::<f64>().sqrt();
+        assert!(off < 3.0 * own, "{index}: {off:.3} m off, sigma {own:.3} m");
+    }
+}
+
+#[test]
+fn a_mark_dragged_in_one_view_moves_in_all() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num3);
+    desk.take("Select");
+    let before = desk.site().marks[0].at_m;
+    let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(before).unwrap();
+    let points: Vec<Pos2> = [from, Pixel::new(from.u - 60.0, from.v + 20.0)]
+        .iter()
+        .map(|&pixel| desk.screen(Pane::Image(0), pixel.into()))
+        .collect();
+    desk.drag_screen(&points, Modifiers::NONE);
+    let after = desk.site().marks[0].at_m;
+    assert!(after.distance(before) > 0.1 && after.z == before.z, "{before:?} {after:?}");
+    assert!(desk.app().panes.rects.contains_key(&(Place::Tile, Pane::Image(1))));
+}
+
+#[test]
+fn links_go_from_view_to_view() {
+    let mut site = demo();
+    site.links.clear();
+    site.distances.clear();
+    let mut desk = Desk::new(site);
+    desk.key(Key::Num3);
+    desk.take("Link");
+    let there = desk.site().marks[2].at_m;
+    for camera in [0, 2] {
+        let at = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap();
+        desk.click(Pane::Image(camera), at.into());
+    }
+    let links = &desk.site().links;
+    assert_eq!(links.len(), 1);
+    assert_eq!(links[0].seen.len(), 2, "{links:?}");
+}
+
+/// Small, fast, and the same on every machine (Marsaglia 2003).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self, below: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as usize % below.max(1)
+    }
+}
+
+fn random_gesture(desk: &mut Desk, random: &mut Random) {
+    const KEYS: [Key; 26] = [
+        Key::Delete,
+        Key::Escape,
+        Key::Enter,
+        Key::Backspace,
+        Key::D,
+        Key::X,
+        Key::W,
+        Key::N,
+        Key::J,
+        Key::G,
+        Key::ArrowLeft,
+        Key::ArrowUp,
+        Key::ArrowRight,
+        Key::ArrowDown,
+        Key::OpenBracket,
+        Key::CloseBracket,
+        Key::Num1,
+        Key::Num2,
+        Key::Num3,
+        Key::Num4,
+        Key::Home,
+        Key::Plus,
+        Key::Minus,
+        Key::H,
+        Key::B,
+        Key::F8,
+    ];
+    const MODIFIERS: [Modifiers; 6] = [
+        Modifiers::NONE,
+        Modifiers::NONE,
+        Modifiers::NONE,
+        Modifiers::SHIFT,
+        Modifiers::ALT,
+        Modifiers::CTRL,
+    ];
+    match random.next(10) {
+        0 => {
+            let tool = TOOLS[random.next(TOOLS.len())].key;
+            desk.key(tool);
+        }
+        1 | 2 => {
+            let key = KEYS[random.next(KEYS.len())];
+            let modifiers = if random.next(4) == 0 { Modifiers::SHIFT } else { Modifiers::NONE };
+            desk.keys(modifiers, key);
+        }
+        3 => desk.undo(),
+        4 => desk.redo(),
+        5 => desk.keys(Modifiers::COMMAND, [Key::A, Key::C, Key::V][random.next(3)]),
+        _ => {
+            let mut point = || Pos2::new(random.next(1100) as f32 + 100.0, random.next(800) as f32 + 70.0);
+            let points = [point(), point(), point()];
+            let count = 1 + random.next(3);
+            let modifiers = MODIFIERS[random.next(MODIFIERS.len())];
+            desk.drag_screen(&points[..count], modifiers);
+        }
+    }
+}
+
+#[test]
+fn a_thousand_random_gestures_are_undone_bit_for_bit() {
+    let runs = std::env::var("CALIB_GESTURE_RUNS").ok().and_then(|runs| runs.parse().ok()).unwrap_or(1_u64);
+    for run in 0..runs {
+        let mut desk = Desk::new(demo());
+        let before = desk.site().clone();
+        let mut random = Random(0x9E37_79B9_7F4A_7C15 ^ (run + 1));
+        for _ in 0..1000 {
+            random_gesture(&mut desk, &mut random);
+        }
+        desk.key(Key::Escape);
+        desk.key(Key::Escape);
+        desk.key(Key::Escape);
+        while desk.app().session.history.depth() > 0 {
+            desk.app().session.undo();
+        }
+        assert!(desk.site().to_json() == before.to_json(), "run {run}");
+        assert!(*desk.site() == before, "run {run}");
+    }
+}
