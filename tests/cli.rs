@@ -6,6 +6,7 @@ use calib_core::{
     Annotation, BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Kind, Lens, Method, Pixel,
     Site, SiteCamera, Solution, Stage, UndistortedPixel, WorldPoint,
 };
+use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
@@ -471,4 +472,146 @@ fn a_straight_segment_annotation_without_points_is_no_crash() {
     let run = scratch.calib(&["solve", "site.json", "--format", "json"]);
     assert!(run.code == 0 || run.code == 4, "{run:?}");
     assert!(run.json()["door"].is_object());
+}
+
+/// Three solved-together cameras with twelve shared points, one of them wrong in the second camera.
+fn shared_site() -> (Scratch, Site) {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut layout = Layout::ring(&mut random, 3, 12, 1.0);
+    layout.place_first();
+    let wrong = layout.site.links[4].seen[1].px.as_mut().unwrap();
+    (wrong.u, wrong.v) = (wrong.u + 60.0, wrong.v + 25.0);
+    let at = |i: usize| {
+        let seen = layout.site.links[i].seen[0].px.unwrap();
+        layout.truth[0].pixel_to_floor(seen, 0.0).unwrap()
+    };
+    let mut site = layout.site.clone();
+    let between = [0, 1].map(|i| site.links[i].id.clone().unwrap());
+    let length_m = calib_core::Known::prior(at(0).distance(at(1)), 0.05);
+    let (id, name) = (None, None);
+    site.distances.push(calib_core::Distance { id, name, off: false, keep: false, between, length_m });
+    site.cameras[1].image = Some("c1.png".into());
+    let [w, h] = site.cameras[1].size_px;
+    let scratch = Scratch::new();
+    image::RgbImage::from_pixel(w, h, image::Rgb([90, 90, 90])).save(scratch.path("c1.png")).unwrap();
+    scratch.write("site.json", site.to_json());
+    (scratch, site)
+}
+
+#[test]
+fn solving_tells_how_the_cameras_agree() {
+    let (scratch, _) = shared_site();
+    let run = scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    let (_, of_site) = run.stdout.split_once("\nsite\n").unwrap();
+    assert!(of_site.contains("3 cameras hang together; scale known"), "{of_site}");
+    // Every pair with what the solved site says of it.
+    let solved = scratch.read_json("solved.json");
+    for pair in solved["solution"]["overlaps"].as_array().unwrap() {
+        let [a, b] = [0, 1].map(|i| pair["cameras"][i].as_str().unwrap());
+        let row = of_site.lines().find(|line| line.contains(&format!("{a} \u{2013} {b}"))).unwrap();
+        let centimetres = format!("{:.1}", 100.0 * pair["floor_rms_m"].as_f64().unwrap());
+        assert!(row.contains(&centimetres), "{row}: {centimetres}");
+    }
+    let worst = &of_site[of_site.find("worst of links").unwrap()..of_site.find("more views").unwrap()];
+    assert!(!worst.contains("link p4 "), "what was set aside is no error of the site: {worst}");
+    assert!(of_site.contains("outlier: Link \"p4\""), "{of_site}");
+    // The solutions by id, and nothing else: an id may be any name.
+    let json = scratch.calib(&["solve", "site.json", "--format", "json"]).expect_code(0).json();
+    assert_eq!(json.as_object().unwrap().keys().collect::<Vec<_>>(), ["c0", "c1", "c2"]);
+}
+
+#[test]
+fn the_report_of_many_cameras_stays_short() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut layout = Layout::grid(&mut random, [6, 5], 6, 1.0);
+    layout.place_first();
+    let scratch = Scratch::new();
+    scratch.write("site.json", layout.site.to_json());
+    let run = scratch.calib(&["solve", "site.json"]).expect_code(0);
+    let (_, of_site) = run.stdout.split_once("\nsite\n").unwrap();
+    assert!(of_site.lines().count() < 40, "{of_site}");
+    assert!(of_site.contains("more pairs, none worse") && of_site.contains("more views, none worse"));
+    let px: Vec<f64> = of_site
+        .lines()
+        .filter(|line| line.trim_start().starts_with("link "))
+        .map(|line| line.split_whitespace().rev().nth(1).unwrap().parse().unwrap())
+        .collect();
+    assert!(px.len() == 5 && px.is_sorted_by(|a, b| a >= b), "the worst first: {px:?}");
+}
+
+#[test]
+fn the_gate_is_on_the_site_too() {
+    let (scratch, mut site) = shared_site();
+    scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    let check = |gate: &[&str], code: i32| {
+        scratch.calib(&[&["check", "solved.json", "--format", "json"], gate].concat()).expect_code(code)
+    };
+    assert!(check(&[], 0).json().get("site").is_none(), "unasked, the site is not judged");
+    let overlaps = scratch.read_json("solved.json")["solution"]["overlaps"].clone();
+    let apart = overlaps.as_array().unwrap().iter().map(|pair| pair["floor_rms_m"].as_f64().unwrap());
+    let worst = apart.fold(0.0, f64::max);
+    let passed = check(&["--max-overlap-m", &(1.01 * worst).to_string()], 0).json();
+    assert_eq!(passed["site"], json!({"ok": true, "faults": []}));
+    let failed = check(&["--max-overlap-m", &(0.99 * worst).to_string()], 4);
+    assert!(failed.json()["ok"] == json!(false) && failed.stderr.contains("the site"), "{failed:?}");
+    check(&["--max-overlap-m", "0"], 2);
+    // Metres that are none cannot be judged, nor what nothing ties to the rest.
+    site.distances.clear();
+    scratch.write("solved.json", site.to_json());
+    let unscaled = check(&["--max-overlap-m", "1"], 4).json();
+    assert!(unscaled["site"]["faults"][0].as_str().unwrap().starts_with("scale-unknown"));
+    check(&[], 0);
+    site.links.iter_mut().for_each(|link| link.seen.retain(|seen| seen.camera != "c2"));
+    scratch.write("solved.json", site.to_json());
+    let apart = check(&["--max-overlap-m", "1"], 4).json();
+    assert!(apart["site"]["faults"].to_string().contains("not-connected"), "{apart}");
+    site.links.clear();
+    scratch.write("solved.json", site.to_json());
+    let untold = check(&["--max-overlap-m", "1"], 4).json();
+    assert!(untold["site"]["faults"].to_string().contains("nothing tells"), "{untold}");
+}
+
+#[test]
+fn a_site_without_a_plan_is_drawn_with_its_errors() {
+    let (scratch, site) = shared_site();
+    scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    scratch.calib(&["render", "solved.json", "--plan", "-o", "plan.png"]).expect_code(0);
+    let drawn = image::open(scratch.path("plan.png")).unwrap().into_rgb8();
+    let is_drawn = |colour: [u8; 3]| drawn.pixels().any(|pixel| pixel.0 == colour);
+    assert!(is_drawn([0xC4, 0x12, 0x3A]), "what was set aside has the colour of outliers");
+    // The same site without anything shared has no legend, and nothing set aside.
+    let bare = Site { links: Vec::new(), distances: Vec::new(), ..site };
+    scratch.write("bare.json", bare.to_json());
+    scratch.calib(&["render", "bare.json", "--plan", "-o", "bare.png"]).expect_code(0);
+    let bare = image::open(scratch.path("bare.png")).unwrap().into_rgb8();
+    assert!(bare.pixels().all(|pixel| pixel.0 != [0xC4, 0x12, 0x3A]));
+}
+
+#[test]
+fn a_report_has_the_site_and_an_overlay_its_links() {
+    let (scratch, site) = shared_site();
+    scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
+    scratch.calib(&["report", "solved.json", "-o", "page.html"]).expect_code(0);
+    let page = std::fs::read_to_string(scratch.path("page.html")).unwrap();
+    let (_, section) = page.split_once("<h2>The site</h2>").unwrap();
+    let (section, _) = section.split_once("</section>").unwrap();
+    for link in &site.links {
+        let name = format!("Link {}<", link.id.as_ref().unwrap());
+        assert_eq!(section.matches(&name).count(), 1, "{name}");
+    }
+    assert_eq!(section.matches("set aside<").count(), 1);
+    assert_eq!(section.matches("<tr>").count(), 2 + 3 + 3 * site.links.len(), "heads, pairs, every view");
+    // A ring where it was drawn, in the colour of outliers where it was set aside.
+    scratch.calib(&["render", "solved.json", "--camera", "c1", "-o", "c1-links.png"]).expect_code(0);
+    let picture = image::open(scratch.path("c1-links.png")).unwrap().into_rgb8();
+    let around = |index: usize| {
+        let at = site.links[index].seen[1].px.unwrap();
+        let near = |c: f64| (c as i64 - 12)..=(c as i64 + 12);
+        near(at.v).flat_map(move |v| near(at.u).map(move |u| (u, v))).map(|(u, v)| (u as u32, v as u32))
+    };
+    let is_reddish = |(u, v): (u32, u32)| {
+        let [r, g, b] = picture.get_pixel(u, v).0;
+        r > 200 && g < 130 && b < 160
+    };
+    assert!(around(4).any(is_reddish) && !around(5).any(is_reddish));
 }

@@ -3,22 +3,28 @@
 //! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
+mod agreement;
 mod args;
 mod check;
 mod demo;
 mod files;
 mod lens_grid;
 mod overlay;
+mod overlay_links;
+mod plan_quality;
 mod plan_view;
 mod project;
 mod render;
 mod report;
 mod sigma_map;
+mod site_section;
+mod site_summary;
 mod solve;
 mod stop;
 mod style;
 mod svg;
 mod undistort;
+mod words;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -48,7 +54,7 @@ enum Command {
     Undistort(undistort::Args),
     /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or JPEG for .jpg)
     Render(render::Args),
-    /// Quality gate: exit 4 when a camera is unsolved or worse than asked
+    /// Quality gate: exit 4 when a camera is unsolved, or camera or site are worse than asked
     Check(check::Args),
     /// Write one self-contained HTML page to hand over: every overlay, number and warning
     Report(report::Args),

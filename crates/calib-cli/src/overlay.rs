@@ -5,6 +5,7 @@ use calib_core::{
     line_name, on_image, prism,
 };
 
+use crate::overlay_links::{self, Shared};
 use crate::svg::{Anchor, Stroke, Svg};
 use crate::{lens_grid, style};
 
@@ -25,10 +26,11 @@ pub(crate) fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
         draw_annotation(&mut svg, entry, index, annotation);
     }
     draw_control_points(&mut svg, site, entry);
+    let shared = overlay_links::draw(&mut svg, site, entry);
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
     svg.tag([margin, margin], &format!("{title}{}", summary(entry)), colour);
-    draw_legend(&mut svg, entry, colour, lens_grid);
+    draw_legend(&mut svg, entry, colour, lens_grid, shared);
     svg
 }
 
@@ -218,7 +220,7 @@ fn summary(entry: &SiteCamera) -> String {
 }
 
 /// Names of the kinds that are drawn, each in its colour.
-fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str, lens_grid: bool) {
+fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str, lens_grid: bool, shared: Shared) {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
     let used: Vec<_> =
@@ -228,12 +230,14 @@ fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: &str, lens_grid: bool)
         .iter()
         .flat_map(|solution| &solution.residuals)
         .any(|residual| residual.outlier && residual.of == ResidualOf::Annotation);
+    let outliers = outliers || shared.has_aside;
     let field = entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty());
     let rows: Vec<(&str, &str)> = used
         .iter()
         .map(|row| (row.title, style::kind(row.kind)))
         .chain(field.then_some(("Field of view (dashed) and 2 m above it", camera)))
         .chain(lens_grid.then_some(("Straight in the scene, bent by the lens", style::LENS)))
+        .chain(shared.has_any.then_some(("Link or mark: drawn (ring), solved (cross)", style::WHITE)))
         .chain(outliers.then_some(("Set aside", style::BAD)))
         .collect();
     for (index, (title, colour)) in rows.iter().enumerate() {

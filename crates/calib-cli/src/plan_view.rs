@@ -4,8 +4,9 @@ use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera, Solution, S
 use image::{Rgb, RgbImage};
 
 use crate::overlay::{grid_step, metres};
+use crate::plan_quality::{PlanQuality, Sample};
 use crate::style::{self, INK};
-use crate::svg::{Stroke, Svg, TAG_LETTER};
+use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 
 /// Longest side of a picture of a site without a plan, in pixels.
 const LONGEST: f64 = 1600.0;
@@ -18,25 +19,39 @@ pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg)
         (plan, _) => blank(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default()),
     };
     let size = [f64::from(ground.width()), f64::from(ground.height())];
-    let mut svg = Svg::new(size, style::scale(size));
+    let draw_scale = style::scale(size);
     let on_plan = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));
+    let quality = PlanQuality::new(site, draw_scale, &on_plan);
+    let legend = Legend::new(quality.legend(), size, draw_scale);
+    let ground = with_strip(ground, legend.height);
+    let whole = [f64::from(ground.width()), f64::from(ground.height())];
+    let mut svg = Svg::new(whole, draw_scale);
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_grid(&mut svg, &scale, size);
     }
+    // Many fields that overlap must not add up to mud.
+    let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
     for (index, camera) in site.cameras.iter().enumerate() {
-        draw_efov(&mut svg, camera, index, &on_plan);
+        draw_efov(&mut svg, camera, index, cover, &on_plan);
     }
+    quality.draw_ellipses(&mut svg);
     for mark in site.marks.iter().filter(|mark| !mark.off) {
         for line in mark.shape().polylines() {
             let points: Vec<[f64; 2]> = line.iter().map(|point| on_plan(point.on_floor())).collect();
             svg.line(&points, false, Stroke::new(INK, 1.5).faint(0.8));
         }
     }
-    for (index, camera) in site.cameras.iter().enumerate() {
-        draw_camera(&mut svg, camera, index, size, &on_plan);
-    }
+    let cameras = site.cameras.iter().enumerate();
+    let room = room_of_figures(site, &on_plan) / svg.scale;
+    let figures: Vec<Figure> =
+        cameras.filter_map(|(index, entry)| Figure::new(&svg, index, entry, room, size, &on_plan)).collect();
+    let mut taken: Vec<[f64; 4]> = figures.iter().flat_map(|figure| figure.covers(&svg)).collect();
+    taken.push([0.0, size[1] - 56.0 * svg.scale, 0.25 * size[0], size[1]]);
+    quality.draw_elements(&mut svg, &on_plan, size, &mut taken);
+    figures.iter().for_each(|figure| figure.draw(&mut svg));
     draw_north(&mut svg, site, &scale, size);
     draw_scale_bar(&mut svg, &scale, size);
+    legend.draw(&mut svg, size);
     (ground, svg)
 }
 
@@ -52,8 +67,11 @@ fn lightened(mut image: RgbImage) -> RgbImage {
 fn blank(site: &Site, x_axis: f64) -> (RgbImage, PlanScale) {
     let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
     let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
+    let elements = site.links.iter().filter_map(|link| link.solution.as_ref());
+    let elements = elements.chain(site.marks.iter().filter_map(|mark| mark.solution.as_ref()));
     let points: Vec<PlanPixel> = solutions()
         .flat_map(|solution| solution.efov_m.iter().copied().chain(solution.position_m.map(|p| p.on_floor())))
+        .chain(elements.map(|element| element.at_m.on_floor()))
         .map(|point| unit.plan_from_floor(point))
         .filter(|point| point.is_finite())
         .collect();
@@ -84,11 +102,17 @@ fn placed(entry: &SiteCamera) -> Option<&Solution> {
     entry.solution.as_ref().filter(|solution| solution.stage >= Stage::Placed)
 }
 
-fn draw_efov(svg: &mut Svg, entry: &SiteCamera, index: usize, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) {
+fn draw_efov(
+    svg: &mut Svg,
+    entry: &SiteCamera,
+    index: usize,
+    cover: f64,
+    on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
+) {
     let Some(solution) = placed(entry) else { return };
     let polygon: Vec<[f64; 2]> = solution.efov_m.iter().map(|&point| on_plan(point)).collect();
     let colour = style::camera(index);
-    svg.fill(&polygon, colour, 0.25);
+    svg.fill(&polygon, colour, cover);
     svg.line(
         &polygon,
         true,
@@ -96,36 +120,128 @@ fn draw_efov(svg: &mut Svg, entry: &SiteCamera, index: usize, on_plan: &dyn Fn(F
     );
 }
 
-fn draw_camera(
-    svg: &mut Svg,
-    entry: &SiteCamera,
+/// How far apart the cameras stand on the drawing: half of them have their neighbour farther away.
+fn room_of_figures(site: &Site, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
+    let feet: Vec<[f64; 2]> = site
+        .cameras
+        .iter()
+        .filter_map(|entry| Some(on_plan(placed(entry)?.position_m?.on_floor())))
+        .collect();
+    let nearest = |i: usize| {
+        let [x, y] = feet[i];
+        let others = feet.iter().enumerate().filter(|(j, _)| *j != i);
+        others.map(|(_, p)| (p[0] - x).hypot(p[1] - y)).fold(f64::INFINITY, f64::min)
+    };
+    let mut all: Vec<f64> = (0..feet.len()).map(nearest).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// A camera on the plan: a cone of its horizontal field of view, of a length that is legible at any
+/// scale, and a tag.
+struct Figure {
     index: usize,
-    [w, h]: [f64; 2],
-    on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
-) {
-    let (Some(_), Some(camera)) = (placed(entry), entry.camera()) else { return };
-    let foot = camera.position.on_floor();
-    let [x, y] = on_plan(foot);
-    // A cone of the horizontal field of view, of a length that is legible at any scale.
-    let half = 0.5 * camera.field_of_view(entry.size())[0];
-    let ahead = on_plan(FloorPoint { x: foot.x - camera.yaw.sin(), y: foot.y + camera.yaw.cos() });
-    let angle = (ahead[1] - y).atan2(ahead[0] - x);
-    let length = 34.0 * svg.scale;
-    let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
-    let cone = [[x, y], tip(-half), tip(half)];
-    svg.fill(&cone, style::camera(index), 0.85);
-    svg.line(&cone, true, Stroke { outlined: false, ..Stroke::new(INK, 1.25) });
-    svg.dot([x, y], 4.5, style::WHITE);
-    let text = format!("{}  {:.2} m", entry.name.as_deref().unwrap_or(&entry.id), camera.position.z);
-    let size = style::TEXT * svg.scale;
-    let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
-    let shift = if angle.sin() > 0.0 { -2.4 * size } else { 0.8 * size };
-    let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
-    svg.tag(
-        [inside(x - 0.5 * width, w - width), inside(y + shift, h - 1.6 * size)],
-        &text,
-        style::camera(index),
-    );
+    cone: [[f64; 2]; 3],
+    /// Upper left corner of the tag.
+    corner: [f64; 2],
+    text: String,
+}
+
+impl Figure {
+    fn new(
+        svg: &Svg,
+        index: usize,
+        entry: &SiteCamera,
+        room: f64,
+        [w, h]: [f64; 2],
+        on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
+    ) -> Option<Self> {
+        // Where cameras stand close, a figure is small and says no more than a name.
+        let is_close = room < 90.0;
+        let camera = placed(entry)?.camera()?;
+        let foot = camera.position.on_floor();
+        let [x, y] = on_plan(foot);
+        let half = 0.5 * camera.field_of_view(entry.size())[0];
+        let ahead = on_plan(FloorPoint { x: foot.x - camera.yaw.sin(), y: foot.y + camera.yaw.cos() });
+        let angle = (ahead[1] - y).atan2(ahead[0] - x);
+        let length = svg.scale * if is_close { (0.4 * room).clamp(9.0, 34.0) } else { 34.0 };
+        let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
+        let text = if is_close {
+            entry.id.clone()
+        } else {
+            format!("{}  {:.2} m", entry.name.as_deref().unwrap_or(&entry.id), camera.position.z)
+        };
+        let size = style::TEXT * svg.scale;
+        let width = svg.text_width(&text) + size;
+        let shift = if angle.sin() > 0.0 { -2.4 * size } else { 0.8 * size };
+        let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
+        let corner = [inside(x - 0.5 * width, w - width), inside(y + shift, h - 1.6 * size)];
+        Some(Self { index, cone: [[x, y], tip(-half), tip(half)], corner, text })
+    }
+
+    /// The rectangles of the plan that are not free: tag and cone.
+    fn covers(&self, svg: &Svg) -> [[f64; 4]; 2] {
+        let size = style::TEXT * svg.scale;
+        let [left, top] = self.corner;
+        let range = |k: usize| {
+            let values = self.cone.map(|point| point[k]);
+            (
+                values.into_iter().fold(f64::INFINITY, f64::min),
+                values.into_iter().fold(f64::NEG_INFINITY, f64::max),
+            )
+        };
+        let ((x0, x1), (y0, y1)) = (range(0), range(1));
+        [[left, top, left + svg.text_width(&self.text) + size, top + 1.6 * size], [x0, y0, x1, y1]]
+    }
+
+    fn draw(&self, svg: &mut Svg) {
+        svg.fill(&self.cone, style::camera(self.index), 0.85);
+        svg.line(&self.cone, true, Stroke { outlined: false, ..Stroke::new(INK, 1.25) });
+        svg.dot(self.cone[0], 4.5, style::WHITE);
+        svg.tag(self.corner, &self.text, style::camera(self.index));
+    }
+}
+
+/// What the signs mean, in a strip beneath the plan: nothing of the plan is hidden.
+struct Legend {
+    /// Where each begins.
+    rows: Vec<([f64; 2], Sample, String)>,
+    height: f64,
+}
+
+impl Legend {
+    fn new(rows: Vec<(Sample, String)>, [w, h]: [f64; 2], scale: f64) -> Self {
+        let (margin, tall, sample) = (24.0 * scale, 24.0 * scale, 34.0 * scale);
+        let (mut x, mut y, mut placed) = (margin, h + 0.75 * tall, Vec::new());
+        for (kind, text) in rows {
+            let wide = sample + style::TEXT * scale * TAG_LETTER * text.chars().count() as f64;
+            if x > margin && x + wide > w - margin {
+                (x, y) = (margin, y + tall);
+            }
+            placed.push(([x, y], kind, text));
+            x += wide + margin;
+        }
+        let height = if placed.is_empty() { 0.0 } else { y + 0.75 * tall - h };
+        Self { rows: placed, height }
+    }
+
+    fn draw(self, svg: &mut Svg, [w, h]: [f64; 2]) {
+        if self.height > 0.0 {
+            svg.line(&[[0.0, h], [w, h]], false, Stroke::new(INK, 1.0).faint(0.25));
+        }
+        for ([x, y], sample, text) in self.rows {
+            sample.draw(svg, [x + 12.0 * svg.scale, y]);
+            svg.ink([x + 34.0 * svg.scale, y + 0.35 * style::TEXT * svg.scale], &text, INK, Anchor::Start);
+        }
+    }
+}
+
+/// A picture with an empty strip beneath.
+fn with_strip(picture: RgbImage, height: f64) -> RgbImage {
+    let (w, h) = picture.dimensions();
+    let mut ground = RgbImage::from_pixel(w, h + height.ceil() as u32, GROUND);
+    image::imageops::replace(&mut ground, &picture, 0, 0);
+    ground
 }
 
 /// The arrow to the north of a georeferenced site; else the one of world +y.
@@ -144,7 +260,7 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     };
     svg.fill(&[at(1.0, 0.0), at(-0.7, 0.5), at(-0.35, 0.0), at(-0.7, -0.5)], INK, 0.9);
     let [x, y] = at(1.5, 0.0);
-    svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name);
+    svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, INK, Anchor::Middle);
 }
 
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
@@ -155,5 +271,5 @@ fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
     let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(style::WHITE, 5.0) });
     svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(INK, 2.0) });
-    svg.ink([0.5 * (x + end), y - 8.0 * svg.scale], &format!("{} m", metres(length)));
+    svg.ink([0.5 * (x + end), y - 8.0 * svg.scale], &format!("{} m", metres(length)), INK, Anchor::Middle);
 }

@@ -10,6 +10,7 @@ use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{self, SiteFile};
 use crate::plan_view::plan_view;
 use crate::render::{Extras, camera_view};
+use crate::site_section::site_section;
 use crate::stop::Stop;
 use crate::svg::{Svg, escape};
 
@@ -41,6 +42,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
         include_str!("report.css")
     );
     summary(&mut html, &file.site.cameras);
+    site_section(&mut html, &file.site);
     let picture = match file.plan_image() {
         Ok(picture) => picture,
         Err(Stop::Invalid(message)) => {

@@ -6,7 +6,9 @@ use calib_core::{Failure, Method, Options, Residual, ResidualOf, Site, SiteCamer
 use clap::ValueEnum;
 
 use crate::files::{self, SiteFile};
+use crate::site_summary::site_summary;
 use crate::stop::Stop;
+use crate::words::few;
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -112,7 +114,7 @@ pub(crate) fn unsolved(cameras: &[&SiteCamera]) -> Result<(), Stop> {
         "{} of {} cameras could not be solved: {}",
         failed.len(),
         cameras.len(),
-        failed.join(", ")
+        few(failed.iter().copied())
     )))
 }
 
@@ -158,11 +160,7 @@ pub(crate) fn text(site: &Site, cameras: &[&SiteCamera]) -> String {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution);
     }
-    let about_site = site.solution.iter().flat_map(|solution| &solution.warnings);
-    for (index, warning) in about_site.enumerate() {
-        let title = if index == 0 { "\nsite\n" } else { "" };
-        let _ = writeln!(out, "{title}  {}: {}\n    {}", warning.code, warning.message, warning.advice);
-    }
+    out.push_str(&site_summary(site));
     out
 }
 

@@ -43,6 +43,8 @@ pub(crate) const OUTLINE: &str = "#07090B";
 pub(crate) const INK: &str = "#1B1F23";
 /// Suspects and gross errors.
 pub(crate) const BAD: &str = "#FF5470";
+/// The same, dark enough for a light plan.
+pub(crate) const BAD_ON_LIGHT: &str = "#C4123A";
 /// Ground of a tag.
 pub(crate) const TAG: &str = "#0D0F12";
 

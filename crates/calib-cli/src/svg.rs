@@ -46,6 +46,15 @@ pub(crate) enum Anchor {
     Middle,
 }
 
+impl Anchor {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+        }
+    }
+}
+
 /// A drawing in the making, in pixels of its ground.
 pub(crate) struct Svg {
     size: [f64; 2],
@@ -103,13 +112,29 @@ impl Svg {
         );
     }
 
+    /// A ring.
+    pub(crate) fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
+        let Stroke { colour, width, opacity, outlined, .. } = stroke;
+        let (radius, width) = (radius * self.scale, width * self.scale);
+        if outlined {
+            let wide = width + 2.0 * self.scale;
+            let _ = writeln!(
+                self.body,
+                r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="none" stroke="{}" stroke-width="{wide:.2}" stroke-opacity="{:.2}"/>"#,
+                style::OUTLINE,
+                0.6 * opacity,
+            );
+        }
+        let _ = writeln!(
+            self.body,
+            r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="none" stroke="{colour}" stroke-width="{width:.2}" stroke-opacity="{opacity:.2}"/>"#,
+        );
+    }
+
     /// A text with a dark halo.
     pub(crate) fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: &str, anchor: Anchor) {
         let size = style::TEXT * self.scale;
-        let anchor = match anchor {
-            Anchor::Start => "start",
-            Anchor::Middle => "middle",
-        };
+        let anchor = anchor.name();
         let _ = writeln!(
             self.body,
             r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="{anchor}" fill="{colour}" stroke="{}" stroke-opacity="0.85" stroke-width="{:.1}" stroke-linejoin="round" paint-order="stroke">{}</text>"#,
@@ -119,15 +144,20 @@ impl Svg {
         );
     }
 
-    /// A text on a light ground, in dark ink without a halo.
-    pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str) {
+    /// A text on a light ground, in a dark colour without a halo.
+    pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str, colour: &str, anchor: Anchor) {
         let size = style::TEXT * self.scale;
+        let anchor = anchor.name();
         let _ = writeln!(
             self.body,
-            r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="middle" fill="{}">{}</text>"#,
-            style::INK,
+            r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="{anchor}" fill="{colour}">{}</text>"#,
             escape(text)
         );
+    }
+
+    /// Width that a text takes, about.
+    pub(crate) fn text_width(&self, text: &str) -> f64 {
+        style::TEXT * self.scale * TAG_LETTER * text.chars().count() as f64
     }
 
     /// A text on a dark ground, its upper left corner at this pixel.

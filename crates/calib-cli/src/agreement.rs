@@ -1,0 +1,193 @@
+//! How far every camera puts the links and marks it shows from where the site has them.
+
+use std::collections::{BTreeMap, HashMap};
+
+use calib_core::{
+    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Site, SiteCamera, Stage, WorldPoint,
+};
+
+/// A link or a mark that has a place, and what the cameras make of it.
+pub(crate) struct Element<'a> {
+    /// "link" or "mark".
+    pub(crate) what: &'static str,
+    /// As residuals and warnings name it.
+    pub(crate) id: String,
+    pub(crate) found: &'a ElementSolution,
+    /// Contradicts the others, and took no part.
+    pub(crate) is_aside: bool,
+    /// Took no part because the operator says so.
+    pub(crate) is_off: bool,
+    /// A post or a line: the points of a view are ends of one thing.
+    pub(crate) is_long: bool,
+    /// Camera by camera.
+    pub(crate) views: Vec<View<'a>>,
+}
+
+/// One camera's sightings of an element.
+pub(crate) struct View<'a> {
+    pub(crate) entry: &'a SiteCamera,
+    /// Index of the camera in its site.
+    pub(crate) index: usize,
+    pub(crate) sightings: Vec<Sighting>,
+}
+
+/// A pixel that was drawn, and the point of the scene that it shows.
+pub(crate) struct Sighting {
+    pub(crate) drawn: Pixel,
+    /// Where the camera shows the point.
+    pub(crate) shown: Pixel,
+    /// The point, seen from above.
+    pub(crate) at: FloorPoint,
+    /// Where the camera puts the pixel, at the height of the point.
+    pub(crate) put: Option<FloorPoint>,
+}
+
+impl View<'_> {
+    /// Root mean square distance in the image, in pixels.
+    pub(crate) fn px(&self) -> f64 {
+        rms(self.sightings.iter().map(|seen| seen.drawn.distance(seen.shown))).unwrap_or(0.0)
+    }
+
+    /// Root mean square distance on the floor, in metres.
+    pub(crate) fn floor_m(&self) -> Option<f64> {
+        rms(self.sightings.iter().filter_map(|seen| Some(seen.put?.distance(seen.at))))
+    }
+}
+
+impl Element<'_> {
+    /// Whether it says something of the site.
+    pub(crate) fn is_used(&self) -> bool {
+        !self.is_aside && !self.is_off
+    }
+
+    /// The largest error of a camera, in pixels.
+    pub(crate) fn worst_px(&self) -> f64 {
+        self.views.iter().map(View::px).fold(0.0, f64::max)
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
+    (count > 0.0).then(|| f64::sqrt(sum / count))
+}
+
+/// Every link and mark that was solved, as far as cameras that stand somewhere show it.
+pub(crate) fn elements(site: &Site) -> Vec<Element<'_>> {
+    let mut cameras: HashMap<&str, (usize, Camera)> = HashMap::new();
+    for (index, entry) in site.cameras.iter().enumerate() {
+        let stands = entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed);
+        if let Some(camera) = entry.camera().filter(|_| stands) {
+            cameras.entry(&entry.id).or_insert((index, camera));
+        }
+    }
+    let links = site.links.iter().enumerate().filter_map(|(index, link)| {
+        let found = link.solution.as_ref()?;
+        let seen = |camera: &str, camera_is: &Camera| {
+            let of = link.seen.iter().filter(|seen| seen.camera == camera);
+            of.flat_map(|seen| points_of_link(link, found, seen, camera_is)).collect()
+        };
+        let cameras_of = link.seen.iter().map(|seen| seen.camera.as_str());
+        let views = views(site, &cameras, cameras_of, &seen);
+        let id = link.id.clone().unwrap_or_else(|| index.to_string());
+        Some(Element {
+            what: "link",
+            id,
+            found,
+            is_aside: is_aside(found),
+            is_off: link.off,
+            is_long: link.kind != LinkKind::Point,
+            views,
+        })
+    });
+    let marks = site.marks.iter().enumerate().filter_map(|(index, mark)| {
+        let found = mark.solution.as_ref()?;
+        let seen = |camera: &str, camera_is: &Camera| points_of_mark(mark, camera, camera_is);
+        let cameras_of = mark.seen.iter().map(|seen| seen.camera.as_str());
+        let views = views(site, &cameras, cameras_of, &seen);
+        let id = mark.id.clone().unwrap_or_else(|| index.to_string());
+        Some(Element {
+            what: "mark",
+            id,
+            found,
+            is_aside: is_aside(found),
+            is_off: mark.off,
+            is_long: false,
+            views,
+        })
+    });
+    links.chain(marks).collect()
+}
+
+fn is_aside(found: &ElementSolution) -> bool {
+    found.residuals.iter().any(|residual| residual.outlier)
+}
+
+fn views<'a>(
+    site: &'a Site,
+    cameras: &HashMap<&str, (usize, Camera)>,
+    ids: impl Iterator<Item = &'a str>,
+    seen: &dyn Fn(&str, &Camera) -> Vec<Sighting>,
+) -> Vec<View<'a>> {
+    let shown: BTreeMap<usize, &(usize, Camera)> =
+        ids.filter_map(|id| cameras.get(id)).map(|camera| (camera.0, camera)).collect();
+    shown
+        .into_values()
+        .map(|(index, camera)| {
+            let entry = &site.cameras[*index];
+            View { entry, index: *index, sightings: seen(&entry.id, camera) }
+        })
+        .filter(|view| !view.sightings.is_empty())
+        .collect()
+}
+
+fn points_of_link(
+    link: &Link,
+    found: &ElementSolution,
+    seen: &calib_core::LinkSeen,
+    camera: &Camera,
+) -> Vec<Sighting> {
+    let at = found.at_m;
+    match link.kind {
+        LinkKind::Point => seen.px.and_then(|px| sighting(camera, px, at)).into_iter().collect(),
+        LinkKind::Post => {
+            let head = WorldPoint { z: found.length_m.unwrap_or(0.0), ..at };
+            [(seen.foot, at), (seen.head, head)]
+                .into_iter()
+                .filter_map(|(px, at)| sighting(camera, px?, at))
+                .collect()
+        }
+        LinkKind::Line => {
+            let turn = found.turn_deg.unwrap_or(0.0).to_radians();
+            let drawn = seen.segment.iter().flatten();
+            drawn.filter_map(|&px| sighting_of_line(camera, px, at.on_floor(), turn)).collect()
+        }
+    }
+}
+
+fn points_of_mark(mark: &Mark, camera_id: &str, camera: &Camera) -> Vec<Sighting> {
+    let shape = mark.shape();
+    let of = mark.seen.iter().filter(|seen| seen.camera == camera_id);
+    of.filter_map(|seen| sighting(camera, seen.px, shape.point(&seen.point)?)).collect()
+}
+
+fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint) -> Option<Sighting> {
+    let shown = camera.world_to_pixel(at)?;
+    Some(Sighting { drawn, shown, at: at.on_floor(), put: camera.pixel_to_floor(drawn, at.z) })
+}
+
+/// The point of a line that is nearest to where the camera puts a pixel; in the image, the nearest to
+/// the pixel.
+fn sighting_of_line(camera: &Camera, drawn: Pixel, origin: FloorPoint, turn: f64) -> Option<Sighting> {
+    /// A piece of the line so short that no lens bends it.
+    const PIECE: f64 = 0.05;
+    let put = camera.pixel_to_floor(drawn, 0.0)?;
+    let (sin, cos) = turn.sin_cos();
+    let along = (put.x - origin.x) * cos + (put.y - origin.y) * sin;
+    let on_line = |along: f64| FloorPoint { x: origin.x + along * cos, y: origin.y + along * sin };
+    let pixel = |along: f64| camera.world_to_pixel(on_line(along).at_height(0.0));
+    let (a, b) = (pixel(along - PIECE)?, pixel(along + PIECE)?);
+    let (du, dv) = (b.u - a.u, b.v - a.v);
+    let t = ((drawn.u - a.u) * du + (drawn.v - a.v) * dv) / (du * du + dv * dv);
+    let shown = Pixel { u: a.u + t * du, v: a.v + t * dv };
+    shown.is_finite().then_some(Sighting { drawn, shown, at: on_line(along), put: Some(put) })
+}
