@@ -1,6 +1,6 @@
 //! The site as one problem: which cameras are fitted together, by what, and what came of it.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use crate::adjustment::{Across, Adjusted, Network, Suspect};
 use crate::camera::Camera;
@@ -53,6 +53,8 @@ pub(crate) struct Together {
     pub(crate) components: Vec<Component>,
     /// Cameras tied to others by too little.
     pub(crate) unreached: Vec<usize>,
+    /// Cameras that share so much that no machine fits them together.
+    pub(crate) too_many: Vec<usize>,
     pub(crate) loop_closure: Option<f64>,
     /// Covariance of pairs of cameras that see things in common.
     pub(crate) pairs: HashMap<[usize; 2], Across>,
@@ -103,6 +105,7 @@ impl Site {
             gaps,
             aside: Vec::new(),
             unreached,
+            too_many: Vec::new(),
             loop_closure,
             pairs: HashMap::new(),
             components,
@@ -146,6 +149,10 @@ impl Site {
                 !gap.off && gap.between.iter().all(|tie| tie_indices.binary_search(tie).is_ok())
             })
             .collect();
+        if has_too_many_pairs(tie_indices.iter().map(|&i| &together.ties[i].1)) {
+            together.too_many.extend(cluster);
+            return Vec::new();
+        }
         let members: Vec<&Before> = cluster.iter().filter_map(|&camera| before[camera].as_ref()).collect();
         let problems: Vec<Problem> = members.iter().map(|member| stage_1_problem(member)).collect();
         let views: Vec<View> = members
@@ -196,6 +203,25 @@ impl Site {
             })
             .collect()
     }
+}
+
+/// Whether the cameras share so much that the system would fill the memory of any machine.
+fn has_too_many_pairs<'a>(ties: impl Iterator<Item = &'a Tie>) -> bool {
+    /// Pairs of cameras that see a thing in common: 450 cameras, every one with every other.
+    const MOST: usize = 100_000;
+    let mut pairs = HashSet::new();
+    for tie in ties {
+        let views = tie.views();
+        if views.len() * views.len() > 2 * MOST {
+            return true;
+        }
+        pairs
+            .extend(views.iter().enumerate().flat_map(|(i, &a)| views[i + 1..].iter().map(move |&b| (a, b))));
+        if pairs.len() > MOST {
+            return true;
+        }
+    }
+    false
 }
 
 /// Stands in for a camera without a result; nothing sees it.

@@ -207,6 +207,17 @@ impl Site {
                 "Enter one known distance, height or length, or two points of the plan.",
             ));
         }
+        if let Some(&first) = together.too_many.first() {
+            warnings.push(Warning::new(
+                Code::UnusedAnnotation,
+                format!(
+                    "{} cameras, {} among them, share more than can be fitted together: each is solved by itself.",
+                    together.too_many.len(),
+                    id(&first)
+                ),
+                "Let every link and mark be seen by fewer cameras.",
+            ));
+        }
         let scale = (!together.components.is_empty())
             .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
         warnings.extend(self.set_aside(together, located));
@@ -361,10 +372,15 @@ impl Site {
             ];
             Some(Seen { index: *index, camera: solution.camera()?, polygon, bounds })
         };
+        /// Pairs that are looked at: nobody reads more, and a hostile site stacks its cameras.
+        const MOST: usize = 20_000;
         let all: Vec<Seen> = solutions.iter().filter_map(seen).collect();
         let mut found = BTreeMap::new();
         for (k, a) in all.iter().enumerate() {
             for b in &all[k + 1..] {
+                if found.len() >= MOST {
+                    return found;
+                }
                 let low = [a.bounds[0].max(b.bounds[0]), a.bounds[1].max(b.bounds[1])];
                 let high = [a.bounds[2].min(b.bounds[2]), a.bounds[3].min(b.bounds[3])];
                 if low[0] >= high[0] || low[1] >= high[1] {
