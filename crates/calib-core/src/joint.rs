@@ -70,6 +70,20 @@ struct Before<'a> {
     height_is_told: bool,
 }
 
+impl Together {
+    /// Ties that these cameras see, and distances between them.
+    fn among(&self, cluster: &[usize]) -> (Vec<usize>, Vec<usize>) {
+        let is_seen = |tie: &Tie| {
+            !tie.off && tie.sightings.iter().any(|seen| cluster.binary_search(&seen.view).is_ok())
+        };
+        let ties: Vec<usize> = (0..self.ties.len()).filter(|&i| is_seen(&self.ties[i].1)).collect();
+        let is_between =
+            |gap: &Gap| !gap.off && gap.between.iter().all(|tie| ties.binary_search(tie).is_ok());
+        let gaps = (0..self.gaps.len()).filter(|&i| is_between(&self.gaps[i].1)).collect();
+        (ties, gaps)
+    }
+}
+
 impl Site {
     /// The joint fit of everything that was asked for; without ties only of lenses with stage 1.
     pub(crate) fn join(&self, firsts: &[Result<First, Failure>], with_ties: bool) -> Together {
@@ -139,16 +153,7 @@ impl Site {
         together: &mut Together,
     ) -> Vec<Suspect> {
         let local = |camera: usize| cluster.binary_search(&camera).ok();
-        let is_ours = |tie: &Tie| tie.sightings.iter().any(|seen| local(seen.view).is_some());
-        let tie_indices: Vec<usize> = (0..together.ties.len())
-            .filter(|&i| !together.ties[i].1.off && is_ours(&together.ties[i].1))
-            .collect();
-        let gap_indices: Vec<usize> = (0..together.gaps.len())
-            .filter(|&i| {
-                let gap = &together.gaps[i].1;
-                !gap.off && gap.between.iter().all(|tie| tie_indices.binary_search(tie).is_ok())
-            })
-            .collect();
+        let (tie_indices, gap_indices) = together.among(cluster);
         if has_too_many_pairs(tie_indices.iter().map(|&i| &together.ties[i].1)) {
             together.too_many.extend(cluster);
             return Vec::new();
