@@ -78,11 +78,15 @@ pub(crate) struct Network<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) ties: Vec<Tie>,
     pub(crate) gaps: Vec<Gap>,
-    /// The drawing noise of every camera was given, so that a chi-square is a judgement.
-    pub(crate) noise_is_known: bool,
+    /// Whose drawing noise was given; where all of it was, a chi-square is a judgement.
+    pub(crate) noise_is_given: Vec<bool>,
 }
 
 impl Network<'_> {
+    fn noise_is_known(&self) -> bool {
+        self.noise_is_given.iter().all(|&given| given)
+    }
+
     /// The joint fit; `None` where the start is impossible.
     pub(crate) fn adjust(&self) -> Option<Adjusted> {
         let mut aside = Vec::new();
@@ -94,7 +98,7 @@ impl Network<'_> {
             let explains = !is_misfit(without.chi2, without.dof);
             let count = self.ties.len() + self.gaps.len();
             let stark = stands_out(settled.chi2, without.chi2, without.dof, count);
-            if !(stark || explains && (self.noise_is_known || aside.is_empty())) {
+            if !(stark || explains && (self.noise_is_known() || aside.is_empty())) {
                 break;
             }
             aside.push(suspect);
@@ -171,7 +175,7 @@ impl Network<'_> {
     fn finish(&self, settled: Settled, aside: Vec<Suspect>) -> Adjusted {
         let Settled { joint, state, chi2, dof } = settled;
         let misfit = is_misfit(chi2, dof);
-        let inflation = if !self.noise_is_known && (dof >= ENOUGH || misfit) {
+        let inflation = if !self.noise_is_known() && (dof >= ENOUGH || misfit) {
             (chi2 / dof.max(1) as f64).max(1.0)
         } else {
             1.0
@@ -179,14 +183,23 @@ impl Network<'_> {
         let mut residuals = Vec::new();
         let _ = joint.each_residual(&state, |residual, _, of| residuals.push((of, residual)));
         let mut cameras: Vec<Camera> = (0..joint.views.len())
-            .map(|view| Camera { covariance: Covariance::EXACT, ..joint.camera(&state, view) })
+            .map(|view| {
+                let camera = joint.camera(&state, view);
+                let is_free = joint.slots(view)[Covariance::YAW].is_some();
+                let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
+                Camera { yaw, covariance: Covariance::EXACT, ..camera }
+            })
             .collect();
         let normal = joint.normal(&state);
         let covariance = normal.as_ref().and_then(|normal| joint.blocks.covariance(normal, OPEN));
+        // Noise that was given is used as it is.
+        let inflated = |views: [usize; 2]| -> f64 {
+            views.iter().map(|&view| if self.noise_is_given[view] { 1.0 } else { inflation.sqrt() }).product()
+        };
         let mut pairs = Vec::new();
         if let Some(covariance) = &covariance {
             let all: Vec<Across> = (0..cameras.len())
-                .map(|view| across(&joint, covariance, [view, view], &cameras, inflation))
+                .map(|view| across(&joint, covariance, [view, view], &cameras, inflated([view, view])))
                 .collect();
             for (camera, own) in cameras.iter_mut().zip(all) {
                 camera.covariance = Covariance(*own);
@@ -203,7 +216,7 @@ impl Network<'_> {
                 .collect();
             pairs = coupled
                 .into_iter()
-                .map(|pair| (pair, across(&joint, covariance, pair, &cameras, inflation)))
+                .map(|pair| (pair, across(&joint, covariance, pair, &cameras, inflated(pair))))
                 .collect();
         }
         let placed = |tie: usize| {
@@ -218,6 +231,12 @@ impl Network<'_> {
         let nuisance = (0..joint.views.len()).map(|view| joint.nuisance(&state, view)).collect();
         Adjusted { nuisance, cameras, places, chi2, dof, inflation, aside, misfit, residuals, pairs }
     }
+}
+
+/// The same angle between minus and plus half a turn.
+fn wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    (angle + PI).rem_euclid(TAU) - PI
 }
 
 fn settled(joint: Joint<'_>) -> Option<Settled<'_>> {

@@ -1,5 +1,7 @@
 //! The whole calibration of a site: every camera by itself, then placed.
 
+use std::collections::BTreeSet;
+
 use crate::annotation::line_name;
 use crate::bounds::At;
 use crate::camera::Camera;
@@ -12,11 +14,11 @@ use crate::lens::Distortion;
 use crate::minima::OPEN_FOCAL;
 use crate::options::Options;
 use crate::placing::placed_uncertainty;
-use crate::report::{Code, Failure, FailureCode, Warning};
+use crate::report::{Code, Failure, FailureCode, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
 use crate::solution::{DistortionEntry, ElementSolution, Method, SiteSolution, Solution, Stage};
 use crate::space::FloorPoint;
-use crate::stage_1::{First, listed, residuals_when_off, rms};
+use crate::stage_1::{First, Owners, listed, residuals_when_off, rms};
 
 /// What calibrating a site found out.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,8 +90,24 @@ impl Site {
 
     /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
     fn firsts(&self, options: &Options) -> Vec<Result<First, Failure>> {
-        let mut firsts: Vec<Result<First, Failure>> =
-            self.cameras.iter().map(|camera| self.first(camera, options, None)).collect();
+        let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
+        // Lenses that others share are fitted once.
+        let owners: Owners = self
+            .cameras
+            .iter()
+            .filter_map(like)
+            .collect::<BTreeSet<String>>()
+            .into_iter()
+            .filter_map(|id| {
+                let first = self.first(self.camera(&id)?, options, None, &Owners::new());
+                Some((id, first))
+            })
+            .collect();
+        let first = |camera: &SiteCamera| match owners.get(&camera.id) {
+            Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
+            _ => self.first(camera, options, None, &owners),
+        };
+        let mut firsts: Vec<Result<First, Failure>> = self.cameras.iter().map(first).collect();
         let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
         if !has_draft || options.method == Method::Paper {
             return firsts;
@@ -99,7 +117,7 @@ impl Site {
             let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.optics, draft.camera.lens);
-                firsts[index] = self.first(&self.cameras[index], options, Some(better));
+                firsts[index] = self.first(&self.cameras[index], options, Some(better), &owners);
             }
         }
         firsts
@@ -130,9 +148,12 @@ impl Site {
         let entry = &self.cameras[index];
         let first = first.as_ref().map_err(Clone::clone)?;
         let mut solution = first.solution.clone();
-        let Some(own) = solution.camera().filter(|_| !entry.is_given()) else {
+        if entry.is_given() {
+            // What an earlier solve said of what it shares is said anew.
+            solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
             return check_finite(solution);
-        };
+        }
+        let Some(own) = solution.camera() else { return check_finite(solution) };
         let joined = together.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {

@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use crate::camera::Camera;
 use crate::locate::{floor_gaps, is_known, is_shown, locate};
-use crate::mosaic::lay;
+use crate::mosaic::{bring_to_known, lay};
 use crate::placement::{ControlPoint, from_control_points};
 use crate::space::{FloorPoint, WorldPoint};
-use crate::tie::{Gap, PLACE, Thing, Tie};
+use crate::tie::{APART, Gap, PLACE, Thing, Tie};
 
 /// How a camera stands before anything is refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +57,7 @@ pub(crate) fn start(
     ties: &mut [Tie],
     gaps: &[Gap],
     height_is_told: &[bool],
+    held_heights: &[Option<f64>],
 ) -> Start {
     let mut is_placed: Vec<bool> = (0..cameras.len())
         .map(|view| {
@@ -67,7 +68,9 @@ pub(crate) fn start(
                 view,
                 ties.iter().filter(|tie| !tie.off && is_known(tie)).map(|tie| (tie, tie.place)),
             );
-            let Some(found) = from_control_points(&cameras[view], &points, None) else { return false };
+            let Some(found) = from_control_points(&cameras[view], &points, held_heights[view]) else {
+                return false;
+            };
             cameras[view] = found;
             true
         })
@@ -81,7 +84,7 @@ pub(crate) fn start(
             let root = root(component, stands);
             is_placed[root] = true;
         }
-        grow(component, cameras, &mut is_placed, ties, &mut tree);
+        grow(component, cameras, held_heights, &mut is_placed, ties, &mut tree);
         for &view in component.iter() {
             is_placed[view] |= stands[view] == Stand::ByHand;
         }
@@ -92,22 +95,40 @@ pub(crate) fn start(
         .map(|view| is_placed[view] && !is_anchored[view] && !roots.contains(&view))
         .collect();
     lay(cameras, &may_move, ties);
-    let mut lost = Vec::new();
-    for (index, tie) in ties.iter_mut().enumerate().filter(|(_, tie)| !tie.off) {
-        tie.sightings.retain(|seen| is_placed[seen.view]);
-        match locate(tie, cameras, &|_| true) {
-            Some((thing, place)) => (tie.thing, tie.place) = (thing, place),
-            None => lost.push(index),
-        }
-        if !lost.contains(&index) && !is_shown(tie, cameras) {
-            lost.push(index);
-        }
+    for component in components.iter().filter(|c| !c.iter().any(|&view| is_anchored[view])) {
+        bring_to_known(component, cameras, ties);
     }
+    for (camera, height) in cameras.iter_mut().zip(held_heights) {
+        camera.position.z = height.unwrap_or(camera.position.z);
+    }
+    let lost = locate_all(ties, cameras, &is_placed);
+    let gaps: Vec<Gap> = gaps
+        .iter()
+        .map(|gap| Gap { off: gap.off || gap.between.iter().any(|&tie| ties[tie].off), ..*gap })
+        .collect();
     let unreached = (0..cameras.len())
         .filter(|&view| !is_placed[view] && components.iter().any(|component| component.contains(&view)))
         .collect();
-    let describe = |views: Vec<usize>| describe(views, cameras, stands, ties, gaps, height_is_told);
+    let describe = |views: Vec<usize>| describe(views, cameras, stands, ties, &gaps, height_is_told);
     Start { components: components.into_iter().map(describe).collect(), unreached, lost, loop_closure }
+}
+
+/// Puts every tie where its cameras have it; those that cannot be shown there are switched off and listed.
+fn locate_all(ties: &mut [Tie], cameras: &[Camera], is_placed: &[bool]) -> Vec<usize> {
+    let mut lost = Vec::new();
+    for (index, tie) in ties.iter_mut().enumerate().filter(|(_, tie)| !tie.off) {
+        tie.sightings.retain(|seen| is_placed[seen.view]);
+        if let Some((thing, place)) = locate(tie, cameras, &|_| true) {
+            (tie.thing, tie.place) = (thing, place);
+            tie.off = !is_shown(tie, cameras);
+        } else {
+            tie.off = true;
+        }
+        if tie.off {
+            lost.push(index);
+        }
+    }
+    lost
 }
 
 /// The first camera that was placed, or the first.
@@ -163,6 +184,7 @@ fn components(count: usize, stands: &[Stand], ties: &[Tie], gaps: &[Gap]) -> Vec
 fn grow(
     component: &[usize],
     cameras: &mut [Camera],
+    held_heights: &[Option<f64>],
     is_placed: &mut [bool],
     ties: &[Tie],
     tree: &mut BTreeSet<[usize; 2]>,
@@ -190,7 +212,7 @@ fn grow(
                 continue;
             };
             let located = located(shared, ties, cameras, &|view| view == from);
-            if let Some(found) = attach(&cameras[to], to, &located) {
+            if let Some(found) = attach(&cameras[to], to, held_heights[to], &located) {
                 cameras[to] = found;
                 is_placed[to] = true;
                 tree.insert([from.min(to), from.max(to)]);
@@ -202,7 +224,7 @@ fn grow(
             let shared: Vec<usize> =
                 common.get(&view)?.values().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
             let located = located(&shared, ties, cameras, &|view| is_placed[view]);
-            Some((view, attach(&cameras[view], view, &located)?))
+            Some((view, attach(&cameras[view], view, held_heights[view], &located)?))
         });
         let Some((view, found)) = next else { break };
         cameras[view] = found;
@@ -244,14 +266,19 @@ fn control_points<'a>(
 }
 
 /// A camera that shows these things where they are.
-fn attach(camera: &Camera, view: usize, located: &[(Tie, [f64; PLACE])]) -> Option<Camera> {
+fn attach(
+    camera: &Camera,
+    view: usize,
+    height: Option<f64>,
+    located: &[(Tie, [f64; PLACE])],
+) -> Option<Camera> {
     let points = control_points(view, located.iter().map(|(tie, place)| (tie, *place)));
     // Of two points the shape says which of two answers is right only with a third: all are tried.
-    by_consensus(camera, &points).or_else(|| by_points_and_lines(camera, view, located))
+    by_consensus(camera, &points, height).or_else(|| by_points_and_lines(camera, view, located))
 }
 
 /// The placement that most of the points agree with: a wrong link must not lead the chain astray.
-fn by_consensus(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
+fn by_consensus(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     /// Of the median: beyond it a point does not belong.
     const FAR: f64 = 5.0;
     /// Pixels within which any points agree.
@@ -259,7 +286,7 @@ fn by_consensus(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
     /// Pairs that are tried.
     const MOST: usize = 60;
     if points.len() < 4 {
-        return from_control_points(camera, points, None);
+        return from_control_points(camera, points, height);
     }
     let off = |camera: &Camera| -> Vec<f64> {
         let off = |point: &ControlPoint| {
@@ -276,14 +303,14 @@ fn by_consensus(camera: &Camera, points: &[ControlPoint]) -> Option<Camera> {
     // Spread over all pairs, however many there are.
     let step = (count * (count - 1) / 2).div_ceil(MOST);
     let tried =
-        pairs.step_by(step).filter_map(|(i, j)| from_control_points(camera, &[points[i], points[j]], None));
-    let all = from_control_points(camera, points, None);
+        pairs.step_by(step).filter_map(|(i, j)| from_control_points(camera, &[points[i], points[j]], height));
+    let all = from_control_points(camera, points, height);
     let best = tried.chain(all).min_by(|a, b| median(off(a)).total_cmp(&median(off(b))))?;
     let errors = off(&best);
     let limit = (FAR * median(errors.clone())).max(NEAR);
     let agreeing: Vec<ControlPoint> =
         points.iter().zip(&errors).filter(|(_, error)| **error <= limit).map(|(point, _)| *point).collect();
-    from_control_points(camera, &agreeing, None).or(Some(best))
+    from_control_points(camera, &agreeing, height).or(Some(best))
 }
 
 /// The similarity of the floor that takes points to points and segments into lines: with
@@ -349,8 +376,6 @@ fn describe(
     gaps: &[Gap],
     height_is_told: &[bool],
 ) -> Component {
-    /// Metres between two places that are not one.
-    const APART: f64 = 1e-3;
     let is_ours =
         |tie: &&Tie| !tie.off && tie.sightings.iter().any(|seen| views.binary_search(&seen.view).is_ok());
     let ours: Vec<&Tie> = ties.iter().filter(is_ours).collect();
@@ -361,7 +386,7 @@ fn describe(
         let points: BTreeSet<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
         places.extend(points.iter().map(|&point| tie.thing.point(&tie.place, point).0.on_floor()));
     }
-    let is_turned = !held.is_empty() || places.iter().any(|a| places.iter().any(|b| a.distance(*b) > APART));
+    let is_turned = !held.is_empty() || places.iter().any(|place| place.distance(places[0]) > APART);
     let has_size = |tie: &&&Tie| match &tie.thing {
         Thing::Mark { points, .. } => {
             let seen: BTreeSet<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
@@ -369,12 +394,18 @@ fn describe(
             seen.iter().any(|&point| points.get(point) != first)
         }
         Thing::Post => !tie.free[2] || !tie.beliefs.is_empty(),
-        // A point above the floor is a height that is known.
-        Thing::Point { height } => height.abs() > APART,
-        Thing::Measured | Thing::Line { .. } => false,
+        Thing::Point { .. } | Thing::Measured | Thing::Line { .. } => false,
     };
-    let is_measured = |gap: &Gap| !gap.off && gap.between.iter().any(|&tie| is_ours(&&ties[tie]));
+    // Two heights that differ are a length that is known; one alone is the floor of another building.
+    let heights = ours.iter().flat_map(|tie| {
+        let seen = tie.sightings.iter().filter(|seen| !(tie.thing == Thing::Post && seen.point > 0));
+        seen.map(|seen| tie.thing.point(&tie.place, seen.point).0.z)
+    });
+    let (low, high) =
+        heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));
+    let is_measured = |gap: &Gap| !gap.off && gap.between.iter().all(|&tie| is_ours(&&ties[tie]));
     let is_scaled = is_turned
+        || high - low > APART
         || ours.iter().any(|tie| has_size(&tie))
         || views.iter().any(|&view| height_is_told[view])
         || gaps.iter().any(is_measured);

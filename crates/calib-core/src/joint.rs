@@ -14,10 +14,11 @@ use crate::placement::STAGE_1_HEIGHT;
 use crate::refine::{Of, View};
 use crate::report::Failure;
 use crate::residual::LOG_HEIGHT;
-use crate::shared::{Shared, TieOf};
+use crate::shared::{Muted, Shared, TieOf};
 use crate::sight::POSE;
 use crate::site::{Site, SiteCamera};
 use crate::slots::VIEW;
+use crate::solution::Stage;
 use crate::space::WorldPoint;
 use crate::stage_1::First;
 use crate::straightness::Edge;
@@ -55,6 +56,12 @@ pub(crate) struct Together {
     pub(crate) unreached: Vec<usize>,
     /// Cameras that share so much that no machine fits them together.
     pub(crate) too_many: Vec<usize>,
+    /// Cameras that no place suits where everything they share can be seen.
+    pub(crate) unfitted: Vec<usize>,
+    /// Ties that a camera cannot see where the others put them.
+    pub(crate) lost: Vec<usize>,
+    /// Ties and distances that say nothing.
+    pub(crate) muted: Muted,
     pub(crate) loop_closure: Option<f64>,
     /// Covariance of pairs of cameras that see things in common.
     pub(crate) pairs: HashMap<[usize; 2], Across>,
@@ -71,6 +78,13 @@ struct Before<'a> {
 }
 
 impl Together {
+    /// The cameras of the joint fit; nobody stands in for those that took no part.
+    pub(crate) fn tied_cameras(&self) -> Vec<Camera> {
+        let tied =
+            |joined: &Option<Joined>| joined.as_ref().filter(|j| j.is_tied).map_or(NOBODY, |j| j.camera);
+        self.cameras.iter().map(tied).collect()
+    }
+
     /// Ties that these cameras see, and distances between them.
     fn among(&self, cluster: &[usize]) -> (Vec<usize>, Vec<usize>) {
         let is_seen = |tie: &Tie| {
@@ -94,21 +108,24 @@ impl Site {
             .map(|(entry, first)| before(entry, first.as_ref().ok()?))
             .collect();
         let is_there = |camera: usize| before[camera].is_some();
-        let Shared { mut ties, mut gaps } =
+        let Shared { mut ties, mut gaps, muted } =
             if with_ties { self.shared(firsts, &is_there) } else { Shared::default() };
         let mut cameras: Vec<Camera> = before.iter().map(|b| b.as_ref().map_or(NOBODY, placed)).collect();
         let stands: Vec<Stand> =
             before.iter().map(|b| b.as_ref().map_or(Stand::Nowhere, |b| b.stand)).collect();
         let told: Vec<bool> = before.iter().map(|b| b.as_ref().is_some_and(|b| b.height_is_told)).collect();
+        let held: Vec<Option<f64>> = before
+            .iter()
+            .map(|b| b.as_ref().and_then(|b| b.first.held.height.filter(|_| b.stand != Stand::Held)))
+            .collect();
         let mut things: Vec<Tie> = ties.iter().map(|(_, tie)| tie.clone()).collect();
         let distances: Vec<Gap> = gaps.iter().map(|(_, gap)| *gap).collect();
         let Start { components, unreached, lost, loop_closure } =
-            start(&mut cameras, &stands, &mut things, &distances, &told);
-        let mut aside: Vec<Suspect> = lost.iter().map(|&tie| Suspect::Tie(tie)).collect();
+            start(&mut cameras, &stands, &mut things, &distances, &told, &held);
+        let mut aside: Vec<Suspect> = Vec::new();
         for (tie, thing) in ties.iter_mut().zip(things) {
             tie.1 = thing;
         }
-        lost.iter().for_each(|&tie| ties[tie].1.off = true);
         for (_, gap) in &mut gaps {
             gap.off |= gap.between.iter().any(|&tie| ties[tie].1.off);
         }
@@ -120,6 +137,9 @@ impl Site {
             aside: Vec::new(),
             unreached,
             too_many: Vec::new(),
+            unfitted: Vec::new(),
+            lost,
+            muted,
             loop_closure,
             pairs: HashMap::new(),
             components,
@@ -179,7 +199,7 @@ impl Site {
                 )
             })
             .collect();
-        let noise_is_known = members.iter().all(|member| member.entry.sigma_px.is_some());
+        let noise_is_given = members.iter().map(|member| member.entry.sigma_px.is_some()).collect();
         let ties = tie_indices.iter().map(|&i| {
             let mut tie = together.ties[i].1.clone();
             tie.sightings.retain_mut(|seen| local(seen.view).map(|view| seen.view = view).is_some());
@@ -190,8 +210,11 @@ impl Site {
             gap.between = gap.between.map(|tie| tie_indices.binary_search(&tie).unwrap_or(0));
             gap
         });
-        let network = Network { views, ties: ties.collect(), gaps: gaps.collect(), noise_is_known };
-        let Some(adjusted) = network.adjust() else { return Vec::new() };
+        let network = Network { views, ties: ties.collect(), gaps: gaps.collect(), noise_is_given };
+        let Some(adjusted) = network.adjust() else {
+            together.unfitted.extend(cluster);
+            return Vec::new();
+        };
         write_down(&adjusted, &members, cluster, &tie_indices, together);
         adjusted
             .aside
@@ -242,6 +265,10 @@ pub(crate) const NOBODY: Camera = Camera {
 
 fn before<'a>(entry: &'a SiteCamera, first: &'a First) -> Option<Before<'a>> {
     let own = first.solution.camera()?;
+    if entry.is_given() && first.solution.stage <= Stage::Partial {
+        // A camera that was imported without its place has none to offer.
+        return None;
+    }
     let stand = match &entry.placement {
         _ if entry.is_given() => Stand::Held,
         Some(placement) if placement.fixed => Stand::Held,
@@ -359,6 +386,10 @@ fn view<'a>(
         focal: lens_start.focal,
         lens: crate::lens::Lens { distortion, focal: lens_start.lens.focal, ..camera.lens },
         ..camera
+    };
+    let camera = match held.height.filter(|_| !is_held) {
+        Some(z) => Camera { position: WorldPoint { z, ..camera.position }, ..camera },
+        None => camera,
     };
     let drawn: Vec<Edge> = if fits_lens { edges(&before.entry.annotations) } else { Vec::new() };
     View {

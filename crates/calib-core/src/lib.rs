@@ -106,6 +106,8 @@ mod shared;
 #[cfg(feature = "serde")]
 mod joint;
 #[cfg(feature = "serde")]
+mod overlap;
+#[cfg(feature = "serde")]
 mod quality;
 #[cfg(feature = "serde")]
 mod calibrate;

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::camera::Camera;
-use crate::sight::Pose;
+use crate::lens::Distortion;
+use crate::sight::{Drawn, Pose};
 use crate::space::FloorPoint;
 use crate::tie::{PLACE, Sighting, Thing, Tie};
 
@@ -123,10 +124,13 @@ fn rigid(pairs: &[Seen], held: Option<f64>, usual: f64) -> [f64; 3] {
 
 /// Whether every camera that saw it shows it at all.
 pub(crate) fn is_shown(tie: &Tie, cameras: &[Camera]) -> bool {
-    matches!(tie.thing, Thing::Line { .. })
-        || tie.sightings.iter().all(|seen| {
-            Pose::new(cameras[seen.view]).show(tie.thing.point(&tie.place, seen.point).0).is_some()
-        })
+    let is_line = matches!(tie.thing, Thing::Line { .. });
+    tie.sightings.iter().all(|seen| {
+        let camera = cameras[seen.view];
+        let at = tie.thing.point(&tie.place, seen.point).0;
+        let is_in_lens = Drawn::new(seen.pixel, &camera.lens, [false; Distortion::MOST]).is_some();
+        is_in_lens && (is_line || Pose::new(camera).show(at).is_some())
+    })
 }
 
 /// Squared distances on the floor between where two cameras put the same point of a thing, for every
@@ -150,7 +154,7 @@ pub(crate) fn floor_gaps(tie: &Tie, cameras: &[Camera]) -> Vec<([usize; 2], f64)
         }
         let seen = seen(point);
         for (i, (a, at)) in seen.iter().enumerate() {
-            for (b, other) in &seen[i + 1..] {
+            for (b, other) in seen[i + 1..].iter().filter(|(b, _)| b != a) {
                 gaps.push(([*a.min(b), *a.max(b)], at.distance(*other).powi(2)));
             }
         }

@@ -10,8 +10,12 @@ use std::collections::BTreeMap;
 
 use crate::blocks::{Blocks, Slope};
 use crate::camera::Camera;
+use crate::locate::is_known;
 use crate::space::{FloorPoint, WorldPoint};
-use crate::tie::{Thing, Tie};
+use crate::tie::{APART, Thing, Tie};
+
+/// A place as a camera puts it, and where it is known to be.
+type Seen = ([f64; 2], FloorPoint);
 
 /// What one camera puts on the floor.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +41,44 @@ pub(crate) fn lay(cameras: &mut [Camera], free: &[bool], ties: &[Tie]) {
     for (view, [x, y]) in moves(&puts, points, free).unwrap_or_default() {
         let WorldPoint { x: x0, y: y0, z } = cameras[view].position;
         cameras[view].position = WorldPoint { x: x0 + x, y: y0 + y, z };
+    }
+}
+
+/// Moves a chain whose cameras each show too little that is known to where all of it together lies: by a
+/// similarity, or by a move where one place is all that is known.
+pub(crate) fn bring_to_known(component: &[usize], cameras: &mut [Camera], ties: &[Tie]) {
+    let mut pairs: Vec<Seen> = Vec::new();
+    for tie in ties.iter().filter(|tie| !tie.off && is_known(tie)) {
+        for seen in tie.sightings.iter().filter(|seen| component.contains(&seen.view)) {
+            let at = tie.thing.point(&tie.place, seen.point).0;
+            if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
+                pairs.push(([found.x, found.y], at.on_floor()));
+            }
+        }
+    }
+    let Some(first) = pairs.first().map(|pair| pair.1) else { return };
+    let count = pairs.len() as f64;
+    let mean = |value: &dyn Fn(&Seen) -> f64| pairs.iter().map(value).sum::<f64>() / count;
+    let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
+    let (mut a, mut b) = (1.0, 0.0);
+    if pairs.iter().any(|pair| pair.1.distance(first) > APART) {
+        let (mut along, mut across, mut square) = (0.0, 0.0, 0.0);
+        for ([x, y], at) in &pairs {
+            let (x, y, u, v) = (x - from[0], y - from[1], at.x - to[0], at.y - to[1]);
+            along += x * u + y * v;
+            across += x * v - y * u;
+            square += x * x + y * y;
+        }
+        if square > 0.0 && along.hypot(across) > 0.0 {
+            (a, b) = (along / square, across / square);
+        }
+    }
+    for &view in component {
+        let WorldPoint { x, y, z } = cameras[view].position;
+        let (x, y) = (x - from[0], y - from[1]);
+        cameras[view].position =
+            WorldPoint::new(to[0] + a * x - b * y, to[1] + b * x + a * y, z * a.hypot(b));
+        cameras[view].yaw += b.atan2(a);
     }
 }
 

@@ -114,6 +114,14 @@ impl Site {
 }
 
 impl Optics {
+    /// The same lens on another camera.
+    pub(crate) fn shared_by(&self, entry: &SiteCamera) -> Self {
+        let lens = Lens { principal_point: entry.principal_point(), ..self.lens };
+        let mut optics = Self { lens, fit: None, straightness: Vec::new() };
+        optics.straightness = optics.straightness_under(&lens, &entry.annotations);
+        optics
+    }
+
     /// Root mean square distance of every straight edge from straight under a lens, in raw pixels.
     pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
         edges(annotations)

@@ -1,19 +1,18 @@
 //! How good the site is as a whole: where links and marks are, how far cameras disagree, what hangs
 //! together and what does not.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::adjustment::Suspect;
 use crate::camera::Camera;
 use crate::covariance::Covariance;
-use crate::joint::{Joined, NOBODY, Together};
-use crate::locate::{floor_gaps, locate};
+use crate::joint::Together;
+use crate::locate::locate;
 use crate::report::{Code, Failure, Residual, ResidualOf, Warning};
 use crate::shared::TieOf;
 use crate::sight::{Drawn, Pose};
 use crate::site::{Link, Mark, Site};
-use crate::solution::{ElementSolution, Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
-use crate::space::{FloorPoint, WorldPoint};
+use crate::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
 use crate::tie::{PLACE, Sighting, Thing, Tie};
 
 /// Where a tie is and what every sighting of it is off, in pixels.
@@ -25,13 +24,6 @@ pub(crate) struct Located {
 }
 
 impl Together {
-    /// The cameras of the joint fit; nobody stands in for those that took no part.
-    fn tied_cameras(&self) -> Vec<Camera> {
-        let tied =
-            |joined: &Option<Joined>| joined.as_ref().filter(|j| j.is_tied).map_or(NOBODY, |j| j.camera);
-        self.cameras.iter().map(tied).collect()
-    }
-
     /// Every tie that a camera of the joint fit shows.
     pub(crate) fn located(&self) -> Vec<Option<Located>> {
         let cameras = self.tied_cameras();
@@ -182,7 +174,11 @@ impl Site {
         let mut components: Vec<Vec<usize>> = together
             .components
             .iter()
-            .map(|c| c.views.iter().copied().filter(|view| !together.unreached.contains(view)).collect())
+            .map(|c| {
+                let is_fitted =
+                    |view: &usize| !together.unreached.contains(view) && together.cameras[*view].is_some();
+                c.views.iter().copied().filter(is_fitted).collect()
+            })
             .filter(|views: &Vec<usize>| !views.is_empty())
             .collect();
         let mut warnings = Vec::new();
@@ -218,6 +214,7 @@ impl Site {
                 "Let every link and mark be seen by fewer cameras.",
             ));
         }
+        warnings.extend(self.unused_ties(together));
         let scale = (!together.components.is_empty())
             .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
         warnings.extend(self.set_aside(together, located));
@@ -282,6 +279,52 @@ impl Site {
         warnings
     }
 
+    /// What is there and was not used, with the reason.
+    fn unused_ties(&self, together: &Together) -> Vec<Warning> {
+        let name = |tie: &usize| {
+            let (of, id) = self.tie_name(together.ties[*tie].0);
+            let what = match of {
+                ResidualOf::Mark => "mark",
+                ResidualOf::ControlPoint => "control point",
+                ResidualOf::Link | ResidualOf::Annotation => "link",
+            };
+            format!("{what} \"{id}\"")
+        };
+        let distance = |index: &usize| {
+            let [a, b] = &self.distances[*index].between;
+            format!("the distance between \"{a}\" and \"{b}\"")
+        };
+        let camera = |view: &usize| format!("camera {}", self.cameras[*view].id);
+        let list = [
+            (
+                together.lost.iter().map(name).collect::<Vec<String>>(),
+                "a camera that shows it cannot see anything where the others put it",
+                "Check that it is drawn below the horizon, inside the lens, and on the same thing in every view.",
+            ),
+            (
+                together.muted.ties.iter().map(name).collect(),
+                "one camera alone shows it",
+                "Draw it in a second camera, or give it a distance to something else.",
+            ),
+            (
+                together.muted.distances.iter().map(distance).collect(),
+                "an end of it has no place, or its length no \"sigma\" and no \"fixed\"",
+                "Measure between links or marks that cameras show, and say how well.",
+            ),
+            (
+                together.unfitted.iter().map(camera).collect(),
+                "no place was found from which all that is shared can be seen",
+                "Switch links and marks off one by one, the farthest first.",
+            ),
+        ];
+        let told = |(names, why, advice): (Vec<String>, &str, &str)| {
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let message = format!("Not used: {}; {why}.", enumerated(&names));
+            (!names.is_empty()).then(|| Warning::new(Code::UnusedAnnotation, message, advice))
+        };
+        list.into_iter().filter_map(told).collect()
+    }
+
     fn set_aside(&self, together: &Together, located: &[Option<Located>]) -> Vec<Warning> {
         let warning = |suspect: &Suspect| match *suspect {
             Suspect::Tie(tie) => {
@@ -317,135 +360,6 @@ impl Site {
         };
         together.aside.iter().filter_map(warning).collect()
     }
-
-    /// Pairs of cameras that share evidence, or floor.
-    fn overlaps(
-        &self,
-        together: &Together,
-        solutions: &[(usize, Result<Solution, Failure>)],
-    ) -> Vec<Overlap> {
-        let all = together.tied_cameras();
-        let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
-        let known =
-            together.ties.iter().filter(|(of, tie)| !tie.off && !matches!(of, TieOf::ControlPoint { .. }));
-        for (_, tie) in known {
-            for (pair, square) in floor_gaps(tie, &all) {
-                let sum = measured.entry(pair).or_default();
-                sum.0 += square;
-                sum.1 += 1.0;
-            }
-        }
-        let mut predicted = self.predicted_overlaps(together, solutions);
-        let pairs: BTreeSet<[usize; 2]> = measured.keys().chain(predicted.keys()).copied().collect();
-        pairs
-            .into_iter()
-            .map(|pair| Overlap {
-                cameras: pair.map(|camera| self.cameras[camera].id.clone()),
-                floor_rms_m: measured.get(&pair).map(|(sum, count)| (sum / count).sqrt()),
-                floor_sigma_m: predicted.remove(&pair),
-            })
-            .collect()
-    }
-
-    fn predicted_overlaps(
-        &self,
-        together: &Together,
-        solutions: &[(usize, Result<Solution, Failure>)],
-    ) -> BTreeMap<[usize; 2], f64> {
-        struct Seen {
-            index: usize,
-            camera: Camera,
-            polygon: Vec<FloorPoint>,
-            bounds: [f64; 4],
-        }
-        let seen = |(index, solution): &(usize, Result<Solution, Failure>)| {
-            let solution = solution.as_ref().ok().filter(|s| s.stage > Stage::Partial)?;
-            let polygon = solution.efov_m.clone();
-            let fold = |value: &dyn Fn(&FloorPoint) -> f64, pick: fn(f64, f64) -> f64, start: f64| {
-                polygon.iter().map(value).fold(start, pick)
-            };
-            let bounds = [
-                fold(&|p| p.x, f64::min, f64::INFINITY),
-                fold(&|p| p.y, f64::min, f64::INFINITY),
-                fold(&|p| p.x, f64::max, f64::NEG_INFINITY),
-                fold(&|p| p.y, f64::max, f64::NEG_INFINITY),
-            ];
-            Some(Seen { index: *index, camera: solution.camera()?, polygon, bounds })
-        };
-        /// Pairs that are looked at: nobody reads more, and a hostile site stacks its cameras.
-        const MOST: usize = 20_000;
-        let all: Vec<Seen> = solutions.iter().filter_map(seen).collect();
-        let mut found = BTreeMap::new();
-        for (k, a) in all.iter().enumerate() {
-            for b in &all[k + 1..] {
-                if found.len() >= MOST {
-                    return found;
-                }
-                let low = [a.bounds[0].max(b.bounds[0]), a.bounds[1].max(b.bounds[1])];
-                let high = [a.bounds[2].min(b.bounds[2]), a.bounds[3].min(b.bounds[3])];
-                if low[0] >= high[0] || low[1] >= high[1] {
-                    continue;
-                }
-                let common = common_points(low, high, &a.polygon, &b.polygon);
-                let across = together.pairs.get(&[a.index, b.index]).map(|block| &**block);
-                let variances: Vec<f64> =
-                    common.iter().filter_map(|&at| disagreement(at, &a.camera, &b.camera, across)).collect();
-                if !variances.is_empty() {
-                    let mean = variances.iter().sum::<f64>() / variances.len() as f64;
-                    found.insert([a.index, b.index], mean.max(0.0).sqrt());
-                }
-            }
-        }
-        found
-    }
-}
-
-/// Points of a grid over a box that lie in both polygons.
-fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoint]) -> Vec<FloorPoint> {
-    const STEPS: usize = 4;
-    let share = |i: usize| (i as f64 + 0.5) / STEPS as f64;
-    let grid = (0..STEPS * STEPS).map(|k| FloorPoint {
-        x: low[0] + share(k % STEPS) * (high[0] - low[0]),
-        y: low[1] + share(k / STEPS) * (high[1] - low[1]),
-    });
-    grid.filter(|at| is_inside(at, a) && is_inside(at, b)).collect()
-}
-
-/// Whether a ray from the point crosses the outline an odd number of times.
-fn is_inside(at: &FloorPoint, polygon: &[FloorPoint]) -> bool {
-    let mut inside = false;
-    for (i, a) in polygon.iter().enumerate() {
-        let b = &polygon[(i + 1) % polygon.len()];
-        if (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x) {
-            inside = !inside;
-        }
-    }
-    inside
-}
-
-/// Predicted variance of the distance between where two cameras put one point of the floor:
-/// the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`.
-fn disagreement(
-    at: FloorPoint,
-    a: &Camera,
-    b: &Camera,
-    across: Option<&[[f64; Covariance::SIZE]; Covariance::SIZE]>,
-) -> Option<f64> {
-    let slopes = |camera: &Camera| camera.floor_slopes(camera.world_to_pixel(at.at_height(0.0))?);
-    let (ja, jb) = (slopes(a)?, slopes(b)?);
-    let own = |camera: &Camera, slopes| -> f64 {
-        let [[xx, _], [_, yy]] = camera.covariance.carried(slopes);
-        xx + yy
-    };
-    let mut common = 0.0;
-    if let Some(across) = across {
-        for (i, row) in across.iter().enumerate() {
-            for (j, value) in row.iter().enumerate() {
-                common += value * (ja[i][0] * jb[j][0] + ja[i][1] * jb[j][1]);
-            }
-        }
-    }
-    Some(own(a, &ja) + own(b, &jb) - 2.0 * common)
 }
 
 fn element(
@@ -454,16 +368,7 @@ fn element(
     covariance: Option<[[f64; PLACE]; PLACE]>,
     tie: &Tie,
 ) -> ElementSolution {
-    let (at, slopes) = thing.point(place, 0);
-    let at = match thing {
-        Thing::Mark { z, .. } => WorldPoint::new(place[0], place[1], *z),
-        _ => at,
-    };
-    // The foot of a mark moves with its place, not with the first point that was seen.
-    let slopes = match thing {
-        Thing::Mark { .. } => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]],
-        _ => slopes,
-    };
+    let (at, slopes) = thing.anchor(place);
     let turn = match thing {
         Thing::Mark { .. } => Some(place[2]),
         Thing::Line { .. } => Some(place[1]),

@@ -384,19 +384,18 @@ impl<'a> Joint<'a> {
 
     /// `(|A - B| - length) / sigma`.
     fn gap_residual(&self, state: &[f64], gap: &Gap, mut sink: impl FnMut(f64, &[Slope])) -> Option<()> {
-        let ends = gap.between.map(|tie| self.ties[tie].thing.point(&self.place(state, tie), 0));
+        let ends = gap.between.map(|tie| self.ties[tie].thing.anchor(&self.place(state, tie)));
         let [a, b] = [ends[0].0, ends[1].0].map(<[f64; 3]>::from);
         let way: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
         let length = crate::camera::dot(&way, &way).sqrt();
-        if length.is_nan() || length <= 0.0 {
-            return None;
-        }
+        // Of two things at one place no way is the shorter one.
+        let way = if length > 0.0 { way.map(|along| along / length) } else { [0.0; 3] };
         let mut by = [[0.0; PLACE]; 2];
         for (end, slopes) in by.iter_mut().enumerate() {
             let sign = if end == 0 { 1.0 } else { -1.0 };
             let free = (0..PLACE).filter(|&k| self.ties[gap.between[end]].free[k]);
             for (i, k) in free.enumerate() {
-                let along: f64 = (0..3).map(|axis| way[axis] / length * ends[end].1[axis][k]).sum();
+                let along: f64 = (0..3).map(|axis| way[axis] * ends[end].1[axis][k]).sum();
                 slopes[i] = sign * along / gap.length.sigma;
             }
         }

@@ -34,6 +34,16 @@ pub(crate) struct Shared {
     pub(crate) ties: Vec<(TieOf, Tie)>,
     /// With the index of the distance in the site.
     pub(crate) gaps: Vec<(usize, Gap)>,
+    pub(crate) muted: Muted,
+}
+
+/// What is there and says nothing.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Muted {
+    /// Ties that one camera alone shows, and that have no known place, size or distance.
+    pub(crate) ties: Vec<usize>,
+    /// Distances, by their index in the site, to what has no place or with no length that is known.
+    pub(crate) distances: Vec<usize>,
 }
 
 /// Metres by which a length that is held may be off: what a steel tape is.
@@ -71,7 +81,10 @@ impl Site {
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
         ties.extend(marks.map(|(i, mark)| (TieOf::Mark(i), marked(mark, &camera, &noise))));
         let gaps = self.distances_between(&ties);
-        let mut shared = Shared { ties, gaps };
+        let told = |index: &usize| gaps.iter().any(|(gap, _)| gap == index);
+        let distances = (0..self.distances.len()).filter(|i| !self.distances[*i].off && !told(i)).collect();
+        let muted = Muted { ties: Vec::new(), distances };
+        let mut shared = Shared { ties, gaps, muted };
         shared.mute();
         shared
     }
@@ -147,7 +160,7 @@ impl Site {
 impl Shared {
     /// Switches off what says nothing: seen by one camera alone, and of no known place, size or distance.
     fn mute(&mut self) {
-        let measured: Vec<usize> =
+        let measured: HashSet<usize> =
             self.gaps.iter().filter(|(_, gap)| !gap.off).flat_map(|(_, gap)| gap.between).collect();
         for (index, (_, tie)) in self.ties.iter_mut().enumerate() {
             let says = match tie.thing {
@@ -156,7 +169,11 @@ impl Shared {
                 Thing::Post => tie.views().len() > 1 || tie.spare() > 0,
                 Thing::Point { .. } | Thing::Line { .. } => tie.views().len() > 1,
             };
-            tie.off |= tie.sightings.is_empty() || !(says || measured.contains(&index));
+            let is_mute = tie.sightings.is_empty() || !(says || measured.contains(&index));
+            if is_mute && !tie.off {
+                tie.off = true;
+                self.muted.ties.push(index);
+            }
         }
     }
 }

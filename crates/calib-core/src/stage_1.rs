@@ -1,5 +1,7 @@
 //! Stage 1 of one camera by itself: its lens, its lines, by either method.
 
+use std::collections::BTreeMap;
+
 use crate::advice::{draw_next, warnings};
 use crate::annotation::{Annotation, Kind, Shape};
 use crate::camera::Camera;
@@ -16,6 +18,27 @@ use crate::report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
 use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 use crate::space::WorldPoint;
+
+/// Stage 1 of the cameras whose lens others share, by their ids.
+pub(crate) type Owners = BTreeMap<String, Result<First, Failure>>;
+
+/// What is held of the orientation; the focal may be that of the camera this one is like.
+fn held_of(entry: &SiteCamera, owner: Option<&Result<First, Failure>>) -> Result<Held, Failure> {
+    let own = entry.held();
+    match owner {
+        None => Ok(own),
+        // Of edges alone the focal stays open: each camera's own lines tell it.
+        Some(Ok(owner)) if owner.solution.stage == Stage::Lens && owner.held.focal.is_none() => Ok(own),
+        Some(Ok(owner)) => Ok(Held { focal: owner.held.focal.or(Some(owner.solution.focal_px)), ..own }),
+        Some(Err(failure)) => {
+            let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
+            let message =
+                format!("The lens is that of camera \"{like}\", which has no result: {}", failure.message);
+            let advice = format!("Complete camera \"{like}\" first, or give this camera a lens of its own.");
+            Err(Failure::new(FailureCode::MissingValue, message, advice))
+        }
+    }
+}
 
 /// Stage 1 of one camera.
 #[derive(Clone, Debug)]
@@ -46,8 +69,15 @@ impl Site {
         entry: &SiteCamera,
         options: &Options,
         better: Option<(&Optics, Lens)>,
+        owners: &Owners,
     ) -> Result<First, Failure> {
-        let mut optics = better.map_or_else(|| self.optics(entry), |(optics, _)| optics.clone());
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
+        let owner = like.and_then(|id| owners.get(id));
+        let mut optics = match (better, owner) {
+            (Some((optics, _)), _) => optics.clone(),
+            (None, Some(Ok(owner))) => owner.optics.shared_by(entry),
+            _ => self.optics(entry),
+        };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
         optics.lens = lens.unwrap_or(optics.lens);
@@ -56,9 +86,10 @@ impl Site {
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             return Ok(first(given.clone(), optics, Evidence::default(), Held::default(), None));
         }
-        let held = self.held_of(entry, options)?;
+        let held = held_of(entry, owner)?;
         let evidence = Evidence::new(&entry.annotations, &lens, false);
-        if evidence.is_empty() && optics.fit.is_some() {
+        let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
+        if evidence.is_empty() && optics.fit.is_some() && is_open {
             return Ok(first(lens_only(entry, &optics), optics, evidence, held, None));
         }
         let (solution, fit) = match options.method {
@@ -70,28 +101,6 @@ impl Site {
             }
         };
         Ok(first(solution, optics, evidence, held, fit))
-    }
-    /// What is held of the orientation; the focal may be that of the camera this one is like.
-    fn held_of(&self, entry: &SiteCamera, options: &Options) -> Result<Held, Failure> {
-        let own = entry.held();
-        let Some(like) = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()) else { return Ok(own) };
-        let Some(other) = self.camera(like) else { return Ok(own) };
-        let focal = match other.held().focal {
-            Some(focal) => focal,
-            None => {
-                self.first(other, options, None).map(|first| first.solution.focal_px).map_err(|failure| {
-                    Failure::new(
-                        FailureCode::MissingValue,
-                        format!(
-                            "The lens is that of camera \"{like}\", which has no result: {}",
-                            failure.message
-                        ),
-                        format!("Complete camera \"{like}\" first, or give this camera a lens of its own."),
-                    )
-                })?
-            }
-        };
-        Ok(Held { focal: Some(focal), ..own })
     }
 }
 

@@ -10,6 +10,9 @@ use crate::space::{Pixel, WorldPoint};
 /// The most unknowns a thing has.
 pub(crate) const PLACE: usize = 3;
 
+/// Metres between two places that are not one.
+pub(crate) const APART: f64 = 1e-3;
+
 /// What a thing is, and what its unknowns are.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Thing {
@@ -111,6 +114,18 @@ impl Thing {
                 let slopes = [[-sin, -a * cos, 0.0], [cos, -a * sin, 0.0], [0.0; 3]];
                 (WorldPoint::new(x - a * sin, y + a * cos, 0.0), slopes)
             }
+        }
+    }
+
+    /// Where distances to the thing are measured to, and where it is said to be, with its slopes.
+    pub(crate) fn anchor(&self, place: &[f64; PLACE]) -> (WorldPoint, [[f64; PLACE]; 3]) {
+        match self {
+            // Its foot, whichever of its points was seen.
+            Self::Mark { z, .. } => {
+                let slopes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
+                (WorldPoint::new(place[0], place[1], *z), slopes)
+            }
+            _ => self.point(place, 0),
         }
     }
 
