@@ -46,7 +46,7 @@ impl Syntax {
         }
         match self {
             Self::Json => serde_json::from_str(text).map_err(|error| at(format!("not JSON: {error}"))),
-            Self::Yaml => serde_saphyr::from_str(text)
+            Self::Yaml => serde_saphyr::from_str(without_directives(text))
                 .map_err(|error| at(format!("not YAML: {}", first_line(&error.to_string())))),
             Self::Toml => toml::from_str::<toml::Table>(text)
                 .map_err(|error| at(format!("not TOML: {}", first_line(&error.to_string()))))
@@ -63,6 +63,14 @@ impl Syntax {
 
 fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
+}
+
+/// OpenCV's directive is not one of YAML, and older ones write nothing to end it.
+fn without_directives(mut text: &str) -> &str {
+    while let Some((_, rest)) = text.split_once('\n').filter(|(line, _)| line.starts_with('%')) {
+        text = rest;
+    }
+    text
 }
 
 fn depth(text: &str) -> usize {
