@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         found.push(read(path, name)?);
         beside(path, format, &mut found)?;
     }
-    let imported = calib_formats::import(format, &found).map_err(|error| Stop::invalid(&args.file, error))?;
+    let imported = calib_formats::import(format, &found).map_err(|error| Stop::Invalid(error.to_string()))?;
     for note in &imported.notes {
         files::say(note);
     }

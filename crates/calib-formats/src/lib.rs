@@ -1,7 +1,7 @@
 //! Camera calibrations as other programs have them: bytes in, bytes out.
 //!
-//! [`FORMATS`] is the list; [`export`] writes a site in one of them and says what it cannot hold,
-//! [`import`] reads one into a site. No files, no clock: the caller has the folders.
+//! [`FORMATS`] is the list; [`export()`] writes a site in one of them and says what it cannot hold,
+//! [`import()`] reads one into a site. No files, no clock: the caller has the folders.
 //!
 //! # Conventions
 //!
