@@ -7,7 +7,9 @@ mod agreement;
 mod args;
 mod check;
 mod demo;
+mod export;
 mod files;
+mod import;
 mod lens_grid;
 mod overlay;
 mod overlay_links;
@@ -58,6 +60,10 @@ enum Command {
     Check(check::Args),
     /// Write one self-contained HTML page to hand over: every overlay, number and warning
     Report(report::Args),
+    /// Write the calibration as other programs have it; exit 5 when the format cannot hold it
+    Export(export::Args),
+    /// Read cameras of another program into a site
+    Import(import::Args),
     /// Print the JSON Schema of the site file
     Schema,
     /// Print completions for a shell
@@ -76,6 +82,8 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Schema => schema(),
         Command::Completions { shell } => completions(shell),
     };

@@ -13,6 +13,8 @@ pub(crate) enum Stop {
     Invalid(String),
     /// A camera could not be solved or a gate failed; results are written: 4.
     Unsolved(String),
+    /// A format cannot hold the calibration, and nobody agreed to that: 5.
+    Lossy(String),
     /// The reader of our output has gone: success, silently.
     ReaderGone,
 }
@@ -24,6 +26,7 @@ impl Stop {
             Self::Usage(_) => 2,
             Self::Invalid(_) => 3,
             Self::Unsolved(_) => 4,
+            Self::Lossy(_) => 5,
             Self::ReaderGone => 0,
         }
     }
@@ -31,7 +34,10 @@ impl Stop {
     pub(crate) fn message(&self) -> Option<String> {
         match self {
             Self::Failed(error) => Some(format!("{error:#}")),
-            Self::Usage(message) | Self::Invalid(message) | Self::Unsolved(message) => Some(message.clone()),
+            Self::Usage(message)
+            | Self::Invalid(message)
+            | Self::Unsolved(message)
+            | Self::Lossy(message) => Some(message.clone()),
             Self::ReaderGone => None,
         }
     }

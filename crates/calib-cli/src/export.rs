@@ -1,0 +1,146 @@
+//! `calib export`: the calibration as other programs have it, and what they cannot hold.
+
+use std::path::{Path, PathBuf};
+
+use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
+use clap::builder::{PossibleValue, PossibleValuesParser};
+
+use crate::args::SiteArgs;
+use crate::files::{self, SiteFile};
+use crate::stop::Stop;
+
+/// Longest side of a stream that is asked for, in pixels.
+const MAX_SIDE: u32 = 16_384;
+
+/// Arguments of `calib export`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Which format
+    #[arg(value_parser = formats(Format::exports))]
+    format: String,
+    #[command(flatten)]
+    site: SiteArgs,
+    /// Folder to write into, or a file where there is but one; - is stdout
+    #[arg(short, long, value_name = "PATH")]
+    output: String,
+    /// Only this camera
+    #[arg(long, value_name = "ID")]
+    camera: Option<String>,
+    /// Write even what the format cannot hold as it is
+    #[arg(long)]
+    allow_lossy: bool,
+    /// The camera of the undistorted image, and the map that makes it (for cv2.remap)
+    #[arg(long)]
+    rectified: bool,
+    /// For a stream of this size, in pixels
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    rescale: Option<[u32; 2]>,
+    /// One of the format's file types; by default that of PATH, or else the format's first
+    #[arg(long, value_name = "EXTENSION")]
+    file_type: Option<String>,
+    /// Overwrite files that are there
+    #[arg(long)]
+    force: bool,
+}
+
+/// The names of the formats with what reads them, for the help.
+pub(crate) fn formats(which: fn(&Format) -> bool) -> PossibleValuesParser {
+    let known = FORMATS.iter().filter(|format| which(format));
+    PossibleValuesParser::new(known.map(|format| PossibleValue::new(format.name).help(format.about)))
+}
+
+/// A format by a name that was checked already.
+pub(crate) fn named(name: &str) -> Result<&'static Format, Stop> {
+    calib_formats::format(name).ok_or_else(|| Stop::Usage(format!("{name}: no such format")))
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
+}
+
+/// Writes the files of a format, once nothing is lost or that is agreed to.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    let format = named(&args.format)?;
+    let file = args.site.read()?;
+    if let Some(id) = &args.camera {
+        file.camera(id)?;
+    }
+    let file = file.solved();
+    let options = options(args, format, &file)?;
+    let export = calib_formats::export(format, &file.site, &options).map_err(|error| {
+        let nothing = file.site.cameras.iter().all(|camera| camera.camera().is_none());
+        if nothing { Stop::Unsolved(error.to_string()) } else { Stop::Usage(error.to_string()) }
+    })?;
+    agree(args, format, &export)?;
+    let targets = targets(args, format, &export)?;
+    for (path, file) in targets.iter().zip(&export.files) {
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder)?;
+        }
+        files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
+    }
+    for note in &export.notes {
+        files::say(note);
+    }
+    files::say(format_args!("{} holds {}; it has no place for: {}", format.name, format.holds, format.lacks));
+    if !export.unsolved.is_empty() {
+        let ids = export.unsolved.join(", ");
+        return Err(Stop::Unsolved(format!("left out because they are not calibrated: {ids}")));
+    }
+    Ok(())
+}
+
+fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, Stop> {
+    let of_path = extension(&args.output).filter(|found| format.extensions.contains(&found.as_str()));
+    let plan = if matches!(format.name, "nvidia" | "svg") { file.plan_image()? } else { None };
+    let plan = plan.map(|image| {
+        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: files::png(&image)? })
+    });
+    Ok(ExportOptions {
+        rectified: args.rectified,
+        rescale: args.rescale,
+        extension: args.file_type.clone().or(of_path),
+        camera: args.camera.clone(),
+        plan: plan.transpose()?,
+    })
+}
+
+fn extension(path: &str) -> Option<String> {
+    Some(Path::new(path).extension()?.to_string_lossy().to_lowercase())
+}
+
+/// Refuses what would mislead, unless that is agreed to.
+fn agree(args: &Args, format: &Format, export: &Export) -> Result<(), Stop> {
+    if export.losses.is_empty() {
+        return Ok(());
+    }
+    let list: Vec<String> = export.losses.iter().map(|loss| format!("  {loss}")).collect();
+    let list = list.join("\n");
+    if args.allow_lossy {
+        files::say(format_args!("{} loses\n{list}", format.name));
+        return Ok(());
+    }
+    Err(Stop::Lossy(format!("{} would lose\n{list}\n--allow-lossy writes it all the same", format.name)))
+}
+
+/// Where every file goes: PATH itself, if it is a file's name, else into the folder PATH.
+fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, Stop> {
+    let path = Path::new(&args.output);
+    let is_file = extension(&args.output).is_some_and(|found| format.extensions.contains(&found.as_str()));
+    if args.output == "-" || is_file && !path.is_dir() {
+        if let [_] = export.files[..] {
+            return Ok(vec![path.to_owned()]);
+        }
+        let count = export.files.len();
+        let one = if args.camera.is_none() { ", or choose one with --camera ID" } else { "" };
+        let what = format!("--output {}: {count} files; give a folder{one}", args.output);
+        return Err(Stop::Usage(what));
+    }
+    let targets: Vec<PathBuf> = export.files.iter().map(|file| path.join(&file.name)).collect();
+    for target in &targets {
+        files::check_free(&target.to_string_lossy(), args.force)?;
+    }
+    Ok(targets)
+}

@@ -1,0 +1,113 @@
+//! `calib import`: cameras of another program as a site.
+
+use std::fs::File as OnDisk;
+use std::io::Read as _;
+use std::path::Path;
+
+use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
+
+use crate::export::{formats, named};
+use crate::files;
+use crate::stop::Stop;
+
+/// Most bytes that a folder may have in the files of a format.
+const MAX_FOLDER_BYTES: usize = 512 << 20;
+/// Folders in folders that are looked into.
+const MAX_DEPTH: usize = 4;
+
+/// Arguments of `calib import`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Which format
+    #[arg(value_parser = formats(Format::imports))]
+    format: String,
+    /// File, or a folder with the files of the format
+    file: String,
+    /// Site file to write; - is stdout
+    #[arg(short, long, value_name = "FILE", default_value = "-")]
+    output: String,
+    /// Overwrite the output file
+    #[arg(long)]
+    force: bool,
+}
+
+/// Writes the site of what a file has.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    let format = named(&args.format)?;
+    files::check_free(&args.output, args.force)?;
+    let path = Path::new(&args.file);
+    let mut found = Vec::new();
+    if path.is_dir() {
+        gather(path, "", format, 0, &mut found)?;
+    } else {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        found.push(read(path, name)?);
+        beside(path, format, &mut found)?;
+    }
+    let imported = calib_formats::import(format, &found).map_err(|error| Stop::Invalid(error.to_string()))?;
+    for note in &imported.notes {
+        files::say(note);
+    }
+    files::write(&args.output, imported.site.to_json().as_bytes(), args.force)
+}
+
+fn read(path: &Path, name: String) -> Result<File, Stop> {
+    let wrong = |error: std::io::Error| Stop::invalid(path.display(), error);
+    let mut bytes = Vec::new();
+    OnDisk::open(path).map_err(wrong)?.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(wrong)?;
+    if bytes.len() > MAX_BYTES {
+        let most = MAX_BYTES >> 20;
+        return Err(Stop::invalid(path.display(), format!("larger than {most} MiB, the most that is read")));
+    }
+    Ok(File { name, bytes })
+}
+
+/// COLMAP's model is two files: one of them brings the other.
+fn beside(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), Stop> {
+    if format.name != "colmap" {
+        return Ok(());
+    }
+    for name in ["cameras.txt", "images.txt"] {
+        let other = path.with_file_name(name);
+        if !path.ends_with(name) && other.exists() {
+            found.push(read(&other, name.to_owned())?);
+        }
+    }
+    Ok(())
+}
+
+/// The files of a format in a folder and those below it, in the order of their names.
+fn gather(
+    folder: &Path,
+    prefix: &str,
+    format: &Format,
+    depth: usize,
+    found: &mut Vec<File>,
+) -> Result<(), Stop> {
+    let wrong = |error: std::io::Error| Stop::invalid(folder.display(), error);
+    let mut entries =
+        std::fs::read_dir(folder).map_err(wrong)?.collect::<Result<Vec<_>, _>>().map_err(wrong)?;
+    entries.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in entries {
+        let path = entry.path();
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if path.is_dir() {
+            if depth < MAX_DEPTH {
+                gather(&path, &format!("{name}/"), format, depth + 1, found)?;
+            }
+            continue;
+        }
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if !format.extensions.contains(&extension.as_str()) {
+            continue;
+        }
+        found.push(read(&path, name)?);
+        let bytes: usize = found.iter().map(|file| file.bytes.len()).sum();
+        if found.len() > MAX_FILES || bytes > MAX_FOLDER_BYTES {
+            let most = MAX_FOLDER_BYTES >> 20;
+            let what = format!("more than {MAX_FILES} files or {most} MiB, the most that is read");
+            return Err(Stop::invalid(folder.display(), what));
+        }
+    }
+    Ok(())
+}

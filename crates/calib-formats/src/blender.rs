@@ -1,0 +1,57 @@
+//! A Blender script that makes the cameras.
+//!
+//! Camera to world, a camera's axes right, up, back; the sensor's width counts for the longer side of
+//! the image, and shifts are shares of it.
+
+use serde_json::json;
+
+use crate::export::{Export, Scene};
+use crate::nerfstudio::world_from_camera;
+use crate::tree::quote;
+use crate::view::View;
+
+/// Width of the sensor, in millimetres: any will do, the lens goes with it.
+const SENSOR: f64 = 36.0;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let mut rows = String::new();
+    for view in &scene.views {
+        export.lose_distortion(view);
+        if (view.scale[0] / view.scale[1] - 1.0).abs() > 1e-3 {
+            export.lose(view, "that its stream is stretched: a camera there has one focal");
+        }
+        rows += &row(view);
+    }
+    export.push("cameras.py", format!("{HEAD}CAMERAS = [\n{rows}]\n{TAIL}"));
+}
+
+fn row(view: &View) -> String {
+    let ([fx, _], [cx, cy]) = (view.focal(), view.centre());
+    let [w, h] = view.size.map(f64::from);
+    let longest = w.max(h);
+    let camera = json!({
+        "size": view.size,
+        "lens": SENSOR * fx / longest,
+        "shift": [(0.5 * w - cx) / longest, (cy - 0.5 * h) / longest],
+        "matrix": world_from_camera(view),
+    });
+    format!("    ({}, {camera}),\n", quote(&view.id))
+}
+
+const HEAD: &str = "# Run in Blender's text editor, or by: blender --python cameras.py\nimport bpy\nfrom mathutils import Matrix\n\n";
+
+const TAIL: &str = "
+scene = bpy.context.scene
+for name, given in CAMERAS:
+    data = bpy.data.cameras.new(name)
+    data.sensor_fit = 'AUTO'
+    data.sensor_width = 36.0
+    data.lens = given['lens']
+    data.shift_x, data.shift_y = given['shift']
+    camera = bpy.data.objects.new(name, data)
+    camera.matrix_world = Matrix(given['matrix'])
+    scene.collection.objects.link(camera)
+    scene.camera = scene.camera or camera
+
+scene.render.resolution_x, scene.render.resolution_y = CAMERAS[0][1]['size']
+";

@@ -1,0 +1,33 @@
+//! Camera arrays in TOML, as caliscope, anipose and `FreeMoCap` write them: lenses. The poses are those of
+//! a board in whatever unit, and not of a floor.
+//!
+//! Pixels count from the centre of the first one, as in OpenCV.
+
+use crate::error::FormatError;
+use crate::file::File;
+use crate::given::{Given, Imported, site_of, unskewed};
+use crate::opencv::distortion;
+use crate::tree::{Node, Syntax};
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let mut given = Vec::new();
+    for file in files {
+        let tree = Syntax::Toml.parse(file)?;
+        for (key, camera) in Node::root(file, &tree).entries() {
+            let Some(k) = camera.get("matrix") else { continue };
+            let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+            let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);
+            let mut lens = Given::new(id, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+            let size = camera.need(&["size"])?;
+            let sides = size.items()?;
+            let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
+            lens.size = Some([width.side()?, height.side()?]);
+            if let Some(terms) = camera.any(&["distortions", "distortion"]) {
+                lens.distortion =
+                    distortion(&terms, camera.get("fisheye").is_some_and(|node| node.is_true()))?;
+            }
+            given.push(lens);
+        }
+    }
+    site_of(given, &files[0].name)
+}

@@ -1,0 +1,83 @@
+//! What an export gives: files, and what the format could not hold.
+
+use calib_core::Site;
+
+use crate::file::File;
+use crate::view::{ExportOptions, Terms, View};
+
+/// Something of a camera that a format cannot hold, so that what is written misleads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Loss {
+    /// Id of the camera; absent for the site as a whole.
+    pub camera: Option<String>,
+    /// What is lost, and by how much.
+    pub what: String,
+}
+
+impl std::fmt::Display for Loss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.camera {
+            Some(camera) => write!(f, "camera {camera:?}: {}", self.what),
+            None => f.write_str(&self.what),
+        }
+    }
+}
+
+/// What an export gives.
+#[derive(Clone, Debug, Default)]
+pub struct Export {
+    /// To be written into one folder.
+    pub files: Vec<File>,
+    /// What makes the files differ from the calibration; to be agreed to before they are used.
+    pub losses: Vec<Loss>,
+    /// What the operator should know, and need not agree to.
+    pub notes: Vec<String>,
+    /// Ids of the cameras that are not calibrated and therefore not there.
+    pub unsolved: Vec<String>,
+}
+
+/// What a format is written from.
+#[derive(Debug)]
+pub(crate) struct Scene<'a> {
+    pub(crate) site: &'a Site,
+    pub(crate) views: Vec<View>,
+    pub(crate) options: &'a ExportOptions,
+    /// The chosen one of the format's extensions.
+    pub(crate) extension: &'a str,
+}
+
+/// Pixels by which a lens in other terms may be off without a word.
+const UNSEEN: f64 = 0.05;
+
+impl Export {
+    pub(crate) fn push(&mut self, name: impl Into<String>, text: impl Into<String>) {
+        self.files.push(File::text(name, text));
+    }
+
+    pub(crate) fn lose(&mut self, view: &View, what: impl Into<String>) {
+        self.losses.push(Loss { camera: Some(view.id.clone()), what: what.into() });
+    }
+
+    /// For formats of cameras without distortion.
+    pub(crate) fn lose_distortion(&mut self, view: &View) {
+        if view.is_distorted() {
+            self.lose(view, "the distortion of its lens; --rectified exports the undistorted camera");
+        }
+    }
+
+    /// The lens as a format with Brown-Conrady terms has it, and perhaps with a fisheye.
+    pub(crate) fn terms(&mut self, view: &View, has_fisheye: bool) -> Terms {
+        let terms = view.terms(has_fisheye);
+        let Terms::Fitted(brown, off) = terms else { return terms };
+        if off.is_finite() && off <= UNSEEN {
+            self.notes.push(format!(
+                "camera {:?}: its lens in the terms of this format is at most {off:.3} px off",
+                view.id
+            ));
+            return terms;
+        }
+        let by = if off.is_finite() { format!("{off:.2} px at most") } else { "all measure".into() };
+        self.lose(view, format!("its lens model: the nearest k1, k2, k3 are off by {by}"));
+        Terms::BrownConrady(brown)
+    }
+}

@@ -1,0 +1,75 @@
+//! Frigate: a zone per camera, the EFOV, with the lengths of its sides for speeds.
+//!
+//! Coordinates are shares of the image, so that they hold for every stream of the camera. `distances`
+//! are metres, of exactly four sides.
+
+use calib_core::{FloorPoint, Pixel};
+
+use crate::export::{Export, Scene};
+use crate::tree::quote;
+use crate::view::View;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let mut text = String::from(
+        "# To be merged into Frigate's configuration. Lengths in metres: ui.unit_system: metric.\ncameras:\n",
+    );
+    for view in &scene.views {
+        let corners = corners(view);
+        if corners.len() < 3 {
+            export.lose(view, "its zone: no part of the EFOV is on the image");
+            continue;
+        }
+        let share = |px: &Pixel, i: usize| {
+            let value = [px.u, px.v][i] / f64::from(view.size[i]);
+            format!("{:.4}", value.clamp(0.0, 1.0))
+        };
+        let coordinates: Vec<String> = corners.iter().flat_map(|px| [share(px, 0), share(px, 1)]).collect();
+        text += &format!(
+            "  {}:\n    zones:\n      floor:\n        coordinates: {}\n",
+            quote(&view.id),
+            coordinates.join(",")
+        );
+        match distances(view, &corners) {
+            Some(sides) => {
+                let sides: Vec<String> = sides.iter().map(|side| format!("{side:.2}")).collect();
+                text += &format!("        distances: {}\n", sides.join(","));
+            }
+            None => export.notes.push(format!(
+                "camera {:?}: no distances, which Frigate wants of a zone with four corners on the floor; it has {}",
+                view.id,
+                corners.len()
+            )),
+        }
+    }
+    export.push(format!("zones.{}", scene.extension), text);
+}
+
+/// The EFOV inside the image: clipped to it, side by side.
+pub(crate) fn corners(view: &View) -> Vec<Pixel> {
+    let [w, h] = view.size.map(f64::from);
+    let sides: [fn(Pixel, f64, f64) -> f64; 4] =
+        [|p, _, _| p.u, |p, w, _| w - p.u, |p, _, _| p.v, |p, _, h| h - p.v];
+    sides.iter().fold(view.efov_px.clone(), |polygon, inside| {
+        let mut kept = Vec::new();
+        for (i, &b) in polygon.iter().enumerate() {
+            let a = polygon[(i + polygon.len() - 1) % polygon.len()];
+            let (da, db) = (inside(a, w, h), inside(b, w, h));
+            if (da < 0.0) != (db < 0.0) {
+                let t = da / (da - db);
+                kept.push(Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) });
+            }
+            if db >= 0.0 {
+                kept.push(b);
+            }
+        }
+        kept
+    })
+}
+
+fn distances(view: &View, corners: &[Pixel]) -> Option<[f64; 4]> {
+    let corners: &[Pixel; 4] = corners.try_into().ok()?;
+    let [sx, sy] = view.scale;
+    let floor = |p: Pixel| view.camera.pixel_to_floor(Pixel { u: p.u / sx, v: p.v / sy }, 0.0);
+    let points: Vec<FloorPoint> = corners.iter().map(|&p| floor(p)).collect::<Option<_>>()?;
+    Some(std::array::from_fn(|i| points[i].distance(points[(i + 1) % 4])))
+}

@@ -1,0 +1,70 @@
+//! fSpy's project file: magic, version, sizes, the state as JSON, the picture.
+//!
+//! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
+//! the middle of the image, the longer side from -1 to 1.
+
+use calib_core::MAX_SIDE;
+
+use crate::error::FormatError;
+use crate::file::File;
+use crate::given::{Given, Imported, site_of};
+use crate::tree::{Node, Syntax};
+
+const MAGIC: &[u8] = b"fspy";
+const HEAD: usize = 16;
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let given: Result<Vec<Given>, FormatError> = files.iter().map(camera).collect();
+    let mut imported = site_of(given?, &files[0].name)?;
+    imported
+        .notes
+        .push("fSpy's units and its choice of axes are kept; place the camera to make them metres".into());
+    Ok(imported)
+}
+
+fn camera(file: &File) -> Result<Given, FormatError> {
+    let state = state(file)?;
+    let tree = Syntax::Json.parse(&state)?;
+    let root = Node::root(&state, &tree);
+    let camera = root.need(&["cameraParameters"])?;
+    let [width, height] = [camera.need(&["imageWidth"])?.side()?, camera.need(&["imageHeight"])?.side()?];
+    let [w, h] = [width, height].map(f64::from);
+    let field = camera.need(&["horizontalFieldOfView"])?;
+    let angle = field.number()?;
+    if !(0.001..3.1).contains(&angle) {
+        return Err(field.wrong("radians between 0.001 and 3.1"));
+    }
+    let focal = 0.5 * w / (0.5 * angle).tan();
+    let centre = camera.need(&["principalPoint"])?;
+    let half = 0.5 * w.max(h);
+    let cx = 0.5 * w + half * centre.need(&["x"])?.number()?;
+    let cy = 0.5 * h - half * centre.need(&["y"])?.number()?;
+    let rows = camera.need(&["cameraTransform"])?.need(&["rows"])?;
+    let m: [f64; 16] = rows.exactly()?;
+    let column = |j: usize, sign: f64| [sign * m[j], sign * m[4 + j], sign * m[8 + j]];
+    let rotation = [column(0, 1.0), column(1, -1.0), column(2, -1.0)];
+    let position = column(3, 1.0);
+    let t = rotation.map(|row| -(row[0] * position[0] + row[1] * position[1] + row[2] * position[2]));
+    let mut given = Given::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
+    given.size = Some([width.min(MAX_SIDE), height.min(MAX_SIDE)]);
+    given.pose = Some((rotation, t));
+    Ok(given)
+}
+
+/// The state as a file of its own.
+fn state(file: &File) -> Result<File, FormatError> {
+    let wrong = |message: &str| FormatError::new(&file.name, message);
+    let head =
+        file.bytes.get(..HEAD).ok_or_else(|| wrong("found fewer than 16 bytes, expected an fSpy project"))?;
+    if !head.starts_with(MAGIC) {
+        return Err(wrong("found no \"fspy\" at the beginning, expected an fSpy project"));
+    }
+    let number =
+        |at: usize| head[at..at + 4].iter().rev().fold(0_usize, |n, &byte| n << 8 | usize::from(byte));
+    if number(4) != 1 {
+        return Err(FormatError::expected(&file.name, format!("version {}", number(4)), 1));
+    }
+    let end = HEAD.saturating_add(number(8));
+    let state = file.bytes.get(HEAD..end).ok_or_else(|| wrong("ends before its state does"))?;
+    Ok(File { name: file.name.clone(), bytes: state.to_vec() })
+}

@@ -1,0 +1,84 @@
+//! `GeoJSON`: for every camera its EFOV and its position.
+//!
+//! With a georeference in WGS84 as RFC 7946 wants it; without one the same in metres of the site, under
+//! a name that says so.
+
+use calib_core::{FloorPoint, Georeference};
+use serde_json::{Value, json};
+
+use crate::export::{Export, Scene};
+use crate::tree::pretty;
+use crate::view::View;
+
+/// WGS84: half the longer axis, in metres, and the square of the eccentricity.
+const AXIS: f64 = 6_378_137.0;
+const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let earth = scene.site.georeference();
+    let features: Vec<Value> = scene.views.iter().flat_map(|view| features(view, earth)).collect();
+    let mut document = json!({"type": "FeatureCollection", "features": features});
+    if earth.is_some() {
+        export.push("site.geojson", pretty(&document));
+        return;
+    }
+    document["units"] = json!("m");
+    document["frame"] = json!("site");
+    export.push("site.local.geojson", pretty(&document));
+    export
+        .notes
+        .push("the site has no georeference: coordinates are metres of the site and not WGS84".into());
+}
+
+fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
+    let at = |point: FloorPoint| match earth {
+        Some(earth) => on_earth(earth, point),
+        None => point.into(),
+    };
+    let mut ring: Vec<[f64; 2]> = view.efov_m.iter().map(|&point| at(point)).collect();
+    // The outer ring runs counter-clockwise and ends where it begins.
+    if area(&ring) < 0.0 {
+        ring.reverse();
+    }
+    ring.extend(ring.first().copied());
+    let position = view.camera.position;
+    // Clockwise from north on the earth, counter-clockwise from +x in the site.
+    let heading = match earth {
+        Some(earth) => json!({"azimuth_deg":
+            (earth.x_axis_azimuth_deg - 90.0 - view.camera.yaw.to_degrees()).rem_euclid(360.0)}),
+        None => json!({"heading_deg": (90.0 + view.camera.yaw.to_degrees()).rem_euclid(360.0)}),
+    };
+    let mut camera = json!({"camera_id": view.id, "kind": "camera", "height_m": position.z});
+    if let (Some(into), Some(from)) = (camera.as_object_mut(), heading.as_object()) {
+        into.extend(from.clone());
+    }
+    [
+        json!({"type": "Feature", "properties": {"camera_id": view.id, "kind": "efov"},
+            "geometry": {"type": "Polygon", "coordinates": [ring]}}),
+        json!({"type": "Feature", "properties": camera,
+            "geometry": {"type": "Point", "coordinates": at(position.on_floor())}}),
+    ]
+}
+
+/// Twice the signed area, positive when counter-clockwise.
+fn area(ring: &[[f64; 2]]) -> f64 {
+    (0..ring.len())
+        .map(|i| (ring[i], ring[(i + 1) % ring.len()]))
+        .map(|(a, b)| a[0] * b[1] - b[0] * a[1])
+        .sum()
+}
+
+/// Longitude and latitude, in degrees: by the ellipsoid's radii at the origin, right to a millimetre
+/// over a few hundred metres.
+fn on_earth(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
+    let azimuth = earth.x_axis_azimuth_deg.to_radians();
+    let (sin, cos) = azimuth.sin_cos();
+    // +x points to the azimuth, +y a quarter turn counter-clockwise from it.
+    let (east, north) = (sin * point.x - cos * point.y, cos * point.x + sin * point.y);
+    let latitude = earth.lat_deg.to_radians();
+    let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);
+    let across = AXIS / w.sqrt();
+    let along = AXIS * (1.0 - ECCENTRICITY_2) / w.powf(1.5);
+    let lon = earth.lon_deg + (east / (across * latitude.cos())).to_degrees();
+    [lon, earth.lat_deg + (north / along).to_degrees()]
+}

@@ -1,0 +1,238 @@
+//! A camera as a file gives it, turned into an entry of a site, with everything checked on the way.
+
+use calib_core::{
+    ControlPointEntry, Distortion, DistortionEntry, Known, Lens, LensEntry, Method, Pixel, Site, SiteCamera,
+    Solution, Stage, WorldPoint, angles_from_rotation,
+};
+
+use crate::error::{FormatError, quoted};
+use crate::rotation::{Rotation, is_rotation, transposed, turned};
+
+/// What was read.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// The cameras, with a solution where the file has a pose, else with a lens that is held.
+    pub site: Site,
+    /// What the operator should know: what was taken differently than it was written.
+    pub notes: Vec<String>,
+}
+
+/// World to camera: rotation, and translation in metres.
+pub(crate) type Pose = (Rotation, [f64; 3]);
+
+/// A camera as a file gives it.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    pub(crate) id: String,
+    /// Where in the file it is.
+    pub(crate) place: String,
+    pub(crate) image: Option<String>,
+    /// In pixels; absent, the principal point is taken for the centre.
+    pub(crate) size: Option<[u32; 2]>,
+    /// Focal in x and y, in pixels.
+    pub(crate) focal: [f64; 2],
+    /// Principal point, counted from the corner of the image.
+    pub(crate) centre: [f64; 2],
+    pub(crate) distortion: Distortion,
+    /// World to camera (right, down, forward), in metres.
+    pub(crate) pose: Option<Pose>,
+}
+
+impl Given {
+    /// A camera at this place of a file, without distortion and without pose.
+    pub(crate) fn new(id: &str, place: impl Into<String>, k: [f64; 4]) -> Self {
+        let [fx, fy, cx, cy] = k;
+        Self {
+            id: id.to_owned(),
+            place: place.into(),
+            image: None,
+            size: None,
+            focal: [fx, fy],
+            centre: [cx, cy],
+            distortion: Distortion::None,
+            pose: None,
+        }
+    }
+
+    fn wrong(&self, message: impl Into<String>) -> FormatError {
+        FormatError::new(self.place.trim_end_matches([' ', ':']), message)
+    }
+
+    /// The one focal of square pixels.
+    fn one_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
+        /// Beyond it, an image is stretched and not badly calibrated.
+        const MOST: f64 = 0.02;
+        let [fx, fy] = self.focal;
+        if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
+            return Err(self.wrong(format!("found focals {fx} and {fy}, expected pixels above 0")));
+        }
+        let ratio = fx / fy - 1.0;
+        if ratio.abs() > MOST {
+            return Err(self.wrong(format!(
+                "found focals {fx} in x and {fy} in y: the pixels are not square; scale the image first"
+            )));
+        }
+        if ratio.abs() > 1e-9 {
+            let id = quoted(&self.id);
+            notes.push(format!("camera {id}: focals {fx} in x and {fy} in y, taken as their mean"));
+        }
+        Ok(0.5 * (fx + fy))
+    }
+
+    fn size(&self, notes: &mut Vec<String>) -> Result<[u32; 2], FormatError> {
+        if let Some(size) = self.size {
+            return Ok(size);
+        }
+        let most = f64::from(calib_core::MAX_SIDE);
+        let size = self.centre.map(|c| (2.0 * c).round());
+        if !size.iter().all(|&side| (1.0..=most).contains(&side)) {
+            return Err(self.wrong("found no size of the image, and no principal point to tell it from"));
+        }
+        let [w, h] = size.map(|side| side as u32);
+        let id = quoted(&self.id);
+        notes.push(format!("camera {id}: no image size in the file; {w} x {h} from the principal point"));
+        Ok([w, h])
+    }
+
+    /// The entry of a site.
+    pub(crate) fn entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
+        let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
+        let principal_point = Pixel::from(self.centre);
+        let lens = Lens { principal_point, focal, distortion: self.distortion };
+        let distortion = DistortionEntry::of(&lens, focal);
+        let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
+        entry.lens = Some(LensEntry {
+            focal_px: Some(Known { value: focal, sigma: None, fixed: true }),
+            roll_deg: None,
+            pitch_deg: None,
+            principal_point_px: Some(principal_point),
+            distortion: distortion.clone(),
+            like: None,
+        });
+        let Some((rotation, t)) = self.pose else { return Ok(entry) };
+        if !is_rotation(&rotation) {
+            return Err(self.wrong("found a rotation whose rows are not right-handed unit vectors"));
+        }
+        let centre = turned(&transposed(&rotation), t).map(|c| -c);
+        let (roll, pitch, yaw) = angles_from_rotation(&rotation);
+        entry.solution = Some(Solution {
+            position_m: Some(WorldPoint::from(centre)),
+            yaw_deg: Some(yaw.to_degrees()),
+            pitch_deg: Some(pitch.to_degrees()),
+            roll_deg: Some(roll.to_degrees()),
+            distortion,
+            ..solution(focal, principal_point)
+        });
+        Ok(entry)
+    }
+}
+
+/// A given solution with a focal and a principal point.
+fn solution(focal_px: f64, principal_point_px: Pixel) -> Solution {
+    Solution {
+        method: Method::Given,
+        stage: Stage::Placed,
+        position_m: None,
+        yaw_deg: None,
+        pitch_deg: None,
+        roll_deg: None,
+        focal_px,
+        principal_point_px,
+        distortion: None,
+        sigma: None,
+        covariance: None,
+        sigma_px: None,
+        rms_px: None,
+        chi2: None,
+        dof: None,
+        efov_m: Vec::new(),
+        residuals: Vec::new(),
+        alternatives: Vec::new(),
+        warnings: Vec::new(),
+        draw_next: None,
+    }
+}
+
+/// A pixel that shows a known point.
+pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
+    ControlPointEntry {
+        id: None,
+        name: None,
+        off: false,
+        keep: false,
+        px,
+        world_m: Some(world),
+        plan_px: None,
+        height_m: None,
+        sigma_px: None,
+        sigma_m: None,
+    }
+}
+
+/// The site of what was read, checked as every site is.
+pub(crate) fn imported(
+    cameras: Vec<SiteCamera>,
+    notes: Vec<String>,
+    place: &str,
+) -> Result<Imported, FormatError> {
+    if cameras.is_empty() {
+        return Err(FormatError::new(place, "found no camera"));
+    }
+    let site = Site { cameras, ..Site::new() };
+    site.check().map_err(|error| FormatError::new(place, format!("as a site, {error}")))?;
+    Ok(Imported { site, notes })
+}
+
+/// All of what was given as a site.
+pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, FormatError> {
+    if given.len() > calib_core::MAX_CAMERAS {
+        let found = format!("{} cameras", given.len());
+        return Err(FormatError::expected(place, found, format!("at most {}", calib_core::MAX_CAMERAS)));
+    }
+    let mut notes = Vec::new();
+    let cameras: Result<Vec<SiteCamera>, FormatError> =
+        given.into_iter().map(|camera| camera.entry(&mut notes)).collect();
+    imported(cameras?, notes, place)
+}
+
+/// `K` as `[fx, fy, cx, cy]`; the skew must be next to nothing.
+pub(crate) fn unskewed(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], FormatError> {
+    let [[fx, skew, cx], [zero, fy, cy], last] = *k;
+    let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
+    let place = place.trim_end_matches([' ', ':']);
+    if !is_upright || (last[2] - 1.0).abs() > 1e-9 {
+        return Err(FormatError::new(place, "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]"));
+    }
+    if skew.abs() > 1e-3 * fx.abs() {
+        return Err(FormatError::expected(place, format!("a skew of {skew}"), "square pixels"));
+    }
+    Ok([fx, fy, cx, cy])
+}
+
+/// `K` as `[fx, fy, cx, cy]`, and the pose, of a projection matrix of either sign: the rows of
+/// `K R` are orthogonalised from the last.
+pub(crate) fn decomposed(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let less = |a: [f64; 3], s: f64, b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - s * b[i]) };
+    let [a, b, c] = p.map(|row| [row[0], row[1], row[2]]);
+    let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+    let length = dot(c, c).sqrt().copysign(dot(a, cross));
+    let unit = |v: [f64; 3], s: f64| v.map(|x| x / s);
+    let (a, b, r3) = (unit(a, length), unit(b, length), unit(c, length));
+    let (cx, cy) = (dot(a, r3), dot(b, r3));
+    let b = less(b, cy, r3);
+    let fy = dot(b, b).sqrt();
+    let r2 = unit(b, fy);
+    let skew = dot(a, r2);
+    let a = less(less(a, cx, r3), skew, r2);
+    let fx = dot(a, a).sqrt();
+    let r1 = unit(a, fx);
+    let k = unskewed(&[[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], place)?;
+    let [u, v, w] = p.map(|row| row[3] / length);
+    let y = (v - cy * w) / fy;
+    let t = [(u - cx * w - skew * y) / fx, y, w];
+    if ![fx, fy, cx, cy].iter().chain(&t).all(|value| value.is_finite()) {
+        return Err(FormatError::new(place.trim_end_matches([' ', ':']), "found a matrix of no camera"));
+    }
+    Ok((k, ([r1, r2, r3], t)))
+}

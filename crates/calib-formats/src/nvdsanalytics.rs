@@ -1,0 +1,31 @@
+//! DeepStream's nvdsanalytics: a region of interest per stream, the EFOV, in whole pixels.
+//!
+//! Streams have numbers there: the order of the cameras in the site.
+
+use crate::export::{Export, Scene};
+use crate::frigate::corners;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let Some(first) = scene.views.first() else { return };
+    // One size for all streams: regions are scaled to it.
+    let [width, height] = first.size;
+    let mut text = format!("[property]\nenable=1\nconfig-width={width}\nconfig-height={height}\n");
+    for (index, view) in scene.views.iter().enumerate() {
+        let corners = corners(view);
+        if corners.len() < 3 {
+            export.lose(view, "its region: no part of the EFOV is on the image");
+            continue;
+        }
+        let [sx, sy] =
+            [f64::from(width) / f64::from(view.size[0]), f64::from(height) / f64::from(view.size[1])];
+        let numbers: Vec<String> =
+            corners.iter().flat_map(|p| [p.u * sx, p.v * sy]).map(|value| format!("{value:.0}")).collect();
+        let id: String = view.id.chars().filter(|c| !c.is_control()).collect();
+        text += &format!(
+            "\n# {id}\n[roi-filtering-stream-{index}]\nenable=1\nroi-floor={}\ninverse-roi=0\nclass-id=-1\n",
+            numbers.join(";")
+        );
+    }
+    export.push(format!("nvdsanalytics.{}", scene.extension), text);
+    export.notes.push("stream numbers are the order of the cameras in the site".into());
+}

@@ -1,0 +1,242 @@
+//! NVIDIA's bundle: `camInfo/<id>.yml` for DeepStream's tracker, `calibration.json` for Metropolis,
+//! and `map.png` with `transforms.yml` for its view from above.
+//!
+//! World to camera, `OpenCV`'s camera axes. Pixels count from the corner, as ours: detectors there have
+//! boxes from 0 to the width, and its simulated cameras have their principal point at half the width.
+
+use calib_core::{FloorPoint, Pixel, WorldPoint};
+use serde_json::{Value, json};
+
+use crate::error::FormatError;
+use crate::export::{Export, Scene};
+use crate::file::File;
+use crate::given::{Given, Imported, control_point, decomposed, imported, site_of, unskewed};
+use crate::tree::{Node, Syntax, digits, pretty};
+use crate::view::View;
+
+/// Fallback scale of a map, in pixels per metre.
+const MAP_SCALE: f64 = 50.0;
+
+/// `pixel = s (x + tx), height - s (y + ty)` of the map.
+#[derive(Clone, Copy, Debug)]
+struct Map {
+    s: f64,
+    t: [f64; 2],
+}
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let (map, height) = map(scene, export);
+    for view in &scene.views {
+        export.lose_distortion(view);
+        export.push(format!("camInfo/{}.yml", view.file), cam_info(view));
+    }
+    let sensors: Vec<Value> = scene.views.iter().map(|view| sensor(scene, view, map)).collect();
+    let document =
+        json!({"version": "1.0", "osmURL": "", "calibrationType": "cartesian", "sensors": sensors});
+    export.push("calibration.json", pretty(&document));
+    if let (Some(height), Some(plan)) = (height, &scene.options.plan) {
+        export.push("transforms.yml", transforms(map, height));
+        export.files.push(File { name: "map.png".into(), bytes: plan.png.clone() });
+    }
+}
+
+/// The map of the site, and its height in pixels where it has a picture that lies as NVIDIA's do.
+fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
+    if let (Some(plan), Some(picture)) = (&scene.site.plan, &scene.options.plan) {
+        if plan.x_axis_deg == 0.0 {
+            let height = f64::from(picture.size[1]);
+            let m = plan.metres_per_px;
+            let t = [plan.origin_px.x * m, (height - plan.origin_px.y) * m];
+            return (Map { s: 1.0 / m, t }, Some(height));
+        }
+        export.notes.push(
+            "map.png and transforms.yml are left out: the plan is turned against the world axes".into(),
+        );
+    } else {
+        export
+            .notes
+            .push("map.png and transforms.yml are left out: the site has no plan with a picture".into());
+    }
+    // Whatever the map will be, coordinates on it are not to be negative.
+    let points =
+        || scene.views.iter().flat_map(|v| v.efov_m.iter().copied().chain([v.camera.position.on_floor()]));
+    let least = |of: fn(&FloorPoint) -> f64| points().map(|p| of(&p)).fold(f64::INFINITY, f64::min);
+    (Map { s: MAP_SCALE, t: [-least(|p| p.x).floor(), -least(|p| p.y).floor()] }, None)
+}
+
+fn cam_info(view: &View) -> String {
+    let rows: String = view
+        .projection(view.centre())
+        .concat()
+        .iter()
+        .map(|&value| format!("- {}\n", digits(value)))
+        .collect();
+    // A person, in metres.
+    format!(
+        "projectionMatrix_3x4_w2p:\n{rows}\nmodelInfo:\n  - classID: 0\n    height: 1.7\n    radius: 0.3\n"
+    )
+}
+
+fn transforms(map: Map, height: f64) -> String {
+    let Map { s, t: [tx, ty] } = map;
+    let [s_, minus] = [s, -s].map(digits);
+    let [x, y] = [s * tx, height - s * ty].map(digits);
+    let rows = format!("  - [{s_}, 0.0, {x}]\n  - [0.0, {minus}, {y}]\n  - [0.0, 0.0, 1.0]\n");
+    format!("T_ov2px:\n{rows}T_gt2px:\n{rows}")
+}
+
+fn sensor(scene: &Scene, view: &View, map: Map) -> Value {
+    let earth = scene.site.georeference();
+    let origin = json!({"lng": earth.map_or(0.0, |e| e.lon_deg), "lat": earth.map_or(0.0, |e| e.lat_deg)});
+    let corners = corners(view);
+    let image: Vec<Value> = corners
+        .iter()
+        .filter_map(|p| view.shows_straight(p.at_height(0.0)).map(|px| json!({"x": px.u, "y": px.v})))
+        .collect();
+    let globe: Vec<Value> = corners.iter().map(|p| json!({"x": p.x, "y": p.y, "z": 0.0})).collect();
+    let attribute = |name: &str, value: String| json!({"name": name, "value": value});
+    let heading = (-view.camera.yaw.to_degrees()).rem_euclid(360.0);
+    let position = view.camera.position;
+    json!({
+        "type": "camera", "id": view.id,
+        "origin": origin, "geoLocation": origin,
+        "coordinates": {"x": position.x, "y": position.y},
+        "scaleFactor": map.s,
+        "translationToGlobalCoordinates": {"x": map.t[0], "y": map.t[1]},
+        "attributes": [
+            attribute("fps", "30".into()),
+            attribute("depth", String::new()),
+            attribute("fieldOfView", String::new()),
+            attribute("direction", digits(heading)),
+            attribute("source", "vst".into()),
+            attribute("frameWidth", view.size[0].to_string()),
+            attribute("frameHeight", view.size[1].to_string()),
+            attribute("fieldOfViewPolygon", polygon(&view.efov_m)),
+        ],
+        "place": [{"name": "building", "value": scene.site.name.as_deref().unwrap_or("site")}],
+        "imageCoordinates": image, "globalCoordinates": globe,
+        "intrinsicMatrix": view.intrinsics(view.centre()),
+        "extrinsicMatrix": view.extrinsics(),
+        "cameraMatrix": view.projection(view.centre()),
+        "homography": view.floor_from_pixel(),
+        "tripwires": [], "rois": [],
+    })
+}
+
+/// As WKT, closed.
+fn polygon(corners: &[FloorPoint]) -> String {
+    let point = |p: &FloorPoint| format!("{} {}", digits(p.x), digits(p.y));
+    let ring: Vec<String> = corners.iter().chain(corners.first()).map(point).collect();
+    format!("POLYGON(({}))", ring.join(", "))
+}
+
+/// Four floor points and more that the camera shows: corners of the EFOV, and the middle between them.
+fn corners(view: &View) -> Vec<FloorPoint> {
+    const MOST: usize = 8;
+    let all = &view.efov_m;
+    let count = all.len().max(1) as f64;
+    let sum = all.iter().fold([0.0; 2], |s, p| [s[0] + p.x, s[1] + p.y]);
+    let middle = FloorPoint::new(sum[0] / count, sum[1] / count);
+    let some = all.iter().step_by(all.len().div_ceil(MOST).max(1)).copied();
+    let between = all.iter().map(|p| FloorPoint::new(0.5 * (p.x + middle.x), 0.5 * (p.y + middle.y)));
+    let more = if all.len() < 4 { between.collect() } else { Vec::new() };
+    some.chain(more).filter(|p| view.shows_straight(p.at_height(0.0)).is_some()).collect()
+}
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    if let Some(file) = files.iter().find(|file| file.extension() == "json") {
+        return calibration(file);
+    }
+    let mut given = Vec::new();
+    for file in files.iter().filter(|file| file.base() != "transforms.yml") {
+        let tree = Syntax::Yaml.parse(file)?;
+        let root = Node::root(file, &tree);
+        let node = root.need(&["projectionMatrix_3x4_w2p"])?;
+        given.push(projected(file.stem(), &node)?);
+    }
+    site_of(given, &files[0].name)
+}
+
+fn rows(values: [f64; 12]) -> [[f64; 4]; 3] {
+    std::array::from_fn(|i| std::array::from_fn(|j| values[4 * i + j]))
+}
+
+fn projected(id: &str, node: &Node) -> Result<Given, FormatError> {
+    let (k, pose) = decomposed(&rows(node.exactly()?), node.place())?;
+    Ok(Given { pose: Some(pose), ..Given::new(id, node.place(), k) })
+}
+
+fn calibration(file: &File) -> Result<Imported, FormatError> {
+    let tree = Syntax::Json.parse(file)?;
+    let root = Node::root(file, &tree);
+    let (mut notes, mut cameras) = (Vec::new(), Vec::new());
+    let sensors = root.need(&["sensors"])?.items()?;
+    if sensors.len() > calib_core::MAX_CAMERAS {
+        return Err(root.wrong(&format!("at most {} sensors", calib_core::MAX_CAMERAS)));
+    }
+    for sensor in sensors {
+        if sensor.get("type").is_some_and(|kind| kind.text().is_ok_and(|kind| kind != "camera")) {
+            continue;
+        }
+        let id = sensor.need(&["id"])?.text()?;
+        let mut given =
+            if let (Some(k), Some(e)) = (sensor.get("intrinsicMatrix"), sensor.get("extrinsicMatrix")) {
+                let [a, b, c] = rows(e.exactly()?);
+                let rotation = [a, b, c].map(|row| [row[0], row[1], row[2]]);
+                let lens = unskewed(&k.matrix()?, k.place())?;
+                Given { pose: Some((rotation, [a[3], b[3], c[3]])), ..Given::new(id, sensor.place(), lens) }
+            } else {
+                projected(id, &sensor.need(&["cameraMatrix"])?)?
+            };
+        given.size = frame_size(&sensor)?;
+        let mut entry = given.entry(&mut notes)?;
+        for (px, world) in pairs(&sensor)? {
+            entry.control_points.push(control_point(px, world));
+        }
+        cameras.push(entry);
+    }
+    imported(cameras, notes, &file.name)
+}
+
+fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
+    let Some(attributes) = sensor.get("attributes") else { return Ok(None) };
+    let mut size = [None; 2];
+    for attribute in attributes.items()? {
+        let (Some(name), Some(value)) = (attribute.get("name"), attribute.get("value")) else { continue };
+        let index = match name.text()? {
+            "frameWidth" => 0,
+            "frameHeight" => 1,
+            _ => continue,
+        };
+        // By the schema it is text; some write a number.
+        size[index] = match value.text() {
+            Ok("") => None,
+            Ok(text) => {
+                let most = calib_core::MAX_SIDE;
+                let side = text.parse().ok().filter(|side| (1..=most).contains(side));
+                Some(side.ok_or_else(|| value.wrong("a whole number of pixels"))?)
+            }
+            Err(_) => Some(value.side()?),
+        };
+    }
+    Ok(size[0].zip(size[1]).map(|(width, height)| [width, height]))
+}
+
+/// Pixels and the points they show.
+fn pairs(sensor: &Node) -> Result<Vec<(Pixel, WorldPoint)>, FormatError> {
+    let (Some(image), Some(globe)) = (sensor.get("imageCoordinates"), sensor.get("globalCoordinates")) else {
+        return Ok(Vec::new());
+    };
+    let (image, globe) = (image.items()?, globe.items()?);
+    if image.len() != globe.len() {
+        let message = format!("found {} imageCoordinates and {} globalCoordinates", image.len(), globe.len());
+        return Err(FormatError::new(sensor.place(), message));
+    }
+    let of = |node: &Node, key: &str| node.need(&[key])?.number();
+    let pair = |(pixel, point): (&Node, &Node)| {
+        let z = point.get("z").map_or(Ok(0.0), |z| z.number())?;
+        let world = WorldPoint::new(of(point, "x")?, of(point, "y")?, z);
+        Ok((Pixel::new(of(pixel, "x")?, of(pixel, "y")?), world))
+    };
+    image.iter().zip(&globe).map(pair).collect()
+}

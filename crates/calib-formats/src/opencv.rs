@@ -1,0 +1,175 @@
+//! OpenCV's `FileStorage`, as JSON, YAML or XML: one file a camera.
+//!
+//! `rvec`, `tvec`: world to camera, metres. Pixels count from the centre of the first one: the
+//! principal point is ours minus 0.5.
+
+use calib_core::{BrownConrady, Distortion};
+use serde_json::{Map, Value, json};
+
+use crate::error::FormatError;
+use crate::export::{Export, Scene};
+use crate::file::File;
+use crate::given::{Given, Imported, site_of, unskewed};
+use crate::rotation::{from_rodrigues, rodrigues};
+use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
+use crate::view::{Terms, View};
+
+/// Number of terms that the model of `OpenCV` may have.
+const LENGTHS: [usize; 5] = [4, 5, 8, 12, 14];
+
+enum Entry {
+    Whole(u32),
+    Text(String),
+    Matrix([usize; 2], Vec<f64>),
+}
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    for view in &scene.views {
+        let terms = export.terms(view, true);
+        let entries = entries(view, terms);
+        let text = match scene.extension {
+            "json" => as_json(&entries),
+            "xml" => as_xml(&entries),
+            _ => as_yaml(&entries),
+        };
+        export.push(format!("{}.{}", view.file, scene.extension), text);
+    }
+}
+
+fn entries(view: &View, terms: Terms) -> Vec<(&'static str, Entry)> {
+    let k = view.intrinsics(view.centre_from_pixel_centre());
+    let (model, terms) = match terms {
+        Terms::Fisheye(k) => ("fisheye", k.to_vec()),
+        Terms::None => ("brown-conrady", vec![0.0; 5]),
+        Terms::BrownConrady(b) | Terms::Fitted(b, _) => ("brown-conrady", vec![b.k1, b.k2, b.p1, b.p2, b.k3]),
+    };
+    let [width, height] = view.size;
+    let column = |v: [f64; 3]| Entry::Matrix([3, 1], v.to_vec());
+    vec![
+        ("camera_name", Entry::Text(view.id.clone())),
+        ("image_width", Entry::Whole(width)),
+        ("image_height", Entry::Whole(height)),
+        ("camera_matrix", Entry::Matrix([3, 3], k.concat())),
+        ("distortion_model", Entry::Text(model.into())),
+        ("distortion_coefficients", Entry::Matrix([1, terms.len()], terms)),
+        ("rvec", column(rodrigues(&view.camera.rotation()))),
+        ("tvec", column(view.camera.translation())),
+    ]
+}
+
+fn as_json(entries: &[(&str, Entry)]) -> String {
+    let mut object = Map::new();
+    for (key, entry) in entries {
+        let value = match entry {
+            Entry::Whole(number) => json!(number),
+            Entry::Text(text) => json!(text),
+            Entry::Matrix([rows, cols], data) => {
+                json!({"type_id": "opencv-matrix", "rows": rows, "cols": cols, "dt": "d", "data": data})
+            }
+        };
+        object.insert((*key).to_owned(), value);
+    }
+    pretty(&Value::Object(object))
+}
+
+fn as_yaml(entries: &[(&str, Entry)]) -> String {
+    let mut text = String::from("%YAML:1.0\n---\n");
+    for (key, entry) in entries {
+        text += &match entry {
+            Entry::Whole(number) => format!("{key}: {number}\n"),
+            Entry::Text(value) => format!("{key}: {}\n", quote(value)),
+            Entry::Matrix([rows, cols], data) => format!(
+                "{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {} ]\n",
+                joined(data, ", ")
+            ),
+        };
+    }
+    text
+}
+
+pub(crate) fn matrix_xml(key: &str, [rows, cols]: [usize; 2], data: &[f64]) -> String {
+    let cells: Vec<String> = data.iter().map(|&value| digits(value)).collect();
+    format!(
+        "<{key} type_id=\"opencv-matrix\">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n  <data>\n    {}</data></{key}>\n",
+        cells.join(" ")
+    )
+}
+
+fn as_xml(entries: &[(&str, Entry)]) -> String {
+    let mut text = String::from("<?xml version=\"1.0\"?>\n<opencv_storage>\n");
+    for (key, entry) in entries {
+        text += &match entry {
+            Entry::Whole(number) => format!("<{key}>{number}</{key}>\n"),
+            Entry::Text(value) => format!("<{key}>\"{}\"</{key}>\n", escaped(value)),
+            Entry::Matrix(shape, data) => matrix_xml(key, *shape, data),
+        };
+    }
+    text + "</opencv_storage>\n"
+}
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let mut given = Vec::new();
+    for file in files {
+        let tree = Syntax::of(file.as_text()?).parse(file)?;
+        given.push(camera(file, &Node::root(file, &tree))?);
+    }
+    site_of(given, &files[0].name)
+}
+
+fn camera(file: &File, root: &Node) -> Result<Given, FormatError> {
+    let k = root.need(&["camera_matrix", "cameraMatrix", "K", "M", "intrinsic_matrix", "mtx"])?;
+    let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+    let id = root.any(&["camera_name", "name"]).and_then(|node| node.text().ok()).unwrap_or(file.stem());
+    let mut given = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+    given.size = size(root)?;
+    let terms = ["distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "dist"];
+    if let Some(node) = root.any(&terms) {
+        let model = root.any(&["distortion_model", "model"]).and_then(|node| node.text().ok());
+        given.distortion = distortion(&node, model.is_some_and(is_fisheye))?;
+    }
+    if let (Some(r), Some(t)) = (root.any(&["rvec", "R", "rotation"]), root.any(&["tvec", "T", "t"])) {
+        let rotation = if r.numbers()?.len() == 9 { Some(r.matrix()?) } else { from_rodrigues(r.exactly()?) };
+        given.pose = Some((rotation.ok_or_else(|| r.wrong("a rotation"))?, t.exactly()?));
+    }
+    Ok(given)
+}
+
+fn size(root: &Node) -> Result<Option<[u32; 2]>, FormatError> {
+    let keys = (
+        root.any(&["image_width", "width", "imageWidth"]),
+        root.any(&["image_height", "height", "imageHeight"]),
+    );
+    if let (Some(width), Some(height)) = keys {
+        return Ok(Some([width.side()?, height.side()?]));
+    }
+    let Some(both) = root.any(&["image_size", "imageSize", "resolution", "size"]) else { return Ok(None) };
+    let items = both.items()?;
+    let [width, height] = &items[..] else { return Err(both.wrong("width and height")) };
+    Ok(Some([width.side()?, height.side()?]))
+}
+
+pub(crate) fn is_fisheye(model: &str) -> bool {
+    let model = model.to_lowercase();
+    ["fisheye", "equidistant", "kannala"].iter().any(|known| model.contains(known))
+}
+
+/// `k1, k2, p1, p2, k3` of a vector of `OpenCV`'s; the terms beyond them must be 0.
+pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, FormatError> {
+    let terms = node.numbers()?;
+    if terms.iter().all(|&term| term == 0.0) && !fisheye {
+        return Ok(Distortion::None);
+    }
+    if fisheye {
+        let Ok(k) = terms.try_into() else { return Err(node.wrong("the four terms of a fisheye")) };
+        return Ok(Distortion::KannalaBrandt { k });
+    }
+    if !LENGTHS.contains(&terms.len()) {
+        return Err(node.wrong(&format!("4, 5, 8, 12 or 14 terms and not {}", terms.len())));
+    }
+    if terms.iter().skip(5).any(|&term| term != 0.0) {
+        return Err(node
+            .wrong("k1, k2, p1, p2, k3 alone: the rational, thin-prism and tilt terms have no place here"));
+    }
+    let k3 = terms.get(4).copied().unwrap_or(0.0);
+    Ok(Distortion::BrownConrady(BrownConrady { k1: terms[0], k2: terms[1], k3, p1: terms[2], p2: terms[3] }))
+}

@@ -1,0 +1,53 @@
+//! The map from an undistorted image to the raw one, as NumPy and OpenCV take it.
+
+use calib_core::{Distortion, Site, UndistortedPixel};
+
+use crate::export::Export;
+use crate::file::File;
+use crate::view::View;
+
+/// Largest image that a map is written for, in pixels.
+const MOST: u64 = 64 << 20;
+
+/// Writes `<camera>.remap.npy`: for `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
+///
+/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as OpenCV does; -1
+/// where the lens shows nothing. Focal and principal point stay.
+pub(crate) fn write(_: &Site, view: &View, export: &mut Export) {
+    if view.raw_lens.distortion == Distortion::None {
+        export.notes.push(format!("camera {:?} has no distortion: no remap is needed", view.id));
+        return;
+    }
+    let [width, height] = view.size;
+    if u64::from(width) * u64::from(height) > MOST {
+        export.lose(view, format!("the remap of {width} x {height} pixels: more than {MOST}"));
+        return;
+    }
+    let mut bytes = header(width, height);
+    bytes.reserve(width as usize * height as usize * 8);
+    let [sx, sy] = view.scale;
+    for row in 0..height {
+        for column in 0..width {
+            let straight =
+                UndistortedPixel { u: (f64::from(column) + 0.5) / sx, v: (f64::from(row) + 0.5) / sy };
+            let raw = view.raw_lens.distort(straight).map(|pixel| view.in_stream(pixel));
+            let [x, y] = raw.map_or([-1.0, -1.0], |pixel| [pixel.u - 0.5, pixel.v - 0.5]);
+            bytes.extend((x as f32).to_le_bytes());
+            bytes.extend((y as f32).to_le_bytes());
+        }
+    }
+    export.files.push(File { name: format!("{}.remap.npy", view.file), bytes });
+}
+
+/// Version 1.0 of the NPY format: padded so that the data begin at a multiple of 64 bytes.
+fn header(width: u32, height: u32) -> Vec<u8> {
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}, 2), }}");
+    while (10 + text.len() + 1) % 64 != 0 {
+        text.push(' ');
+    }
+    text.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((text.len() as u16).to_le_bytes());
+    bytes.extend(text.as_bytes());
+    bytes
+}

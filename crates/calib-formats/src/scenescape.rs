@@ -1,0 +1,43 @@
+//! Intel SceneScape's camera objects.
+//!
+//! Camera to world, quaternions w last; `OpenCV`'s camera axes and pixels: the principal point is ours
+//! minus 0.5.
+
+use serde_json::{Value, json};
+
+use crate::export::{Export, Scene};
+use crate::rotation::{quaternion, transposed};
+use crate::tree::pretty;
+use crate::view::{Terms, View};
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let mut cameras = Vec::new();
+    for view in &scene.views {
+        let terms = export.terms(view, false);
+        cameras.push(camera(view, terms));
+    }
+    export.notes.push(
+        "SceneScape's map has its origin at the bottom left: place the map so that world (0, 0) is there"
+            .into(),
+    );
+    export.push("cameras.json", pretty(&Value::Array(cameras)));
+}
+
+fn camera(view: &View, terms: Terms) -> Value {
+    let ([fx, fy], [cx, cy]) = (view.focal(), view.centre_from_pixel_centre());
+    let brown = match terms {
+        Terms::BrownConrady(b) | Terms::Fitted(b, _) => b,
+        Terms::None | Terms::Fisheye(_) => Default::default(),
+    };
+    let [w, x, y, z] = quaternion(&transposed(&view.camera.rotation()));
+    json!({
+        "name": view.id,
+        "intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy},
+        "distortion": {"k1": brown.k1, "k2": brown.k2, "p1": brown.p1, "p2": brown.p2, "k3": brown.k3},
+        "transform_type": "quaternion",
+        "translation": <[f64; 3]>::from(view.camera.position),
+        "rotation": [x, y, z, w],
+        "scale": [1.0, 1.0, 1.0],
+        "resolution": view.size,
+    })
+}

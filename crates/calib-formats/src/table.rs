@@ -1,0 +1,87 @@
+//! A row for every camera, for trackers written by hand: matrices with their direction in the name.
+//!
+//! The matrices are those of undistorted pixels, and the lens that makes them stands beside them.
+//! Pixels count from the corner, as ours. A pixel shows the floor only where the third coordinate of
+//! `floor_from_undistorted_px` is positive: elsewhere it is above the horizon.
+
+use calib_core::{Distortion, Pixel};
+use serde_json::{Map, Value, json};
+
+use crate::export::{Export, Scene};
+use crate::tree::{digits, pretty};
+use crate::view::View;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let rows: Vec<Map<String, Value>> = scene.views.iter().map(row).collect();
+    if scene.extension == "csv" {
+        export.push("cameras.csv", csv(&rows));
+    } else {
+        let document = json!({"format": "calib-table", "version": 1, "units": "m, px",
+            "pixel_origin": "corner", "cameras": rows});
+        export.push("cameras.json", pretty(&document));
+    }
+}
+
+fn row(view: &View) -> Map<String, Value> {
+    let polygon: Vec<[f64; 2]> = view.efov_px.iter().map(|&p: &Pixel| p.into()).collect();
+    let floor: Vec<[f64; 2]> = view.efov_m.iter().map(|&p| p.into()).collect();
+    let p = view.projection(view.centre());
+    let on_floor = p.map(|[a, b, _, d]| [a, b, d]);
+    let lens = &view.camera.lens;
+    let model = match lens.distortion {
+        Distortion::None => "none",
+        Distortion::BrownConrady(_) => "brown-conrady",
+        Distortion::Division { .. } => "division",
+        Distortion::KannalaBrandt { .. } => "kannala-brandt",
+    };
+    let names = lens.distortion.names();
+    let focal = view.scale.map(|scale| scale * if names.is_empty() { view.camera.focal } else { lens.focal });
+    let mut row = Map::new();
+    let mut put = |key: &str, value: Value| row.insert(key.to_owned(), value);
+    put("camera_id", json!(view.id));
+    put("valid_from", json!(view.valid_from));
+    put("valid_to", json!(view.valid_to));
+    put("width", json!(view.size[0]));
+    put("height", json!(view.size[1]));
+    put("plane_z_m", json!(0.0));
+    put("floor_from_undistorted_px", json!(view.floor_from_pixel().concat()));
+    put("undistorted_px_from_floor", json!(on_floor.concat()));
+    put("undistorted_px_from_world", json!(p.concat()));
+    put("distortion_model", json!(model));
+    put("distortion_focal_px", json!(focal));
+    put("principal_point_px", json!(view.centre()));
+    for key in ["k1", "k2", "k3", "k4", "p1", "p2", "lambda"] {
+        let index = names.iter().position(|name| *name == key);
+        put(key, json!(index.map_or(0.0, |index| lens.distortion.coefficients()[index])));
+    }
+    put("valid_polygon_px", json!(polygon));
+    put("valid_polygon_m", json!(floor));
+    row
+}
+
+/// Lists become one cell, its numbers with blanks between them.
+fn csv(rows: &[Map<String, Value>]) -> String {
+    let Some(first) = rows.first() else { return String::new() };
+    let mut text = first.keys().map(String::as_str).collect::<Vec<_>>().join(",") + "\n";
+    for row in rows {
+        let cells: Vec<String> = row.values().map(cell).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}
+
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) if text.contains([',', '"', '\n', '\r']) => {
+            format!("\"{}\"", text.replace('"', "\"\""))
+        }
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(cell).collect::<Vec<_>>().join(" "),
+        number => match (number.as_u64(), number.as_f64()) {
+            (Some(whole), _) => whole.to_string(),
+            (_, Some(value)) => digits(value),
+            _ => String::new(),
+        },
+    }
+}

@@ -1,0 +1,267 @@
+//! JSON, YAML, XML and TOML as one tree of values, and reading it with the place of what is wrong.
+
+use serde_json::{Map, Number, Value};
+
+use crate::error::{FormatError, quoted};
+use crate::file::File;
+
+/// Largest text that becomes a tree, in bytes: a value takes many times the room of its text.
+const MAX_TREE_BYTES: usize = 16 << 20;
+/// Most brackets that a text may open inside each other.
+const MAX_DEPTH: usize = 64;
+/// Most elements of an XML text.
+const MAX_NODES: u32 = 1_000_000;
+
+/// A text with a syntax of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Syntax {
+    Json,
+    Yaml,
+    Xml,
+    Toml,
+}
+
+impl Syntax {
+    /// From how the text begins; what is neither JSON nor XML is YAML.
+    pub(crate) fn of(text: &str) -> Self {
+        match text.trim_start().chars().next() {
+            Some('{' | '[') => Self::Json,
+            Some('<') => Self::Xml,
+            _ => Self::Yaml,
+        }
+    }
+
+    /// Reads a text of this syntax.
+    pub(crate) fn parse(self, file: &File) -> Result<Value, FormatError> {
+        let text = file.as_text()?;
+        let at = |message: String| FormatError::new(&file.name, message);
+        if text.len() > MAX_TREE_BYTES {
+            return Err(at(format!("found {} bytes, expected at most {MAX_TREE_BYTES}", text.len())));
+        }
+        if text.trim().is_empty() {
+            return Err(at("found an empty file".into()));
+        }
+        if self != Self::Xml && depth(text) > MAX_DEPTH {
+            return Err(at(format!("found brackets more than {MAX_DEPTH} deep")));
+        }
+        match self {
+            Self::Json => serde_json::from_str(text).map_err(|error| at(format!("not JSON: {error}"))),
+            Self::Yaml => serde_saphyr::from_str(without_directives(text))
+                .map_err(|error| at(format!("not YAML: {}", first_line(&error.to_string())))),
+            Self::Toml => toml::from_str::<toml::Table>(text)
+                .map_err(|error| at(format!("not TOML: {}", first_line(&error.to_string()))))
+                .and_then(|table| serde_json::to_value(table).map_err(|error| at(error.to_string()))),
+            Self::Xml => {
+                let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
+                let document = roxmltree::Document::parse_with_options(text, options)
+                    .map_err(|error| at(format!("not XML: {error}")))?;
+                from_xml(document.root_element(), 0).ok_or_else(|| at("found elements too deep".into()))
+            }
+        }
+    }
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
+
+/// OpenCV's directive is not one of YAML, and older ones write nothing to end it.
+fn without_directives(mut text: &str) -> &str {
+    while let Some((_, rest)) = text.split_once('\n').filter(|(line, _)| line.starts_with('%')) {
+        text = rest;
+    }
+    text
+}
+
+fn depth(text: &str) -> usize {
+    let (mut now, mut most) = (0_usize, 0);
+    for byte in text.bytes() {
+        match byte {
+            b'[' | b'{' => now += 1,
+            b']' | b'}' => now = now.saturating_sub(1),
+            _ => {}
+        }
+        most = most.max(now);
+    }
+    most
+}
+
+/// Elements are keys; a text of numbers is a number or a list of them.
+fn from_xml(element: roxmltree::Node, level: usize) -> Option<Value> {
+    if level > MAX_DEPTH {
+        return None;
+    }
+    let mut object = Map::new();
+    for child in element.children().filter(roxmltree::Node::is_element) {
+        object.insert(child.tag_name().name().to_owned(), from_xml(child, level + 1)?);
+    }
+    if !object.is_empty() {
+        return Some(Value::Object(object));
+    }
+    let text = element.text().unwrap_or_default().trim();
+    let numbers: Option<Vec<Value>> = text.split_whitespace().map(number).collect();
+    Some(match numbers {
+        Some(mut one) if one.len() == 1 => one.remove(0),
+        Some(many) if !many.is_empty() => Value::Array(many),
+        _ => Value::String(text.trim_matches('"').to_owned()),
+    })
+}
+
+fn number(text: &str) -> Option<Value> {
+    Some(Value::Number(Number::from_f64(text.parse().ok()?)?))
+}
+
+/// A value and where it is.
+#[derive(Clone, Debug)]
+pub(crate) struct Node<'a> {
+    value: &'a Value,
+    place: String,
+}
+
+impl<'a> Node<'a> {
+    pub(crate) fn root(file: &File, value: &'a Value) -> Self {
+        Self { value, place: format!("{}: ", file.name) }
+    }
+
+    pub(crate) fn place(&self) -> &str {
+        &self.place
+    }
+
+    pub(crate) fn wrong(&self, wanted: &str) -> FormatError {
+        let found = match self.value {
+            Value::String(text) => quoted(text),
+            Value::Array(items) => format!("a list of {}", items.len()),
+            Value::Object(_) => "an object".into(),
+            other => other.to_string(),
+        };
+        FormatError::expected(self.place.trim_end_matches([' ', ':']), found, wanted)
+    }
+
+    /// The value of a key; nothing where it is absent or null.
+    pub(crate) fn get(&self, key: &str) -> Option<Self> {
+        let value = self.value.get(key).filter(|value| !value.is_null())?;
+        Some(Self { value, place: format!("{}/{key}", self.place) })
+    }
+
+    /// The value of the first of these keys that is there.
+    pub(crate) fn any(&self, keys: &[&str]) -> Option<Self> {
+        keys.iter().find_map(|key| self.get(key))
+    }
+
+    pub(crate) fn need(&self, keys: &[&str]) -> Result<Self, FormatError> {
+        self.any(keys).ok_or_else(|| {
+            FormatError::new(
+                self.place.trim_end_matches([' ', ':']),
+                format!("expected {}", keys.join(" or ")),
+            )
+        })
+    }
+
+    pub(crate) fn number(&self) -> Result<f64, FormatError> {
+        let value = self.value.as_f64().filter(|value| value.abs() <= 1e12);
+        value.ok_or_else(|| self.wrong("a number between -1e12 and 1e12"))
+    }
+
+    pub(crate) fn is_true(&self) -> bool {
+        self.value == &Value::Bool(true)
+    }
+
+    /// A length in whole pixels.
+    pub(crate) fn side(&self) -> Result<u32, FormatError> {
+        let value = self.number()?;
+        let most = f64::from(calib_core::MAX_SIDE);
+        if value.fract() == 0.0 && (1.0..=most).contains(&value) {
+            return Ok(value as u32);
+        }
+        Err(self.wrong(&format!("a whole number of pixels up to {most}")))
+    }
+
+    pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
+        self.value.as_str().ok_or_else(|| self.wrong("text"))
+    }
+
+    pub(crate) fn items(&self) -> Result<Vec<Self>, FormatError> {
+        let items = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
+        let node = |(i, value)| Self { value, place: format!("{}/{i}", self.place) };
+        Ok(items.iter().enumerate().map(node).collect())
+    }
+
+    /// Keys and values of an object, in the order of the keys.
+    pub(crate) fn entries(&self) -> Vec<(&'a str, Self)> {
+        let Some(object) = self.value.as_object() else { return Vec::new() };
+        let node = |(key, value): (&'a String, &'a Value)| {
+            (key.as_str(), Self { value, place: format!("{}/{key}", self.place) })
+        };
+        object.iter().map(node).collect()
+    }
+
+    /// A list of numbers, a list of rows of them, or `OpenCV`'s matrix.
+    pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
+        if let Some(data) = self.get("data") {
+            return data.numbers();
+        }
+        if self.value.is_number() {
+            return Ok(vec![self.number()?]);
+        }
+        let mut numbers = Vec::new();
+        for item in self.items()? {
+            if item.value.is_array() {
+                for cell in item.items()? {
+                    numbers.push(cell.number()?);
+                }
+            } else {
+                numbers.push(item.number()?);
+            }
+        }
+        Ok(numbers)
+    }
+
+    pub(crate) fn exactly<const N: usize>(&self) -> Result<[f64; N], FormatError> {
+        let numbers = self.numbers()?;
+        let count = numbers.len();
+        numbers.try_into().map_err(|_| {
+            let place = self.place.trim_end_matches([' ', ':']);
+            FormatError::expected(place, format!("{count} numbers"), N)
+        })
+    }
+
+    pub(crate) fn matrix(&self) -> Result<[[f64; 3]; 3], FormatError> {
+        let [a, b, c, d, e, f, g, h, i] = self.exactly()?;
+        Ok([[a, b, c], [d, e, f], [g, h, i]])
+    }
+}
+
+/// A number as YAML 1.1 and every other syntax here reads it back: the shortest that is the same.
+pub(crate) fn digits(value: f64) -> String {
+    let text = format!("{:?}", if value == 0.0 { 0.0 } else { value });
+    let Some((mantissa, exponent)) = text.split_once('e') else { return text };
+    let point = if mantissa.contains('.') { "" } else { ".0" };
+    let sign = if exponent.starts_with('-') { "" } else { "+" };
+    format!("{mantissa}{point}e{sign}{exponent}")
+}
+
+pub(crate) fn joined<'a>(values: impl IntoIterator<Item = &'a f64>, between: &str) -> String {
+    values.into_iter().map(|&value| digits(value)).collect::<Vec<_>>().join(between)
+}
+
+/// Text as JSON and YAML both quote it.
+pub(crate) fn quote(text: &str) -> String {
+    Value::String(text.to_owned()).to_string()
+}
+
+/// Text that may stand in XML.
+pub(crate) fn escaped(text: &str) -> String {
+    let allowed = |c: &char| !c.is_control();
+    text.chars()
+        .filter(allowed)
+        .collect::<String>()
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+/// A document as indented JSON.
+pub(crate) fn pretty(value: &Value) -> String {
+    format!("{value:#}\n")
+}

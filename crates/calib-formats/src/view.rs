@@ -1,0 +1,275 @@
+//! The cameras of a site as a format sees them: for one size of the stream, with or without the lens.
+
+use std::collections::HashSet;
+
+use calib_core::{
+    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel,
+    WorldPoint, default_efov, efov_on_floor,
+};
+
+use crate::file::file_name;
+
+/// What an export is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct ExportOptions {
+    /// The camera of the undistorted image, and the map that makes it.
+    pub rectified: bool,
+    /// Width and height of the stream, in pixels, where it is not that of the stills.
+    pub rescale: Option<[u32; 2]>,
+    /// One of the format's extensions; absent: its first.
+    pub extension: Option<String>,
+    /// Only the camera of this id.
+    pub camera: Option<String>,
+    /// The plan's picture as PNG, and its size in pixels.
+    pub plan: Option<PlanPicture>,
+}
+
+/// A floor plan's picture.
+#[derive(Clone, Debug)]
+pub struct PlanPicture {
+    /// As PNG.
+    pub png: Vec<u8>,
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+}
+
+/// A calibrated camera at the size of its stream.
+#[derive(Clone, Debug)]
+pub(crate) struct View {
+    pub(crate) id: String,
+    /// The id as a file name, different for every view of an export.
+    pub(crate) file: String,
+    /// Path of its still, as the site has it; never a `data:` URI.
+    pub(crate) image: Option<String>,
+    /// Of the stream, in pixels.
+    pub(crate) size: [u32; 2],
+    /// At the size of the still.
+    pub(crate) camera: Camera,
+    /// The lens of the still, even where the view is one without.
+    pub(crate) raw_lens: Lens,
+    /// Pixels of the stream per pixel of the still.
+    pub(crate) scale: [f64; 2],
+    /// The polygon drawn, or what the floor polygon looks like, in pixels of the stream.
+    pub(crate) efov_px: Vec<Pixel>,
+    pub(crate) efov_m: Vec<FloorPoint>,
+    pub(crate) valid_from: Option<String>,
+    pub(crate) valid_to: Option<String>,
+}
+
+/// The lens in terms that most formats have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Terms {
+    None,
+    BrownConrady(BrownConrady),
+    Fisheye([f64; 4]),
+    /// No such terms: Brown-Conrady ones come as near as so many pixels.
+    Fitted(BrownConrady, f64),
+}
+
+impl View {
+    pub(crate) fn new(entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
+        let calibrated = entry.camera()?;
+        let size = options.rescale.unwrap_or(entry.size_px);
+        let scale = [0, 1].map(|i| f64::from(size[i]) / f64::from(entry.size_px[i]));
+        let mut camera = calibrated;
+        if options.rectified {
+            camera.lens = Lens::pinhole(calibrated.lens.principal_point);
+        }
+        let efov_m = match (&entry.solution, &entry.efov_px) {
+            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
+            (_, Some(corners)) => efov_on_floor(&calibrated, corners).polygon,
+            _ => default_efov(&calibrated, entry.size()).polygon,
+        };
+        let shown = |pixel: Pixel| {
+            let straight = calibrated.undistort(pixel)?;
+            Some(if options.rectified { Pixel { u: straight.u, v: straight.v } } else { pixel })
+        };
+        let drawn: Vec<Pixel> = match &entry.efov_px {
+            Some(corners) => corners.iter().filter_map(|&corner| shown(corner)).collect(),
+            None => efov_m.iter().filter_map(|p| camera.world_to_pixel(p.at_height(0.0))).collect(),
+        };
+        let image = entry.image.clone().filter(|image| !image.starts_with("data:"));
+        let mut view = Self {
+            id: entry.id.clone(),
+            file: file_name(&entry.id),
+            image,
+            size,
+            camera,
+            raw_lens: calibrated.lens,
+            scale,
+            efov_px: Vec::new(),
+            efov_m,
+            valid_from: entry.valid_from.clone(),
+            valid_to: entry.valid_to.clone(),
+        };
+        view.efov_px = drawn.into_iter().map(|pixel| view.in_stream(pixel)).collect();
+        Some(view)
+    }
+
+    /// A pixel of the stream from one of the still.
+    pub(crate) fn in_stream(&self, pixel: Pixel) -> Pixel {
+        Pixel { u: pixel.u * self.scale[0], v: pixel.v * self.scale[1] }
+    }
+
+    /// Focal in x and y, in pixels of the stream.
+    pub(crate) fn focal(&self) -> [f64; 2] {
+        self.scale.map(|scale| scale * self.camera.focal)
+    }
+
+    /// Principal point, in pixels of the stream, counted from the corner of the image.
+    pub(crate) fn centre(&self) -> [f64; 2] {
+        self.in_stream(self.camera.lens.principal_point).into()
+    }
+
+    /// As [`Self::centre`], counted from the centre of the first pixel.
+    pub(crate) fn centre_from_pixel_centre(&self) -> [f64; 2] {
+        self.centre().map(|c| c - 0.5)
+    }
+
+    /// `K` with the principal point given.
+    pub(crate) fn intrinsics(&self, [cx, cy]: [f64; 2]) -> [[f64; 3]; 3] {
+        let [fx, fy] = self.focal();
+        [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    }
+
+    /// `[R | t]`, world to camera (right, down, forward).
+    pub(crate) fn extrinsics(&self) -> [[f64; 4]; 3] {
+        let (r, t) = (self.camera.rotation(), self.camera.translation());
+        std::array::from_fn(|i| [r[i][0], r[i][1], r[i][2], t[i]])
+    }
+
+    /// `K [R | t]`, to undistorted pixels of the stream, positive in front.
+    pub(crate) fn projection(&self, centre: [f64; 2]) -> [[f64; 4]; 3] {
+        let (k, rt) = (self.intrinsics(centre), self.extrinsics());
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|m| k[i][m] * rt[m][j]).sum()))
+    }
+
+    /// Homogeneous floor points from undistorted pixels of the stream, its third row positive on the
+    /// floor; scaled so that the last number is 1 or -1 where it is not 0.
+    pub(crate) fn floor_from_pixel(&self) -> [[f64; 3]; 3] {
+        let h = self.camera.homography_floor_from_pixel(0.0);
+        let h = h.map(|[a, b, c]| [a / self.scale[0], b / self.scale[1], c]);
+        let last = h[2][2].abs();
+        if last > 1e-12 { h.map(|row| row.map(|value| value / last)) } else { h }
+    }
+
+    /// Where a stream without distortion shows a point of space.
+    pub(crate) fn shows_straight(&self, point: WorldPoint) -> Option<UndistortedPixel> {
+        let UndistortedPixel { u, v } = self.camera.world_to_undistorted(point)?;
+        Some(UndistortedPixel { u: u * self.scale[0], v: v * self.scale[1] })
+    }
+
+    pub(crate) fn is_distorted(&self) -> bool {
+        self.camera.lens.distortion.coefficients() != [0.0; Distortion::MOST]
+            || matches!(self.camera.lens.distortion, Distortion::KannalaBrandt { .. })
+    }
+
+    /// The lens for coordinates divided by the camera's focal; `None` where that cannot be.
+    fn distortion(&self) -> Option<Distortion> {
+        let lens = self.camera.lens;
+        lens.distortion.rescaled(self.camera.focal / lens.focal)
+    }
+
+    /// The lens as most formats have it; a fisheye only where they have one.
+    pub(crate) fn terms(&self, has_fisheye: bool) -> Terms {
+        if !self.is_distorted() {
+            return Terms::None;
+        }
+        match self.distortion() {
+            Some(Distortion::BrownConrady(brown)) => Terms::BrownConrady(brown),
+            Some(Distortion::KannalaBrandt { k }) if has_fisheye => Terms::Fisheye(k),
+            _ => {
+                let (brown, off) = self.fitted();
+                Terms::Fitted(brown, off)
+            }
+        }
+    }
+
+    /// k1, k2 and k3 that come nearest to the lens over the image, and how far off they are at most,
+    /// in pixels: the least squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`.
+    fn fitted(&self) -> (BrownConrady, f64) {
+        let points = self.samples();
+        let most = points.iter().map(|(s, _)| s[0].hypot(s[1])).fold(1e-9, f64::max);
+        let mut normal = [[0.0; 4]; 3];
+        for (straight, bent) in &points {
+            let r = straight[0].hypot(straight[1]) / most;
+            let along = (bent[0] * straight[0] + bent[1] * straight[1]) / (r * most).max(1e-12) / most;
+            let row = [r.powi(3), r.powi(5), r.powi(7), along - r];
+            for i in 0..3 {
+                for j in 0..4 {
+                    normal[i][j] += row[i] * row[j];
+                }
+            }
+        }
+        let [a, b, c] = solved(normal);
+        let brown = BrownConrady {
+            k1: a / most.powi(2),
+            k2: b / most.powi(4),
+            k3: c / most.powi(6),
+            ..BrownConrady::default()
+        };
+        let model = Distortion::BrownConrady(brown);
+        let focal = self.focal();
+        let off = points.iter().map(|(straight, bent)| {
+            model.distort(*straight).map_or(f64::INFINITY, |found| {
+                ((found[0] - bent[0]) * focal[0]).hypot((found[1] - bent[1]) * focal[1])
+            })
+        });
+        (brown, off.fold(0.0, f64::max))
+    }
+
+    /// Undistorted and raw positions over the image, relative to the principal point, over the focal.
+    fn samples(&self) -> Vec<([f64; 2], [f64; 2])> {
+        const COLUMNS: usize = 33;
+        const ROWS: usize = 25;
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let f = self.camera.focal;
+        let length = |i: usize| f64::from(self.size[i]) / self.scale[i];
+        let grid = (0..COLUMNS * ROWS).map(|i| Pixel {
+            u: length(0) * (i % COLUMNS) as f64 / (COLUMNS - 1) as f64,
+            v: length(1) * (i / COLUMNS) as f64 / (ROWS - 1) as f64,
+        });
+        grid.filter_map(|raw| {
+            let straight = self.camera.undistort(raw)?;
+            Some(([(straight.u - cu) / f, (straight.v - cv) / f], [(raw.u - cu) / f, (raw.v - cv) / f]))
+        })
+        .collect()
+    }
+}
+
+/// Cramer's rule for three unknowns; zeros where there is no answer.
+fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
+    let determinant = |c: [usize; 3]| {
+        let at = |i: usize, j: usize| m[i][c[j]];
+        at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1))
+            - at(0, 1) * (at(1, 0) * at(2, 2) - at(1, 2) * at(2, 0))
+            + at(0, 2) * (at(1, 0) * at(2, 1) - at(1, 1) * at(2, 0))
+    };
+    let all = determinant([0, 1, 2]);
+    let roots = [determinant([3, 1, 2]) / all, determinant([0, 3, 2]) / all, determinant([0, 1, 3]) / all];
+    if roots.iter().all(|root| root.is_finite()) { roots } else { [0.0; 3] }
+}
+
+/// The views of a site, and the ids of the cameras that have none.
+pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<String>) {
+    let wanted = site.cameras.iter().filter(|c| options.camera.as_ref().is_none_or(|id| *id == c.id));
+    let (mut views, mut unsolved) = (Vec::new(), Vec::new());
+    let mut taken = HashSet::new();
+    for entry in wanted {
+        match View::new(entry, options) {
+            Some(mut view) => {
+                let plain = view.file.clone();
+                // Periods of one camera, and ids that differ in what a file name cannot have.
+                for number in 2.. {
+                    if taken.insert(view.file.to_lowercase()) {
+                        break;
+                    }
+                    view.file = format!("{plain}-{number}");
+                }
+                views.push(view);
+            }
+            None => unsolved.push(entry.id.clone()),
+        }
+    }
+    (views, unsolved)
+}

@@ -1,0 +1,66 @@
+//! The calibration of WILDTRACK: `intrinsic_zero/intr_*.xml` and `extrinsic/extr_*.xml`.
+//!
+//! Undistorted images, world to camera, Rodrigues, centimetres; `OpenCV`'s pixels: the principal point
+//! is ours minus 0.5.
+
+use crate::error::FormatError;
+use crate::export::{Export, Scene};
+use crate::file::File;
+use crate::given::{Given, Imported, Pose, site_of, unskewed};
+use crate::opencv::matrix_xml;
+use crate::rotation::{from_rodrigues, rodrigues};
+use crate::tree::{Node, Syntax, joined};
+
+/// Centimetres in a metre.
+const UNIT: f64 = 100.0;
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    for view in &scene.views {
+        export.lose_distortion(view);
+        let k = view.intrinsics(view.centre_from_pixel_centre()).concat();
+        let [width, height] = view.size;
+        let open = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
+        let lens = [
+            format!("<image_width>{width}</image_width>\n<image_height>{height}</image_height>\n"),
+            matrix_xml("camera_matrix", [3, 3], &k),
+            matrix_xml("distortion_coefficients", [5, 1], &[0.0; 5]),
+        ];
+        let name = |folder: &str, kind: &str| format!("{folder}/{kind}_{}.xml", view.file);
+        export.push(name("intrinsic_zero", "intr"), format!("{open}{}</opencv_storage>\n", lens.concat()));
+        let rvec = joined(&rodrigues(&view.camera.rotation()), " ");
+        let tvec = joined(&view.camera.translation().map(|t| t * UNIT), " ");
+        let pose = format!("{open}<rvec>{rvec}</rvec>\n<tvec>{tvec}</tvec>\n</opencv_storage>\n");
+        export.push(name("extrinsic", "extr"), pose);
+    }
+}
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let mut given = Vec::new();
+    for file in files {
+        let Some(id) = file.stem().strip_prefix("intr_") else { continue };
+        let tree = Syntax::Xml.parse(file)?;
+        let root = Node::root(file, &tree);
+        let k = root.need(&["camera_matrix"])?;
+        let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+        let mut camera = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+        if let (Some(width), Some(height)) = (root.get("image_width"), root.get("image_height")) {
+            camera.size = Some([width.side()?, height.side()?]);
+        }
+        camera.pose = Some(pose(files, id)?);
+        given.push(camera);
+    }
+    site_of(given, "a folder with intr_*.xml and extr_*.xml")
+}
+
+fn pose(files: &[File], id: &str) -> Result<Pose, FormatError> {
+    let wanted = format!("extr_{id}.xml");
+    let file = files
+        .iter()
+        .find(|file| file.base() == wanted)
+        .ok_or_else(|| FormatError::new(&wanted, format!("is not there, and intr_{id}.xml is")))?;
+    let tree = Syntax::Xml.parse(file)?;
+    let root = Node::root(file, &tree);
+    let r = root.need(&["rvec"])?;
+    let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.wrong("a rotation"))?;
+    Ok((rotation, root.need(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT)))
+}

@@ -1,0 +1,698 @@
+//! Formats of other programs: what an export says is what the camera does, and an import gives it back.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Lens, Method, Pixel, Site, SiteCamera,
+    Solution, Stage, WorldPoint,
+};
+use calib_formats::{Export, ExportOptions, FORMATS, File, export, format, import};
+use calib_tests::{Scratch, peers_python};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+const SIZE: [u32; 2] = [1920, 1080];
+
+fn any_camera() -> impl Strategy<Value = Camera> {
+    let pose = (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, 0.2..1.4_f64, -0.6..0.6_f64);
+    let centre = (900.0..1000.0_f64, 500.0..580.0_f64);
+    (pose, 600.0..2500.0_f64, centre, any_distortion()).prop_map(
+        |((x, y, z, yaw, pitch, roll), focal, (cu, cv), distortion)| {
+            let lens = Lens { principal_point: Pixel::new(cu, cv), focal, distortion };
+            let position = WorldPoint { x, y, z };
+            Camera { position, yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
+        },
+    )
+}
+
+fn any_distortion() -> impl Strategy<Value = Distortion> {
+    let brown = (-0.3..0.1_f64, -0.05..0.1_f64, -0.01..0.01_f64, -0.002..0.002_f64, -0.002..0.002_f64)
+        .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
+    let fisheye = [-0.05..0.05_f64, -0.02..0.02_f64, -0.01..0.01_f64, -0.001..0.001_f64]
+        .prop_map(|k| Distortion::KannalaBrandt { k });
+    prop_oneof![Just(Distortion::None), brown, fisheye]
+}
+
+/// A solved site of one camera.
+fn site(camera: &Camera) -> Site {
+    let solution = json!({
+        "method": "given", "stage": "placed", "position_m": camera.position,
+        "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
+        "roll_deg": camera.roll.to_degrees(), "focal_px": camera.focal,
+        "principal_point_px": camera.lens.principal_point,
+        "distortion": DistortionEntry::of(&camera.lens, camera.focal),
+    });
+    let solution: Solution = serde_json::from_value(solution).unwrap();
+    assert_eq!((solution.method, solution.stage), (Method::Given, Stage::Placed));
+    let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
+    Site { cameras: vec![entry], ..Site::new() }
+}
+
+fn bent() -> Camera {
+    let brown = BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 };
+    Camera {
+        position: WorldPoint::new(3.0, -4.0, 5.0),
+        yaw: 0.3,
+        pitch: 0.6,
+        roll: 0.05,
+        focal: 1250.0,
+        lens: Lens {
+            principal_point: Pixel::new(957.0, 548.0),
+            focal: 1250.0,
+            distortion: Distortion::BrownConrady(brown),
+        },
+        covariance: Covariance::EXACT,
+    }
+}
+
+fn straight() -> Camera {
+    let camera = bent();
+    Camera { lens: Lens::pinhole(camera.lens.principal_point), ..camera }
+}
+
+fn exported(name: &str, site: &Site, extension: &str) -> Export {
+    let options = ExportOptions { extension: Some(extension.into()), ..ExportOptions::default() };
+    export(format(name).unwrap(), site, &options).unwrap()
+}
+
+fn json_of(export: &Export, name: &str) -> Value {
+    serde_json::from_slice(&export.files.iter().find(|file| file.name == name).unwrap().bytes).unwrap()
+}
+
+fn text_of<'a>(export: &'a Export, name: &str) -> &'a str {
+    std::str::from_utf8(&export.files.iter().find(|file| file.name == name).unwrap().bytes).unwrap()
+}
+
+/// Largest difference between the numbers of two lenses; of the coefficients, of their map.
+fn lens_difference(a: &Lens, a_focal: f64, b: &Lens, b_focal: f64) -> f64 {
+    let coefficients = a.distortion.coefficients().into_iter().zip(b.distortion.coefficients());
+    let most = coefficients.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    most.max((a_focal - b_focal).abs()).max(a.principal_point.distance(b.principal_point))
+}
+
+fn camera_difference(a: &Camera, b: &Camera) -> f64 {
+    let rotations = a.rotation().concat().into_iter().zip(b.rotation().concat());
+    rotations
+        .map(|(a, b)| (a - b).abs())
+        .fold(a.position.distance(b.position), f64::max)
+        .max(lens_difference(&a.lens, a.focal, &b.lens, b.focal))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn importing_an_export_gives_the_camera_back(camera in any_camera()) {
+        let site = site(&camera);
+        for (name, extension) in
+            [("opencv", "json"), ("opencv", "yml"), ("opencv", "xml"), ("colmap", "txt"), ("ros", "yaml"),
+             ("nvidia", "json"), ("wildtrack", "xml")]
+        {
+            let export = exported(name, &site, extension);
+            let plain = camera.lens.distortion == Distortion::None;
+            let holds = plain || !matches!(name, "nvidia" | "wildtrack");
+            prop_assert_eq!(export.losses.is_empty(), holds, "{}: {:?}", name, export.losses);
+            let back = import(format(name).unwrap(), &export.files).unwrap().site;
+            prop_assert_eq!(&back.cameras[0].id, "yard");
+            prop_assert_eq!(back.cameras[0].size_px, SIZE);
+            let mut expected = camera;
+            if !holds {
+                expected.lens = Lens::pinhole(camera.lens.principal_point);
+            }
+            if name == "ros" {
+                let focal = back.cameras[0].lens.as_ref().unwrap().focal_px.unwrap();
+                prop_assert!(focal.fixed);
+                let off = lens_difference(&back.cameras[0].lens(), focal.value, &camera.lens, camera.focal);
+                prop_assert!(off < 1e-9, "{name}: {off}");
+            } else {
+                let off = camera_difference(&back.cameras[0].camera().unwrap(), &expected);
+                prop_assert!(off < 1e-9, "{name} {extension}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_projection_of_either_sign_is_the_same_camera(camera in any_camera(), sign in any::<bool>()) {
+        let camera = Camera { lens: Lens::pinhole(camera.lens.principal_point), ..camera };
+        let sign = if sign { 1.0 } else { -2.5 };
+        let rows: String =
+            camera.projection_matrix().concat().iter().map(|v| format!("- {}\n", v * sign)).collect();
+        let file = File { name: "yard.yml".into(), bytes: format!("projectionMatrix_3x4_w2p:\n{rows}").into() };
+        let back = import(format("nvidia").unwrap(), &[file]).unwrap().site.cameras[0].camera().unwrap();
+        // Numbers of the size of the position times the focal lose that many digits.
+        prop_assert!(camera_difference(&back, &camera) < 1e-8);
+    }
+
+    #[test]
+    fn a_lens_in_other_terms_says_how_far_it_is_off(camera in any_camera(), lambda in -0.25..0.02_f64) {
+        let lens = Lens { distortion: Distortion::Division { lambda }, ..camera.lens };
+        let site = site(&Camera { lens, ..camera });
+        let export = exported("opencv", &site, "json");
+        let back = import(format("opencv").unwrap(), &export.files).unwrap().site;
+        let fitted = back.cameras[0].lens.as_ref().unwrap().distortion.as_ref().unwrap().distortion().unwrap();
+        let fitted = Lens { distortion: fitted, ..lens };
+        if export.losses.is_empty() {
+            for (u, v) in [(0.0, 0.0), (1920.0, 540.0), (960.0, 1080.0), (1500.0, 300.0), (1920.0, 1080.0)] {
+                let Some(ray) = lens.undistort(Pixel::new(u, v)) else { continue };
+                prop_assert!(fitted.distort(ray).unwrap().distance(Pixel::new(u, v)) < 0.06);
+            }
+        }
+    }
+}
+
+/// `x_camera = R X + t`, from the rows of `[R | t]`.
+fn in_camera(rt: &[[f64; 4]; 3], [x, y, z]: [f64; 3]) -> [f64; 3] {
+    rt.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3])
+}
+
+/// What `cv2.projectPoints` documents.
+fn opencv_distorted([x, y]: [f64; 2], d: &[f64]) -> [f64; 2] {
+    let r2 = x * x + y * y;
+    let radial = 1.0 + d[0] * r2 + d[1] * r2 * r2 + d[4] * r2 * r2 * r2;
+    [
+        x * radial + 2.0 * d[2] * x * y + d[3] * (r2 + 2.0 * x * x),
+        y * radial + d[2] * (r2 + 2.0 * y * y) + 2.0 * d[3] * x * y,
+    ]
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        other => vec![other.as_f64().unwrap_or_else(|| panic!("{other}"))],
+    }
+}
+
+/// Points that the test cameras show.
+fn scene(camera: &Camera) -> Vec<WorldPoint> {
+    let pixels = [(300.0, 500.0), (960.0, 540.0), (1700.0, 900.0), (100.0, 1000.0), (1200.0, 700.0)];
+    pixels
+        .iter()
+        .flat_map(|&(u, v)| {
+            [0.0, 1.2].map(|h| camera.pixel_to_floor(Pixel { u, v }, h).map(|p| p.at_height(h)))
+        })
+        .flatten()
+        .collect()
+}
+
+fn assert_near(found: [f64; 2], camera: &Camera, point: WorldPoint, shift: f64, who: &str) {
+    let ours = camera.world_to_pixel(point).unwrap();
+    let off = (found[0] - ours.u - shift).hypot(found[1] - ours.v - shift);
+    assert!(off < 1e-6, "{who}: {off} px off at {point:?}");
+}
+
+/// Rodrigues' formula.
+fn rotation_of(v: &[f64]) -> [[f64; 3]; 3] {
+    let angle = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let [x, y, z] = [v[0] / angle, v[1] / angle, v[2] / angle];
+    let (s, c) = angle.sin_cos();
+    let k = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    let axis = [x, y, z];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| f64::from(u8::from(i == j)) * c + s * k[i][j] + (1.0 - c) * axis[i] * axis[j])
+    })
+}
+
+#[test]
+fn opencv_numbers_project_as_the_camera_does_half_a_pixel_off() {
+    for camera in [bent(), straight()] {
+        let file = json_of(&exported("opencv", &site(&camera), "json"), "yard.json");
+        let k = numbers(&file["camera_matrix"]["data"]);
+        let d = numbers(&file["distortion_coefficients"]["data"]);
+        let r = rotation_of(&numbers(&file["rvec"]["data"]));
+        let t = numbers(&file["tvec"]["data"]);
+        let rt = std::array::from_fn(|i| [r[i][0], r[i][1], r[i][2], t[i]]);
+        for point in scene(&camera) {
+            let [x, y, z] = in_camera(&rt, point.into());
+            let [x, y] = opencv_distorted([x / z, y / z], &d);
+            assert_near([k[0] * x + k[2], k[4] * y + k[5]], &camera, point, -0.5, "opencv");
+        }
+    }
+}
+
+#[test]
+fn colmap_numbers_project_as_the_camera_does() {
+    let camera = bent();
+    let export = exported("colmap", &site(&camera), "txt");
+    let words = |name: &str| -> Vec<String> {
+        let line = text_of(&export, name).lines().find(|line| !line.starts_with('#')).unwrap();
+        line.split_whitespace().map(str::to_owned).collect()
+    };
+    let (lens, image) = (words("cameras.txt"), words("images.txt"));
+    assert_eq!((lens[1].as_str(), image[9].as_str()), ("FULL_OPENCV", "yard.png"));
+    let p: Vec<f64> = lens[4..].iter().map(|word| word.parse().unwrap()).collect();
+    let q: Vec<f64> = image[1..8].iter().map(|word| word.parse().unwrap()).collect();
+    for point in scene(&camera) {
+        // v + 2 w (u x v) + 2 u x (u x v), with the quaternion (w, u).
+        let v = <[f64; 3]>::from(point);
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let u = [q[1], q[2], q[3]];
+        let once = cross(u, v);
+        let twice = cross(u, once);
+        let [x, y, z]: [f64; 3] =
+            std::array::from_fn(|i| v[i] + 2.0 * q[0] * once[i] + 2.0 * twice[i] + q[4 + i]);
+        let d = [p[4], p[5], p[6], p[7], p[8]];
+        let [x, y] = opencv_distorted([x / z, y / z], &d);
+        assert_near([p[0] * x + p[2], p[1] * y + p[3]], &camera, point, 0.0, "colmap");
+    }
+}
+
+#[test]
+fn nerfstudio_and_blender_have_the_axes_of_opengl() {
+    let camera = bent();
+    let frame = &json_of(&exported("nerfstudio", &site(&camera), "json"), "transforms.json")["frames"][0];
+    let m = numbers(&frame["transform_matrix"]);
+    let d: Vec<f64> = ["k1", "k2", "p1", "p2", "k3"].iter().map(|key| frame[key].as_f64().unwrap()).collect();
+    let at = |key: &str| frame[key].as_f64().unwrap();
+    for point in scene(&camera) {
+        let from = [point.x - m[3], point.y - m[7], point.z - m[11]];
+        let along = |j: usize| (0..3).map(|i| m[4 * i + j] * from[i]).sum::<f64>();
+        let (right, up, back) = (along(0), along(1), along(2));
+        assert!(back < 0.0, "what is seen is ahead");
+        let [x, y] = opencv_distorted([right / -back, -up / -back], &d);
+        assert_near(
+            [at("fl_x") * x + at("cx"), at("fl_y") * y + at("cy")],
+            &camera,
+            point,
+            0.0,
+            "nerfstudio",
+        );
+    }
+    let script = exported("blender", &site(&straight()), "py");
+    assert!(text_of(&script, "cameras.py").contains("matrix_world"));
+}
+
+#[test]
+fn scenescape_has_camera_to_world_and_w_last() {
+    let camera = bent();
+    let file = json_of(&exported("scenescape", &site(&camera), "json"), "cameras.json");
+    let (q, c) = (numbers(&file[0]["rotation"]), numbers(&file[0]["translation"]));
+    let (k, d) = (&file[0]["intrinsics"], &file[0]["distortion"]);
+    let d: Vec<f64> = ["k1", "k2", "p1", "p2", "k3"].iter().map(|key| d[key].as_f64().unwrap()).collect();
+    let [x, y, z, w] = [q[0], q[1], q[2], q[3]];
+    let r = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    for point in scene(&camera) {
+        let from = [point.x - c[0], point.y - c[1], point.z - c[2]];
+        let along = |j: usize| (0..3).map(|i| r[i][j] * from[i]).sum::<f64>();
+        let [x, y] = opencv_distorted([along(0) / along(2), along(1) / along(2)], &d);
+        let at = |key: &str| k[key].as_f64().unwrap();
+        assert_near([at("fx") * x + at("cx"), at("fy") * y + at("cy")], &camera, point, -0.5, "scenescape");
+    }
+}
+
+#[test]
+fn tables_and_bundles_of_matrices_say_what_the_camera_does() {
+    let camera = straight();
+    let bundle = json_of(&exported("nvidia", &site(&camera), "json"), "calibration.json");
+    let row = json_of(&exported("table", &site(&camera), "json"), "cameras.json");
+    let sensor = &bundle["sensors"][0];
+    let matrices = [&sensor["cameraMatrix"], &row["cameras"][0]["undistorted_px_from_world"]];
+    let homographies = [&sensor["homography"], &row["cameras"][0]["floor_from_undistorted_px"]];
+    for point in scene(&camera) {
+        let pixel = camera.world_to_pixel(point).unwrap();
+        for p in matrices.map(numbers) {
+            let w: Vec<f64> = (0..3)
+                .map(|i| p[4 * i] * point.x + p[4 * i + 1] * point.y + p[4 * i + 2] * point.z + p[4 * i + 3])
+                .collect();
+            assert!(w[2] > 0.0, "positive in front");
+            assert_near([w[0] / w[2], w[1] / w[2]], &camera, point, 0.0, "matrix");
+        }
+        if point.z == 0.0 {
+            for h in homographies.map(numbers) {
+                let w: Vec<f64> =
+                    (0..3).map(|i| h[3 * i] * pixel.u + h[3 * i + 1] * pixel.v + h[3 * i + 2]).collect();
+                assert!(w[2] > 0.0 && (w[0] / w[2] - point.x).hypot(w[1] / w[2] - point.y) < 1e-8);
+            }
+        }
+    }
+    assert!(sensor["imageCoordinates"].as_array().unwrap().len() >= 4);
+    let attributes = sensor["attributes"].as_array().unwrap();
+    assert!(attributes.iter().all(|attribute| attribute["value"].is_string()));
+    assert!(attributes.iter().any(|a| a["value"].as_str().unwrap().starts_with("POLYGON((")));
+}
+
+/// Prints the pixels of the points on its command line, as every file that follows has the camera.
+const CV2: &str = "
+import sys, json, cv2, numpy
+points = numpy.array(json.loads(sys.argv[1]))
+for name in sys.argv[2:]:
+    file = cv2.FileStorage(name, cv2.FILE_STORAGE_READ)
+    k, d, r, t = (file.getNode(key).mat() for key in ('camera_matrix', 'distortion_coefficients', 'rvec', 'tvec'))
+    print(json.dumps(cv2.projectPoints(points, r, t, k, d)[0].reshape(-1, 2).tolist()))
+";
+
+#[test]
+fn cv2_reads_every_file_storage_and_projects_as_the_camera_does() {
+    let Some(python) = peers_python() else { return };
+    let (scratch, camera) = (Scratch::new(), bent());
+    scratch.write("site.json", site(&camera).to_json());
+    let names = ["yard.json", "yard.yml", "yard.xml"];
+    for name in names {
+        scratch.calib(&["export", "opencv", "site.json", "-o", name]).expect_code(0);
+    }
+    let points = scene(&camera);
+    let mut command = std::process::Command::new(python);
+    command.arg("-c").arg(CV2).arg(json!(points).to_string()).args(names.map(|name| scratch.path(name)));
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<Vec<[f64; 2]>> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), names.len());
+    for (point, pixel) in lines.iter().flat_map(|line| points.iter().zip(line)) {
+        assert_near(*pixel, &camera, *point, -0.5, "cv2");
+    }
+}
+
+/// Published with NVIDIA's calibration tool: a camera, and what it sees.
+const GOLDEN_K: [[f64; 3]; 3] =
+    [[1_269.005_115_844_92, 0.0, 960.0], [0.0, 1_269.005_115_844_919_4, 540.0], [0.0, 0.0, 1.0]];
+const GOLDEN_RT: [[f64; 4]; 3] = [
+    [0.999_994_149_974_386_3, 0.002_025_807_353_941_812_7, 0.002_756_106_233_319_78, 7.506_433_779_240_641],
+    [0.003_291_497_863_828_7, -0.350_683_784_262_817_5, -0.936_488_147_013_576_3, 1.200_289_074_530_320_7],
+    [-0.000_930_622_811_368_523_9, 0.936_491_740_251_709, -0.350_688_400_694_275_26, 11.111_379_874_347_342],
+];
+const GOLDEN_P: [f64; 12] = [
+    1_268.104_294_233_574_6,
+    901.602_830_537_508_9,
+    -333.163_351_756_609_36,
+    20_192.627_546_980_937,
+    3.674_391_309_852_344,
+    60.686_023_462_551_134,
+    -1_377.779_985_863_266_7,
+    7_523.318_108_219_307,
+    -0.000_930_622_811_368_523_9,
+    0.936_491_740_251_709,
+    -0.350_688_400_694_275_26,
+    11.111_379_874_347_342,
+];
+
+fn golden() -> File {
+    let size = json!([{"name": "frameWidth", "value": "1920"}, {"name": "frameHeight", "value": "1080"}]);
+    let sensor = json!({"type": "camera", "id": "Camera_01", "intrinsicMatrix": GOLDEN_K,
+        "extrinsicMatrix": GOLDEN_RT, "attributes": size});
+    let document = json!({"version": "1.0", "sensors": [sensor]});
+    File { name: "calibration.json".into(), bytes: document.to_string().into_bytes() }
+}
+
+#[test]
+fn the_golden_camera_is_read_and_written_as_published() {
+    let site = import(format("nvidia").unwrap(), &[golden()]).unwrap().site;
+    let camera = site.cameras[0].camera().unwrap();
+    assert!(camera.position.distance(WorldPoint::new(-7.5, -10.0, 5.0)) < 1e-4, "{:?}", camera.position);
+    let foot = WorldPoint::new(-7.822_655_677_795_41, 4.598_347_663_879_394_5, 0.0);
+    assert!(camera.world_to_pixel(foot).unwrap().distance(Pixel::new(934.75, 503.96)) < 0.0075);
+    let floor = camera.pixel_to_floor(Pixel::new(933.5, 507.0), 0.0).unwrap();
+    assert!((floor.x + 7.835).hypot(floor.y - 4.485) < 1e-3, "{floor:?}");
+    assert_eq!(camera.pixel_to_floor(Pixel::new(960.0, 10.0), 0.0), None, "above the horizon");
+    let export = exported("nvidia", &site, "json");
+    let text = text_of(&export, "camInfo/Camera_01.yml");
+    let p: Vec<f64> =
+        text.lines().skip(1).take(12).map(|l| l.trim_start_matches("- ").parse().unwrap()).collect();
+    for (found, published) in p.iter().zip(GOLDEN_P) {
+        // The published rotation is one of single precision: made orthogonal, it moves by as much.
+        assert!((found - published).abs() < 1e-6 * (1.0 + published.abs()), "{found} {published}");
+    }
+    assert!(text.contains("modelInfo:\n  - classID: 0\n"));
+}
+
+#[test]
+fn a_sample_of_ros_is_read() {
+    let text = "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [516.385667640757, 0, 339.167079537312, 0, 516.385667640757, 227.37993524141, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.331416226762003, 0.143584747015566, 0.00314558656668844, -0.00393597842852019, 0]\n";
+    let file = File { name: "front.yaml".into(), bytes: text.into() };
+    let site = import(format("ros").unwrap(), &[file]).unwrap().site;
+    let lens = site.cameras[0].lens();
+    assert!(lens.principal_point.distance(Pixel::new(339.667_079_537_312, 227.879_935_241_41)) < 1e-12);
+    let brown = BrownConrady {
+        k1: -0.331_416_226_762_003,
+        k2: 0.143_584_747_015_566,
+        k3: 0.0,
+        p1: 0.003_145_586_566_688_44,
+        p2: -0.003_935_978_428_520_19,
+    };
+    assert_eq!(lens.distortion, Distortion::BrownConrady(brown));
+}
+
+#[test]
+fn headers_and_tags_of_every_opencv_are_read() {
+    let body = "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1100., 0., 960., 0., 1100., 540., 0., 0., 1. ]\ndist_coeffs: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.31, 0.11, 4.0e-04, -2.0e-04, 0. ]\n";
+    for head in ["%YAML:1.0\n---\n", "%YAML 1.2\n---\n", "%YAML:1.0\n", "---\n", ""] {
+        for body in [body.to_owned(), body.replace(" !!opencv-matrix", "")] {
+            let file = File { name: "lens.yml".into(), bytes: format!("{head}{body}").into_bytes() };
+            let site = import(format("opencv").unwrap(), &[file])
+                .unwrap_or_else(|error| panic!("{head:?}: {error}"))
+                .site;
+            assert_eq!(site.cameras[0].size_px, [1921, 1081], "twice the centre");
+            assert_eq!(site.cameras[0].lens().principal_point, Pixel::new(960.5, 540.5));
+        }
+    }
+}
+
+#[test]
+fn lenses_of_kalibr_and_caliscope_are_read() {
+    let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 461.6, 362.7, 248.1]\n  distortion_model: radtan\n  distortion_coeffs: [-0.28, 0.07, 0.0001, 1.7e-05]\n  resolution: [752, 480]\n  rostopic: /cam0/image_raw\n";
+    let caliscope = "[cam_0]\nname = \"left\"\nsize = [1280, 720]\nmatrix = [[900.0, 0.0, 640.0], [0.0, 900.0, 360.0], [0.0, 0.0, 1.0]]\ndistortions = [-0.2, 0.05, 0.0, 0.0, 0.0]\nrotation = [0.1, 0.0, 0.0]\ntranslation = [0.0, 0.0, 0.0]\nfisheye = false\n\n[metadata]\nadjusted = false\nerror = 0.0\n";
+    for (name, file, text, id) in
+        [("kalibr", "camchain.yaml", kalibr, "cam0"), ("caliscope", "config.toml", caliscope, "left")]
+    {
+        let file = File { name: file.into(), bytes: text.into() };
+        let site = import(format(name).unwrap(), &[file]).unwrap().site;
+        assert_eq!(site.cameras[0].id, id);
+        assert!(matches!(site.cameras[0].lens().distortion, Distortion::BrownConrady(b) if b.k1 < -0.1));
+    }
+}
+
+#[test]
+fn an_fspy_project_gives_its_camera_back() {
+    let camera = Camera { lens: Lens::pinhole(Pixel::new(940.0, 560.0)), ..straight() };
+    let [right, down, forward] = camera.rotation();
+    let centre = <[f64; 3]>::from(camera.position);
+    let row = |i: usize| [right[i], -down[i], -forward[i], centre[i]];
+    let state = json!({"cameraParameters": {
+        "principalPoint": {"x": (940.0 - 960.0) / 960.0, "y": (540.0 - 560.0) / 960.0},
+        "horizontalFieldOfView": 2.0 * (960.0 / camera.focal).atan(),
+        "cameraTransform": {"rows": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]},
+        "imageWidth": 1920, "imageHeight": 1080,
+    }});
+    let state = state.to_string();
+    let mut bytes = b"fspy\x01\x00\x00\x00".to_vec();
+    bytes.extend((state.len() as u32).to_le_bytes());
+    bytes.extend(3_u32.to_le_bytes());
+    bytes.extend(state.as_bytes());
+    bytes.extend(b"img");
+    let file = File { name: "yard.fspy".into(), bytes };
+    let site = import(format("fspy").unwrap(), &[file]).unwrap().site;
+    let expected = Camera { lens: Lens { focal: camera.focal, ..camera.lens }, ..camera };
+    assert!(camera_difference(&site.cameras[0].camera().unwrap(), &expected) < 1e-9);
+}
+
+#[test]
+fn a_stream_of_another_size_has_its_own_numbers() {
+    let camera = straight();
+    let options = ExportOptions { rescale: Some([960, 360]), ..ExportOptions::default() };
+    let export = export(format("opencv").unwrap(), &site(&camera), &options).unwrap();
+    let k = numbers(&json_of(&export, "yard.json")["camera_matrix"]["data"]);
+    let ours = camera.lens.principal_point;
+    assert!((k[0] - camera.focal / 2.0).abs() + (k[4] - camera.focal / 3.0).abs() < 1e-9);
+    assert!((k[2] - (ours.u / 2.0 - 0.5)).abs() + (k[5] - (ours.v / 3.0 - 0.5)).abs() < 1e-12);
+}
+
+#[test]
+fn the_rectified_camera_comes_with_the_map_that_makes_its_image() {
+    let camera = bent();
+    let options = ExportOptions { rectified: true, rescale: Some([480, 270]), ..ExportOptions::default() };
+    let export = export(format("nvidia").unwrap(), &site(&camera), &options).unwrap();
+    assert_eq!(export.losses, []);
+    let map = export.files.iter().find(|file| file.name == "yard.remap.npy").unwrap();
+    let length = usize::from(u16::from_le_bytes([map.bytes[8], map.bytes[9]])) + 10;
+    assert_eq!((length % 64, map.bytes.len()), (0, length + 480 * 270 * 8));
+    let p = numbers(&json_of(&export, "calibration.json")["sensors"][0]["cameraMatrix"]);
+    for point in scene(&camera) {
+        let row =
+            |i: usize| p[4 * i] * point.x + p[4 * i + 1] * point.y + p[4 * i + 2] * point.z + p[4 * i + 3];
+        // The nearest pixel of the new image, and where the map sends it.
+        let [x, y] = [row(0) / row(2), row(1) / row(2)].map(f64::floor);
+        if !(0.0..480.0).contains(&x) || !(0.0..270.0).contains(&y) {
+            continue;
+        }
+        let at = length + (y as usize * 480 + x as usize) * 8;
+        let read = |at: usize| f64::from(f32::from_le_bytes(map.bytes[at..at + 4].try_into().unwrap()));
+        let raw = camera.world_to_pixel(point).unwrap();
+        let off = (read(at) + 0.5 - raw.u / 4.0).hypot(read(at + 4) + 0.5 - raw.v / 4.0);
+        assert!(off < 1.5, "{off} px");
+    }
+}
+
+#[test]
+fn every_export_is_refused_or_written_as_its_losses_say() {
+    let scratch = Scratch::new();
+    scratch.write("bent.json", site(&bent()).to_json());
+    for format in FORMATS.iter().filter(|format| format.exports()) {
+        let export = exported(format.name, &site(&bent()), format.extensions[0]);
+        let folder = format!("out-{}", format.name);
+        let ended = scratch.calib(&["export", format.name, "bent.json", "-o", &folder]);
+        if export.losses.is_empty() {
+            ended.expect_code(0);
+        } else {
+            let ended = ended.expect_code(5);
+            assert!(ended.stderr.contains("distortion") && ended.stderr.contains("yard"), "{}", ended.stderr);
+            assert!(!scratch.path(&folder).exists(), "{}: refused is not written", format.name);
+            scratch
+                .calib(&["export", format.name, "bent.json", "-o", &folder, "--allow-lossy"])
+                .expect_code(0);
+        }
+        for file in &export.files {
+            assert!(scratch.path(&folder).join(&file.name).exists(), "{}", file.name);
+        }
+        let flat = format!("flat-{}", format.name);
+        let rectified =
+            ["export", format.name, "bent.json", "-o", &flat, "--rectified", "--rescale", "480x270"];
+        scratch.calib(&rectified).expect_code(0);
+        assert!(scratch.path(&flat).join("yard.remap.npy").exists());
+        scratch.calib(&rectified).expect_code(1);
+    }
+    for name in ["nvidia", "wildtrack", "sql", "blender"] {
+        let export = exported(name, &site(&bent()), format(name).unwrap().extensions[0]);
+        assert!(!export.losses.is_empty(), "{name} holds no distortion");
+    }
+}
+
+#[test]
+fn the_command_line_reads_what_it_wrote() {
+    let scratch = Scratch::new();
+    scratch.write("site.json", site(&bent()).to_json());
+    scratch.calib(&["export", "opencv", "site.json", "-o", "yard.yml"]).expect_code(0);
+    let back = scratch.calib(&["import", "opencv", "yard.yml"]).expect_code(0).json();
+    assert_eq!(back["cameras"][0]["solution"]["method"], "given");
+    scratch.calib(&["export", "colmap", "site.json", "-o", "model"]).expect_code(0);
+    scratch.calib(&["import", "colmap", "model", "-o", "back.json"]).expect_code(0);
+    let back = Site::from_json(&scratch.read_json("back.json").to_string()).unwrap();
+    assert!(camera_difference(&back.cameras[0].camera().unwrap(), &bent()) < 1e-9);
+    let pixel = scratch
+        .calib_with(&["project", "back.json", "--camera", "yard", "--to", "pixel"], "x_m,y_m,z_m\n1,2,0\n")
+        .expect_code(0);
+    assert!(pixel.stdout.lines().nth(1).unwrap().starts_with("1,2,0,"), "{}", pixel.stdout);
+    scratch.calib(&["export", "obj", "site.json", "-o", "x"]).expect_code(2);
+    scratch.calib(&["export", "opencv", "site.json", "-o", "x", "--rescale", "9"]).expect_code(2);
+    scratch.calib(&["export", "opencv", "site.json", "-o", "x", "--file-type", "png"]).expect_code(2);
+    let broken = scratch.calib(&["import", "ros", "site.json"]).expect_code(3);
+    assert!(broken.stderr.contains("camera_matrix"), "{}", broken.stderr);
+}
+
+#[test]
+fn zones_carry_the_lengths_of_their_sides() {
+    let mut site = site(&straight());
+    let corners = [[300.0, 1000.0], [1700.0, 1000.0], [1400.0, 600.0], [500.0, 600.0]].map(Pixel::from);
+    site.cameras[0].efov_px = Some(corners.to_vec());
+    let text = exported("frigate", &site, "yml");
+    let text = text_of(&text, "zones.yml");
+    let list = |key: &str| -> Vec<f64> {
+        let line = text.lines().find(|line| line.trim_start().starts_with(key)).unwrap();
+        line.split_once(": ").unwrap().1.split(',').map(|n| n.parse().unwrap()).collect()
+    };
+    let floor = corners.map(|corner| straight().pixel_to_floor(corner, 0.0).unwrap());
+    for (i, side) in list("distances").iter().enumerate() {
+        assert!((side - floor[i].distance(floor[(i + 1) % 4])).abs() < 0.006);
+    }
+    assert_eq!(list("coordinates").len(), 8);
+    let analytics = exported("nvdsanalytics", &site, "txt");
+    let roi = "roi-floor=300;1000;1700;1000;1400;600;500;600";
+    assert!(text_of(&analytics, "nvdsanalytics.txt").contains(roi));
+}
+
+#[test]
+fn on_the_earth_a_metre_north_is_a_metre_north() {
+    let mut site = site(&straight());
+    let name = |site: &Site| exported("geojson", site, "geojson").files[0].name.clone();
+    assert_eq!(name(&site), "site.local.geojson");
+    // World +x to the east: the camera is 3 m east and 4 m south of the origin.
+    site.georeference = Some(
+        serde_json::from_value(json!({"lat_deg": 52.0, "lon_deg": 5.0, "x_axis_azimuth_deg": 90.0})).unwrap(),
+    );
+    let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
+    let camera =
+        document["features"].as_array().unwrap().iter().find(|f| f["properties"]["kind"] == "camera");
+    let at = numbers(&camera.unwrap()["geometry"]["coordinates"]);
+    // At 52 degrees a degree of latitude is 111.267 km and one of longitude 68.678 km.
+    assert!(((at[0] - 5.0) * 68_678.0 - 3.0).abs() < 1e-3, "{at:?}");
+    assert!(((at[1] - 52.0) * 111_267.0 + 4.0).abs() < 1e-3, "{at:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn a_mangled_file_is_an_error_that_says_where(cut in 0.0..1.0_f64, byte in any::<u8>(), at in 0.0..1.0_f64) {
+        let site = site(&bent());
+        for format in FORMATS.iter().filter(|format| format.exports() && format.imports()) {
+            for extension in format.extensions {
+                let files = exported(format.name, &site, extension).files;
+                let share = |length: usize, share: f64| (length as f64 * share) as usize;
+                let changed = |change: &dyn Fn(&mut Vec<u8>)| -> Vec<File> {
+                    let mut files = files.clone();
+                    files.iter_mut().for_each(|file| change(&mut file.bytes));
+                    files
+                };
+                let short = changed(&|bytes| bytes.truncate(share(bytes.len(), cut)));
+                let other = changed(&|bytes| { let i = share(bytes.len() - 1, at); bytes[i] = byte; });
+                for files in [short, other] {
+                    if let Err(error) = import(format, &files) {
+                        prop_assert!(!error.place.is_empty() && !error.message.is_empty());
+                        prop_assert!(error.to_string().len() < 1000, "{error}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn hostile_files_are_errors() {
+    let deep = "[".repeat(100_000);
+    let bomb = (0..30).fold("a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n".to_owned(), |text, i| {
+        let list = vec![format!("*a{i}"); 10].join(", ");
+        format!("{text}a{}: &a{} [{list}]\n", i + 1, i + 1)
+    });
+    let entities =
+        "<?xml version=\"1.0\"?><!DOCTYPE a [<!ENTITY b \"bbbbbbbb\"><!ENTITY c \"&b;&b;&b;\">]><a>&c;</a>";
+    let huge = "1e999999 ".repeat(1000);
+    let texts = [
+        "",
+        "{}",
+        "[]",
+        "null",
+        "\u{0}",
+        "cam0: {intrinsics: [.nan, .inf, 1, 1]}",
+        "[cam]\nmatrix = 7\nsize = []\n",
+        "{\"sensors\": [{\"id\": 7}]}",
+        "{\"sensors\": {}}",
+        "<a><b/></a>",
+        "{\"camera_matrix\": {\"data\": [0,0,0,0,0,0,0,0,0]}}",
+        "{\"camera_matrix\": {\"data\": [1e9,0,1e300,0,1e9,0,0,0,1]}}",
+        "fspy\u{1}\u{0}\u{0}\u{0}\u{7f}\u{7f}\u{7f}\u{7f}0000{}",
+        &deep,
+        &bomb,
+        entities,
+        &huge,
+        "1 PINHOLE 0 99999999999 nan inf 3\n",
+    ];
+    for format in FORMATS.iter().filter(|format| format.imports()) {
+        for text in texts {
+            for name in ["cameras.txt", "intr_a.xml", "a.json", "a.yml"] {
+                let file = |name: &str| File { name: name.into(), bytes: text.as_bytes().to_vec() };
+                let files = [file(name), file("images.txt"), file("extr_a.xml")];
+                let error = import(format, &files).unwrap_err();
+                assert!(error.to_string().len() < 1000, "{}: {error}", format.name);
+            }
+        }
+        assert!(import(format, &[]).is_err());
+        let binary = File { name: "a.bin".into(), bytes: vec![0xFF; 100] };
+        assert!(import(format, &[binary]).is_err());
+    }
+}
