@@ -317,12 +317,18 @@ fn assert_found(layout: &Layout, what: &str) {
     }
 }
 
+/// Three cameras that share nothing yet, the first where it stands.
+fn bare_ring(random: &mut ChaCha8Rng) -> Layout {
+    let mut layout = Layout::ring(random, 3, 0, 0.0);
+    layout.place_first();
+    layout
+}
+
 #[test]
-fn posts_marks_and_lines_tie_cameras_too() {
+fn posts_tie_cameras() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {
-        let mut layout = Layout::ring(&mut random, 3, 0, 0.0);
-        layout.place_first();
+        let layout = bare_ring(&mut random);
         let mut posts = layout.clone();
         for (i, [x, y]) in [[0.5, 0.3], [-0.8, 0.4], [0.2, -0.9]].into_iter().enumerate() {
             let length = 0.6 + 0.2 * i as f64;
@@ -335,7 +341,14 @@ fn posts_marks_and_lines_tie_cameras_too() {
             posts.site.links.push(link(&format!("post {i}"), LinkKind::Post, seen));
         }
         assert_found(&posts, "posts");
+    }
+}
 
+#[test]
+fn marks_tie_cameras_and_give_the_scale() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..5 {
+        let layout = bare_ring(&mut random);
         // A box of known size gives the scale, too: the first camera's own is taken away.
         let mut marks = layout.clone();
         let (at, turned) = (WorldPoint::new(0.3, -0.2, 0.0), 0.7_f64);
@@ -366,7 +379,14 @@ fn posts_marks_and_lines_tie_cameras_too() {
         let report = solve(&marks);
         let mark = report.marks[0].as_ref().unwrap();
         assert!(mark.at_m.distance(at) < 1e-4 && (mark.turn_deg.unwrap() - turned.to_degrees()).abs() < 1e-3);
+    }
+}
 
+#[test]
+fn pieces_of_floor_lines_tie_cameras() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..5 {
+        let layout = bare_ring(&mut random);
         // Two floor lines, of which every camera shows another piece; heights are known, and a hand has
         // put the cameras about where they stand.
         let mut lines = layout.clone();

@@ -225,8 +225,11 @@ fn control_points_place_the_cameras_where_they_hang() {
     }
 }
 
-/// Ids of control points with the cameras that show them, their pixels, and where they are.
-type Points = BTreeMap<u64, (Vec<(String, Pixel)>, WorldPoint)>;
+/// The cameras that show a control point with their pixels, and where it is.
+type Shown = (Vec<(String, Pixel)>, WorldPoint);
+
+/// Control points by their ids.
+type Points = BTreeMap<u64, Shown>;
 
 fn points(data: &Value) -> Points {
     let mut points = Points::new();
@@ -267,8 +270,7 @@ fn links_and_one_distance_recover_the_shelter_in_one_frame() {
     site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
     let all = points(&data);
     // Every third point that cameras share is held back.
-    let shared: Vec<(&u64, &(Vec<(String, Pixel)>, WorldPoint))> =
-        all.iter().filter(|(_, (seen, _))| seen.len() > 1).collect();
+    let shared: Vec<(&u64, &Shown)> = all.iter().filter(|(_, (seen, _))| seen.len() > 1).collect();
     let (held, used): (Vec<_>, Vec<_>) = shared.iter().enumerate().partition(|(i, _)| i % 3 == 2);
     site.links = used.iter().map(|(_, (id, (seen, at)))| link(**id, seen, at.z)).collect();
     let (a, b) = (&all[&35].1, &all[&37].1);

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Some(plan) => files::write_atomically(&folder.join(plan), &files::png(&demo.plan)?)?,
         // Left by a run with a plan, it would look as if it belonged to this one.
         None if stale.exists() => {
-            std::fs::remove_file(&stale).context("removing the plan of an earlier run")?
+            std::fs::remove_file(&stale).context("removing the plan of an earlier run")?;
         }
         None => {}
     }
