@@ -434,14 +434,7 @@ fn a_held_focal_leaves_pitch_and_roll_at_their_own_bound() {
         let focal = studio.camera.focal;
         let annotations = vec![studio.verticals(), studio.parallels(70.0)];
         let mut camera = studio.site(annotations);
-        let lens = LensEntry {
-            focal_px: Some(Known::fixed(focal)),
-            roll_deg: None,
-            pitch_deg: None,
-            principal_point_px: None,
-            distortion: None,
-            like: None,
-        };
+        let lens = LensEntry { focal_px: Some(Known::fixed(focal)), ..LensEntry::default() };
         camera.lens = Some(lens);
         let solution = solve(camera);
         assert_eq!(solution.focal_px, focal);

@@ -174,12 +174,23 @@ fn a_chain_drifts_and_a_loop_closes_it() {
 fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera) {
     let hfov = random.random_range(60.0..95.0);
     let scene = RandomScene::new(random, Drawn::Directions, Some(hfov), None);
-    let k1 = random.random_range(-0.3..-0.05);
-    let k2 = random.random_range(0.0..0.05) - 0.3 * k1 * k1;
-    let mut shift = || if tangential { random.random_range(-0.003..0.003) } else { 0.0 };
-    let brown = BrownConrady { k1, k2, k3: 0.0, p1: shift(), p2: shift() };
-    let focal = 0.5 * SIZE[0].hypot(SIZE[1]);
-    let lens = Lens { focal, distortion: Distortion::BrownConrady(brown), ..scene.camera.lens };
+    let [w, h] = SIZE;
+    let (beside, above) = (0.1 * w, 0.1 * h);
+    let corners = [[-beside, -above], [w + beside, -above], [w + beside, h + above], [-beside, h + above]];
+    let corners = corners.map(Pixel::from);
+    let focal = 0.5 * w.hypot(h);
+    // A real lens shows the scene up to the corners of its image, and here a little beyond: a fit that
+    // ends where the lens folds back within the image is cut off there, and no bound is for that.
+    let lens = loop {
+        let k1 = random.random_range(-0.3..-0.05);
+        let k2 = random.random_range(0.0..0.05) - 0.3 * k1 * k1;
+        let mut shift = || if tangential { random.random_range(-0.003..0.003) } else { 0.0 };
+        let brown = BrownConrady { k1, k2, k3: 0.0, p1: shift(), p2: shift() };
+        let lens = Lens { focal, distortion: Distortion::BrownConrady(brown), ..scene.camera.lens };
+        if corners.iter().all(|&corner| lens.undistort(corner).is_some()) {
+            break lens;
+        }
+    };
     let camera = Camera { lens, ..scene.camera };
     let bend = |pixel: Pixel| lens.distort(UndistortedPixel { u: pixel.u, v: pixel.v });
     let mut entry = SiteCamera::new("c", SIZE.map(|side| side as u32));
@@ -210,14 +221,7 @@ fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera)
     };
     let distortion =
         DistortionEntry { fit: Some(fit), ..DistortionEntry::new(DistortionModel::BrownConrady) };
-    entry.lens = Some(LensEntry {
-        focal_px: None,
-        roll_deg: None,
-        pitch_deg: None,
-        principal_point_px: None,
-        distortion: Some(distortion),
-        like: None,
-    });
+    entry.lens = Some(LensEntry { distortion: Some(distortion), ..LensEntry::default() });
     (entry, camera)
 }
 
@@ -289,22 +293,7 @@ fn shown(layout: &Layout, camera: usize, at: [f64; 3]) -> Pixel {
 }
 
 fn seen(layout: &Layout, camera: usize) -> LinkSeen {
-    let camera = layout.site.cameras[camera].id.clone();
-    LinkSeen { camera, px: None, foot: None, head: None, segment: None }
-}
-
-fn link(id: &str, kind: LinkKind, seen: Vec<LinkSeen>) -> Link {
-    Link {
-        id: Some(id.into()),
-        name: None,
-        off: false,
-        keep: false,
-        kind,
-        height_m: None,
-        length_m: None,
-        seen,
-        solution: None,
-    }
+    LinkSeen::new(&layout.site.cameras[camera].id)
 }
 
 /// Cameras stand where they stand, to a hair.
@@ -338,7 +327,7 @@ fn posts_tie_cameras() {
                 ..seen(&posts, camera)
             });
             let seen = seen.collect();
-            posts.site.links.push(link(&format!("post {i}"), LinkKind::Post, seen));
+            posts.site.links.push(Link::new(Some(format!("post {i}")), LinkKind::Post, seen));
         }
         assert_found(&posts, "posts");
     }
@@ -410,7 +399,7 @@ fn pieces_of_floor_lines_tie_cameras() {
                 LinkSeen { segment: Some(ends.to_vec()), ..seen(&lines, camera) }
             });
             let seen = seen.collect();
-            lines.site.links.push(link(&format!("line {i}"), LinkKind::Line, seen));
+            lines.site.links.push(Link::new(Some(format!("line {i}")), LinkKind::Line, seen));
         }
         assert_found(&lines, "lines");
     }

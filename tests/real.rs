@@ -84,11 +84,9 @@ fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
         };
         let lens = LensEntry {
             focal_px: hold_focal.then(|| Known::fixed(number("focal_px"))),
-            roll_deg: None,
-            pitch_deg: None,
             principal_point_px: Some(serde_json::from_value(truth["principal_point"].clone()).unwrap()),
             distortion: (number("k1") != 0.0).then_some(bent),
-            like: None,
+            ..LensEntry::default()
         };
         let lines = &camera["lines"];
         let [vertical, along, across] = if lines.is_null() {
@@ -325,24 +323,9 @@ fn links_and_one_distance_recover_the_shelter_in_one_frame() {
 }
 
 fn link(id: u64, seen: &[(String, Pixel)], height: f64) -> Link {
-    let seen = seen.iter().map(|(camera, px)| LinkSeen {
-        camera: camera.clone(),
-        px: Some(*px),
-        foot: None,
-        head: None,
-        segment: None,
-    });
-    Link {
-        id: Some(id.to_string()),
-        name: None,
-        off: false,
-        keep: false,
-        kind: LinkKind::Point,
-        height_m: Some(height),
-        length_m: None,
-        seen: seen.collect(),
-        solution: None,
-    }
+    let seen = seen.iter().map(|(camera, px)| LinkSeen { px: Some(*px), ..LinkSeen::new(camera) });
+    let link = Link::new(Some(id.to_string()), LinkKind::Point, seen.collect());
+    Link { height_m: Some(height), ..link }
 }
 
 #[test]

@@ -52,14 +52,7 @@ impl App {
 
     /// Changes what is known of the lens of the camera in hand.
     pub fn with_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
-        let empty = LensEntry {
-            focal_px: None,
-            roll_deg: None,
-            pitch_deg: None,
-            principal_point_px: None,
-            distortion: None,
-            like: None,
-        };
+        let empty = LensEntry::default();
         if let Some(entry) = self.session.entry_mut() {
             change(entry.lens.get_or_insert_with(|| empty.clone()));
             entry.lens.take_if(|lens| *lens == empty);

@@ -8,15 +8,13 @@ use crate::covariance::Covariance;
 use crate::likelihood::Prior;
 use crate::minima::OPEN_FOCAL;
 use crate::minimize::least_squares;
-use crate::outliers::{LEVEL, chi2_score, is_misfit, stands_out};
+use crate::outliers::{LEVEL, chi2_score, inflation, is_misfit, stands_out};
 use crate::refine::{Joint, Of, View};
 use crate::slots::VIEW;
 use crate::tie::{Gap, PLACE, Tie};
 
 /// Steps of one run; a start along a spanning tree is near.
 const ROUNDS: usize = 60;
-/// Least degrees of freedom from which the residuals are believed about the drawing noise.
-const ENOUGH: i64 = 10;
 /// Share of the information of its own residuals that an unknown gets on top, so that what they leave
 /// open together has a large variance and not an infinite one.
 const OPEN: f64 = 1e-12;
@@ -107,33 +105,33 @@ impl Network<'_> {
         Some(self.finish(settled, aside))
     }
 
-    fn without(&self, aside: &[Suspect]) -> Self {
-        let mut network = self.clone();
+    /// Ties and distances with some of them set aside.
+    fn without(&self, aside: &[Suspect]) -> (Vec<Tie>, Vec<Gap>) {
+        let (mut ties, mut gaps) = (self.ties.clone(), self.gaps.clone());
         for suspect in aside {
             match *suspect {
                 Suspect::Tie(tie) => {
-                    network.ties[tie].off = true;
-                    let ends = network.gaps.iter_mut().filter(|gap| gap.between.contains(&tie));
-                    ends.for_each(|gap| gap.off = true);
+                    ties[tie].off = true;
+                    gaps.iter_mut().filter(|gap| gap.between.contains(&tie)).for_each(|gap| gap.off = true);
                 }
-                Suspect::Gap(gap) => network.gaps[gap].off = true,
+                Suspect::Gap(gap) => gaps[gap].off = true,
             }
         }
-        network
+        (ties, gaps)
     }
 
     /// The minimum without what is set aside. The weak belief about a focal enters where nothing else
     /// tells it, links included.
     fn settle(&self, aside: &[Suspect]) -> Option<Settled<'_>> {
-        let network = self.without(aside);
         let believed: Vec<Option<Prior>> =
-            network.views.iter().map(|view| view.stage_1.priors.weak_log_focal).collect();
+            self.views.iter().map(|view| view.stage_1.priors.weak_log_focal).collect();
         let with = |which: &dyn Fn(usize) -> bool| {
             let mut views = self.views.clone();
             for (index, view) in views.iter_mut().enumerate() {
                 view.stage_1.priors.weak_log_focal = believed[index].filter(|_| which(index));
             }
-            Joint::new(views, network.ties.clone(), network.gaps.clone())
+            let (ties, gaps) = self.without(aside);
+            Joint::new(views, ties, gaps)
         };
         if believed.iter().all(Option::is_none) {
             return settled(with(&|_| false));
@@ -175,11 +173,7 @@ impl Network<'_> {
     fn finish(&self, settled: Settled, aside: Vec<Suspect>) -> Adjusted {
         let Settled { joint, state, chi2, dof } = settled;
         let misfit = is_misfit(chi2, dof);
-        let inflation = if !self.noise_is_known() && (dof >= ENOUGH || misfit) {
-            (chi2 / dof.max(1) as f64).max(1.0)
-        } else {
-            1.0
-        };
+        let inflation = if self.noise_is_known() { 1.0 } else { inflation(chi2, dof) };
         let mut residuals = Vec::new();
         let _ = joint.each_residual(&state, |residual, _, of| residuals.push((of, residual)));
         let mut cameras: Vec<Camera> = (0..joint.views.len())

@@ -273,11 +273,7 @@ impl Camera {
             Covariance::PITCH => camera.pitch += by,
             Covariance::ROLL => camera.roll += by,
             Covariance::FOCAL => camera.focal += by,
-            coefficient => {
-                let mut coefficients = camera.lens.distortion.coefficients();
-                coefficients[coefficient - Covariance::LENS] += by;
-                camera.lens.distortion = camera.lens.distortion.with_coefficients(coefficients);
-            }
+            coefficient => camera.lens = camera.lens.nudged(coefficient - Covariance::LENS, by),
         }
         camera
     }

@@ -110,8 +110,8 @@ struct Problem<'a> {
     fitted: Fitted,
     principal_point: Pixel,
     unit: f64,
-    /// Corners of the image from the principal point, in units.
-    corners: [[f64; 2]; 4],
+    /// Width and height of the image, in pixels.
+    size: [f64; 2],
 }
 
 impl Problem<'_> {
@@ -126,7 +126,7 @@ impl Problem<'_> {
     /// `None` where the lens folds back on itself before a corner of the image.
     fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
         let lens = self.lens(values);
-        if !self.corners.iter().all(|&corner| lens.distortion.reaches(corner)) {
+        if !lens.shows_image(self.size) {
             return None;
         }
         let mut all = Vec::new();
@@ -258,12 +258,8 @@ impl LensFit {
             let kannala = matches!(fitted, Fitted::KannalaBrandt(_));
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
-            let [w, h] = options.size;
-            let principal_point = options.principal_point;
-            let Pixel { u: cu, v: cv } = principal_point;
-            let corners =
-                [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|[u, v]| [(u - cu) / unit, (v - cv) / unit]);
-            Problem { edges: edges.clone(), fitted, principal_point, unit, corners }
+            let LensOptions { principal_point, size, .. } = *options;
+            Problem { edges: edges.clone(), fitted, principal_point, unit, size }
         };
         let straight = Choice::straight(problem(Fitted::BrownConrady([false; 5])))?;
         let before = straight.cost;

@@ -11,7 +11,7 @@ use crate::evidence::{Evidence, Source};
 use crate::lens::Lens;
 use crate::likelihood::{Priors, Problem, State, predictable};
 use crate::minima::{Found, Minimum, weak_belief};
-use crate::outliers::{Search, is_misfit, solve_without_outliers};
+use crate::outliers::{Search, inflation, is_misfit, solve_without_outliers};
 use crate::placement::STAGE_1_HEIGHT;
 use crate::report::{Failure, FailureCode};
 use crate::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
@@ -82,8 +82,6 @@ pub struct Fit {
 
 /// Chi-square by which a second minimum must be worse to be ruled out.
 const RULED_OUT: f64 = 6.0;
-/// Least degrees of freedom from which the residuals are believed about the drawing noise.
-const ENOUGH: i64 = 10;
 
 impl Fit {
     /// The maximum-likelihood fit.
@@ -113,13 +111,7 @@ impl Fit {
         }
         let chosen = choose(&found.minima, &problem, options).ok_or_else(impossible)?;
         let dof = problem.dof();
-        let inflation = match options.sigma {
-            // A misfit of few lines is as good a judge: without it the sigmas would be a lie.
-            None if dof >= ENOUGH || is_misfit(found.minima[chosen].chi2, dof) => {
-                (found.minima[chosen].chi2 / dof as f64).max(1.0)
-            }
-            _ => 1.0,
-        };
+        let inflation = options.sigma.map_or_else(|| inflation(found.minima[chosen].chi2, dof), |_| 1.0);
         let best = &found.minima[chosen];
         let camera = camera_of(best, &problem, options, inflation);
         let grid = grid(&camera, options.efov, options.size);

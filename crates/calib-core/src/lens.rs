@@ -84,6 +84,22 @@ impl Lens {
         Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
     }
 
+    /// Whether every corner of an image of this width and height shows a ray: then all of it does.
+    #[must_use]
+    pub(crate) fn shows_image(&self, [w, h]: [f64; 2]) -> bool {
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        let normalised = |[u, v]: [f64; 2]| [(u - cu) / self.focal, (v - cv) / self.focal];
+        let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]];
+        corners.into_iter().all(|corner| self.distortion.reaches(normalised(corner)))
+    }
+
+    /// The same lens with one of its coefficients changed.
+    pub(crate) fn nudged(&self, coefficient: usize, by: f64) -> Self {
+        let mut coefficients = self.distortion.coefficients();
+        coefficients[coefficient] += by;
+        Self { distortion: self.distortion.with_coefficients(coefficients), ..*self }
+    }
+
     /// The same map of pixels with coefficients that refer to another focal.
     ///
     /// `None` for the Kannala-Brandt model, whose coefficients have a focal of their own.

@@ -175,7 +175,7 @@ fn similarity(points: &[[Put; 2]]) -> Option<([f64; 2], f64)> {
     if points.len() < 2 {
         return None;
     }
-    let mut trust: Vec<f64> = points.iter().map(|[a, b]| (a.weight * b.weight).sqrt().powi(2)).collect();
+    let mut trust: Vec<f64> = points.iter().map(|[a, b]| a.weight * b.weight).collect();
     let base = trust.clone();
     let (mut turn, mut log_scale, mut told) = (0.0, 0.0, 0.0);
     for _ in 0..ROUNDS {

@@ -22,6 +22,14 @@ pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
     chi2_score(chi2, dof) > LEVEL
 }
 
+/// By how much the residuals say that the variance of what was drawn is larger than 1 px^2, where they
+/// are enough to be believed. A misfit of few lines is as good a judge: without it the sigmas would lie.
+pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
+    /// Least degrees of freedom from which the residuals are believed about the drawing noise.
+    const ENOUGH: i64 = 10;
+    if dof >= ENOUGH || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
+}
+
 /// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
 /// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
 /// fit without it, at 1 % for the worst of `count` pieces.

@@ -11,7 +11,7 @@ use crate::locate::locate;
 use crate::report::{Code, Failure, Residual, ResidualOf, Warning};
 use crate::shared::TieOf;
 use crate::sight::{Drawn, Pose};
-use crate::site::{Link, Mark, Site};
+use crate::site::Site;
 use crate::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
 use crate::tie::{PLACE, Sighting, Thing, Tie};
 
@@ -66,12 +66,9 @@ fn off(thing: &Thing, place: &[f64; PLACE], seen: &Sighting, camera: &Camera) ->
     px.is_finite().then_some(px)
 }
 
-fn link_name(link: &Link, index: usize) -> String {
-    link.id.clone().unwrap_or_else(|| index.to_string())
-}
-
-fn mark_name(mark: &Mark, index: usize) -> String {
-    mark.id.clone().unwrap_or_else(|| index.to_string())
+/// The id that the operator gave, or else its number in the list.
+fn name(id: Option<&String>, index: usize) -> String {
+    id.cloned().unwrap_or_else(|| index.to_string())
 }
 
 /// "a, b, c and 7 more".
@@ -86,11 +83,11 @@ fn enumerated(names: &[&str]) -> String {
 impl Site {
     fn tie_name(&self, of: TieOf) -> (ResidualOf, String) {
         match of {
-            TieOf::Link(i) => (ResidualOf::Link, link_name(&self.links[i], i)),
-            TieOf::Mark(i) => (ResidualOf::Mark, mark_name(&self.marks[i], i)),
+            TieOf::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
+            TieOf::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
             TieOf::ControlPoint { camera, point } => {
                 let entry = &self.cameras[camera].control_points[point];
-                (ResidualOf::ControlPoint, entry.id.clone().unwrap_or_else(|| point.to_string()))
+                (ResidualOf::ControlPoint, name(entry.id.as_ref(), point))
             }
         }
     }

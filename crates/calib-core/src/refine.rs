@@ -315,7 +315,7 @@ impl<'a> Joint<'a> {
         if !self.lens_is_free(view) || this.edges.is_empty() {
             return Some(());
         }
-        if camera.lens.distortion.max_radius() < corner(&camera.lens, this.size) {
+        if !camera.lens.shows_image(this.size) {
             return None;
         }
         let scale = this.stage_1.sigma.recip();
@@ -427,12 +427,9 @@ impl<'a> Joint<'a> {
             sorted[which].1[*place] = *slope;
             sorted[which].2 = self.blocks.sizes[*block];
         }
-        let [first, second] = &sorted;
-        let slope = |(block, by, size): &'_ (usize, [f64; VIEW], usize)| (*block, *by, *size);
-        let (first, second) = (slope(first), slope(second));
         let mut slopes = [Slope { block: 0, by: &[] }; 3];
         let mut count = 0;
-        for (block, by, size) in [&first, &second] {
+        for (block, by, size) in &sorted {
             if *size > 0 {
                 slopes[count] = Slope { block: *block, by: &by[..*size] };
                 count += 1;
@@ -476,12 +473,6 @@ fn unknowns_of(camera: &Camera) -> [f64; VIEW] {
     let [x, y, z] = camera.position.into();
     let [a, b, c, d, e] = camera.lens.distortion.coefficients();
     [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e]
-}
-
-/// Radius, in the lens's own units, of the image corner farthest from the principal point.
-fn corner(lens: &Lens, [w, h]: [f64; 2]) -> f64 {
-    let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(crate::space::Pixel::from);
-    corners.iter().map(|c| c.distance(lens.principal_point) / lens.focal).fold(0.0, f64::max)
 }
 
 /// All residuals of stage 1 under other evidence than its own, if any is given.

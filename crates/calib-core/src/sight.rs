@@ -52,12 +52,8 @@ impl Drawn {
         let (straight, slope) = lens.undistort_with_jacobian(pixel)?;
         let mut by_lens = [[0.0; Distortion::MOST]; 2];
         for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
-            let at = |by: f64| {
-                let mut coefficients = lens.distortion.coefficients();
-                coefficients[k] += by;
-                Lens { distortion: lens.distortion.with_coefficients(coefficients), ..*lens }.undistort(pixel)
-            };
-            let (ahead, behind) = (at(STEP)?, at(-STEP)?);
+            let (ahead, behind) =
+                (lens.nudged(k, STEP).undistort(pixel)?, lens.nudged(k, -STEP).undistort(pixel)?);
             by_lens[0][k] = (ahead.u - behind.u) / (2.0 * STEP);
             by_lens[1][k] = (ahead.v - behind.v) / (2.0 * STEP);
         }

@@ -129,6 +129,7 @@ document! {
     }
 
     /// What is known of a lens and of the angles of its camera.
+    #[derive(Default)]
     struct LensEntry {
         /// Focal length, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -367,6 +368,32 @@ impl Site {
 impl Default for Site {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl Link {
+    /// A link of this kind, seen like this.
+    #[must_use]
+    pub const fn new(id: Option<String>, kind: LinkKind, seen: Vec<LinkSeen>) -> Self {
+        Self {
+            id,
+            name: None,
+            off: false,
+            keep: false,
+            kind,
+            height_m: None,
+            length_m: None,
+            seen,
+            solution: None,
+        }
+    }
+}
+
+impl LinkSeen {
+    /// What this camera is to show, still without a pixel.
+    #[must_use]
+    pub fn new(camera: impl Into<String>) -> Self {
+        Self { camera: camera.into(), px: None, foot: None, head: None, segment: None }
     }
 }
 

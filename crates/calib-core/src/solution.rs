@@ -8,8 +8,8 @@ use crate::space::{FloorPoint, Pixel, WorldPoint};
 
 /// Declares plain structs of the document: strict, with optional fields left out when absent.
 macro_rules! document {
-    ($($(#[$doc:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
-        $(#[$doc])*
+    ($($(#[$attribute:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
+        $(#[$attribute])*
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
         #[serde(deny_unknown_fields)]
@@ -116,6 +116,7 @@ document! {
     }
 
     /// Standard deviations of what was estimated; absent where nothing was.
+    #[derive(Default)]
     struct Sigmas {
         /// In metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -315,25 +316,31 @@ pub enum Scale {
     Unknown,
 }
 
-impl Default for Sigmas {
-    fn default() -> Self {
-        let none = None;
+impl Solution {
+    /// A solution that says nothing but its focal, in pixels, and its principal point.
+    #[must_use]
+    pub const fn new(method: Method, stage: Stage, focal_px: f64, principal_point_px: Pixel) -> Self {
         Self {
-            x_m: none,
-            y_m: none,
-            z_m: none,
-            yaw_deg: none,
-            pitch_deg: none,
-            roll_deg: none,
-            focal_px: none,
-            k1: none,
-            k2: none,
-            k3: none,
-            k4: none,
-            p1: none,
-            p2: none,
-            lambda: none,
-            floor_length_rel: none,
+            method,
+            stage,
+            position_m: None,
+            yaw_deg: None,
+            pitch_deg: None,
+            roll_deg: None,
+            focal_px,
+            principal_point_px,
+            distortion: None,
+            sigma: None,
+            covariance: None,
+            sigma_px: None,
+            rms_px: None,
+            chi2: None,
+            dof: None,
+            efov_m: Vec::new(),
+            residuals: Vec::new(),
+            alternatives: Vec::new(),
+            warnings: Vec::new(),
+            draw_next: None,
         }
     }
 }

@@ -246,26 +246,12 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
 /// The bare solution of a camera: pose and lens.
 fn solution_of(camera: &Camera, method: Method) -> Solution {
     Solution {
-        method,
-        stage: Stage::Partial,
         position_m: Some(camera.position),
         yaw_deg: Some(camera.yaw.to_degrees()),
         pitch_deg: Some(camera.pitch.to_degrees()),
         roll_deg: Some(camera.roll.to_degrees()),
-        focal_px: camera.focal,
-        principal_point_px: camera.lens.principal_point,
         distortion: DistortionEntry::of(&camera.lens, camera.focal),
-        sigma: None,
-        covariance: None,
-        sigma_px: None,
-        rms_px: None,
-        chi2: None,
-        dof: None,
-        efov_m: Vec::new(),
-        residuals: Vec::new(),
-        alternatives: Vec::new(),
-        warnings: Vec::new(),
-        draw_next: None,
+        ..Solution::new(method, Stage::Partial, camera.focal, camera.lens.principal_point)
     }
 }
 

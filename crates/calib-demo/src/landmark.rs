@@ -131,33 +131,13 @@ pub(crate) fn links(hands: &mut [(&str, Hand)], count: usize) -> Vec<Link> {
     links
 }
 
-fn link(id: &str, kind: LinkKind, seen: Vec<LinkSeen>) -> Link {
-    Link {
-        id: Some(id.into()),
-        name: None,
-        off: false,
-        keep: false,
-        kind,
-        height_m: None,
-        length_m: None,
-        seen,
-        solution: None,
-    }
-}
-
 fn point_link(hands: &mut [(&str, Hand)], name: &str, point: WorldPoint) -> Link {
     let seen = hands
         .iter_mut()
         .filter(|(_, hand)| hand.sees(point))
-        .map(|(id, hand)| LinkSeen {
-            camera: (*id).into(),
-            px: hand.touch(point),
-            foot: None,
-            head: None,
-            segment: None,
-        })
+        .map(|(id, hand)| LinkSeen { px: hand.touch(point), ..LinkSeen::new(*id) })
         .collect();
-    link(name, LinkKind::Point, seen)
+    Link::new(Some(name.into()), LinkKind::Point, seen)
 }
 
 /// The pole with the sign, from the middle of its foot to its top.
@@ -169,13 +149,7 @@ fn pole(hands: &mut [(&str, Hand)]) -> Link {
     let seen = hands
         .iter_mut()
         .filter(|(_, hand)| shows(hand, foot) && shows(hand, head))
-        .map(|(id, hand)| LinkSeen {
-            camera: (*id).into(),
-            px: None,
-            foot: hand.touch(foot),
-            head: hand.touch(head),
-            segment: None,
-        })
+        .map(|(id, hand)| LinkSeen { foot: hand.touch(foot), head: hand.touch(head), ..LinkSeen::new(*id) })
         .collect();
-    link("sign pole", LinkKind::Post, seen)
+    Link::new(Some("sign pole".into()), LinkKind::Post, seen)
 }

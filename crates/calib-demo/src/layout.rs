@@ -148,24 +148,12 @@ impl Layout {
             return;
         }
         let seen = seen.into_iter().map(|(index, pixel)| LinkSeen {
-            camera: self.site.cameras[index].id.clone(),
             px: Some(Pixel { u: pixel.u + sigma * normal(random), v: pixel.v + sigma * normal(random) }),
-            foot: None,
-            head: None,
-            segment: None,
+            ..LinkSeen::new(&self.site.cameras[index].id)
         });
         let seen = seen.collect();
-        self.site.links.push(Link {
-            id: Some(format!("p{}", self.site.links.len())),
-            name: None,
-            off: false,
-            keep: false,
-            kind: LinkKind::Point,
-            height_m: None,
-            length_m: None,
-            seen,
-            solution: None,
-        });
+        let id = format!("p{}", self.site.links.len());
+        self.site.links.push(Link::new(Some(id), LinkKind::Point, seen));
     }
 
     /// Puts the first camera where it stands in truth: the gauge of a site without plan.

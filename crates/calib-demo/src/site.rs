@@ -141,14 +141,7 @@ fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
         },
         KnownLens::Fitted => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
     };
-    Some(LensEntry {
-        focal_px: None,
-        roll_deg: None,
-        pitch_deg: None,
-        principal_point_px: None,
-        distortion: Some(distortion),
-        like: None,
-    })
+    Some(LensEntry { distortion: Some(distortion), ..LensEntry::default() })
 }
 
 /// The floor that every camera is to watch, corner by corner, in metres.

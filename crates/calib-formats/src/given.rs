@@ -102,12 +102,10 @@ impl Given {
         let distortion = DistortionEntry::of(&lens, focal);
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
-            focal_px: Some(Known { value: focal, sigma: None, fixed: true }),
-            roll_deg: None,
-            pitch_deg: None,
+            focal_px: Some(Known::fixed(focal)),
             principal_point_px: Some(principal_point),
             distortion: distortion.clone(),
-            like: None,
+            ..LensEntry::default()
         });
         let Some((rotation, t)) = self.pose else { return Ok(entry) };
         if !is_rotation(&rotation) {
@@ -121,35 +119,9 @@ impl Given {
             pitch_deg: Some(pitch.to_degrees()),
             roll_deg: Some(roll.to_degrees()),
             distortion,
-            ..solution(focal, principal_point)
+            ..Solution::new(Method::Given, Stage::Placed, focal, principal_point)
         });
         Ok(entry)
-    }
-}
-
-/// A given solution with a focal and a principal point.
-fn solution(focal_px: f64, principal_point_px: Pixel) -> Solution {
-    Solution {
-        method: Method::Given,
-        stage: Stage::Placed,
-        position_m: None,
-        yaw_deg: None,
-        pitch_deg: None,
-        roll_deg: None,
-        focal_px,
-        principal_point_px,
-        distortion: None,
-        sigma: None,
-        covariance: None,
-        sigma_px: None,
-        rms_px: None,
-        chi2: None,
-        dof: None,
-        efov_m: Vec::new(),
-        residuals: Vec::new(),
-        alternatives: Vec::new(),
-        warnings: Vec::new(),
-        draw_next: None,
     }
 }
 

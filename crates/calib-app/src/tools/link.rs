@@ -24,11 +24,9 @@ pub(super) struct Linking {
 
 fn sighting(camera: &str, start: Pixel, end: Pixel, is_line: bool) -> LinkSeen {
     LinkSeen {
-        camera: camera.into(),
         px: (!is_line).then_some(end),
-        foot: None,
-        head: None,
         segment: is_line.then(|| vec![start, end]),
+        ..LinkSeen::new(camera)
     }
 }
 
@@ -50,17 +48,7 @@ impl Linking {
             link.id.clone().unwrap_or_default()
         } else {
             let name = edit::free_id(&session.site, 'L');
-            session.site.links.push(Link {
-                id: Some(name.clone()),
-                name: None,
-                off: false,
-                keep: false,
-                kind,
-                height_m: None,
-                length_m: None,
-                seen: vec![seen],
-                solution: None,
-            });
+            session.site.links.push(Link::new(Some(name.clone()), kind, vec![seen]));
             name
         };
         session.commit(format!("link {name} in {id}"));
