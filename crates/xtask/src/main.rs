@@ -49,8 +49,7 @@ fn main() -> anyhow::Result<()> {
             if cfg!(debug_assertions) {
                 return check::rerun_optimised(&["bench", &filter]);
             }
-            bench::run(&filter);
-            Ok(())
+            bench::run(&filter)
         }
         Command::Accuracy { scenes, draws } => {
             accuracy::run(&accuracy::Extent { scenes, draws });

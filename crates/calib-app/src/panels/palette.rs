@@ -56,7 +56,7 @@ fn commands(app: &mut App, ctx: &Context) {
     let query = app.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
-        .filter(|row| is_match(&command::text_of(app, *row), &query))
+        .filter(|row| is_match(&command::words(app, row.command), &query))
         .collect();
     let (up, down, enter, escape) = ctx.input(|i| {
         let pressed = |key| i.key_pressed(key);
@@ -89,7 +89,7 @@ fn commands(app: &mut App, ctx: &Context) {
                 for (i, row) in rows.iter().enumerate() {
                     let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
                     let lit = i == app.palette.row;
-                    let button = egui::Button::new(command::text_of(app, *row))
+                    let button = egui::Button::new(command::words(app, row.command))
                         .selected(lit)
                         .shortcut_text(keys)
                         .min_size(Vec2::new(ui.available_width(), 22.0));
