@@ -1,8 +1,9 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`.
 
 mod accuracy;
 mod bench;
 mod check;
+mod notices;
 
 use clap::{Parser, Subcommand};
 
@@ -30,6 +31,8 @@ enum Command {
         #[arg(default_value = "")]
         filter: String,
     },
+    /// Write the notices of everything that is linked into the programs
+    Notices,
     /// Print the table of accuracy as Markdown
     Accuracy {
         /// Scenes of each kind
@@ -51,6 +54,7 @@ fn main() -> anyhow::Result<()> {
             }
             bench::run(&filter)
         }
+        Command::Notices => notices::run(),
         Command::Accuracy { scenes, draws } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())
