@@ -78,6 +78,8 @@ pub struct App {
     suspect: Option<(usize, usize, usize)>,
     /// What else fits the camera of this index as well.
     pub family: Option<(usize, crate::family::Family)>,
+    /// The two are shown side by side.
+    pub compares_views: bool,
     /// The command palette.
     pub palette: panels::palette::Palette,
     /// How far a newcomer has come.
@@ -152,6 +154,7 @@ impl App {
             suspect_since: 0.0,
             suspect: None,
             family: None,
+            compares_views: false,
             palette: panels::palette::Palette::default(),
             tour: panels::tour::Tour::default(),
             shortcuts: false,

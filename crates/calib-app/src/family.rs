@@ -64,12 +64,10 @@ impl Family {
         let camera = site.cameras.get(index)?;
         let own = view_of(camera, solution.focal_px);
         let shown = |a: f64, b: f64| Some([fit(site, index, a)?, fit(site, index, b)?]);
-        if let Some(other) = solution.alternatives.first() {
-            let shown = shown(own, other.hfov_deg)?;
+        let is_open = solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);
+        if !is_open {
+            let shown = shown(own, solution.alternatives.first()?.hfov_deg)?;
             return Some(Self { camera: camera.clone(), range: None, shown });
-        }
-        if !solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable) {
-            return None;
         }
         let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i))).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);

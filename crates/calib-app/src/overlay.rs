@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use calib_core::{
-    Camera, Pixel, Residual, SiteCamera, Solution, floor_grid, horizon, on_image as project, prism,
+    Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, horizon, on_image as project,
 };
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
@@ -151,10 +151,11 @@ impl Overlay<'_> {
         let is_drawn = self.entry().is_some_and(|entry| entry.efov_px.is_some());
         if self.layers.prism && is_drawn {
             let colour = theme::camera(self.camera);
-            // A prism of many corners, as a clipped or bent outline has, shows its faces and no more.
-            let lines = if polygon.len() > 8 { 2 } else { usize::MAX };
-            for edge in prism(polygon).iter().take(lines).skip(1) {
-                self.world(painter, camera, edge, Pen::new(colour, 1.25).faint());
+            let top: Vec<_> =
+                polygon.iter().chain(polygon.first()).map(|point| point.at_height(PRISM_HEIGHT)).collect();
+            let edges = self.session.prism_edges(self.camera);
+            for edge in std::iter::once(top).chain(edges) {
+                self.world(painter, camera, &edge, Pen::new(colour, 1.25).faint());
             }
         }
     }

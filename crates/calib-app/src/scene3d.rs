@@ -184,13 +184,12 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
     };
     let is_own = index == session.camera;
     let colour = theme::camera(index);
-    let corners = solution.efov_m.len();
-    for (i, edge) in prism(&solution.efov_m).iter().enumerate() {
-        if i >= 2 && corners > 8 {
-            break;
-        }
+    for (i, face) in prism(&solution.efov_m).iter().take(2).enumerate() {
         let pen = Pen::new(colour, if i == 0 { 2.0 } else { 1.25 });
-        orbit.polyline(painter, rect, edge, if i == 0 { pen.dashed(&[10.0, 5.0]) } else { pen.bare() });
+        orbit.polyline(painter, rect, face, if i == 0 { pen.dashed(&[10.0, 5.0]) } else { pen.bare() });
+    }
+    for edge in session.prism_edges(index) {
+        orbit.polyline(painter, rect, &edge, Pen::new(colour, 1.25).bare());
     }
     // The frustum to a plane a little in front of the camera.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);

@@ -279,6 +279,15 @@ impl Session {
         }
     }
 
+    /// The upright edges of a camera's prism: at the corners that were drawn, not where its outline bends.
+    #[must_use]
+    pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
+        let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
+        let (Some(drawn), Some(pose)) = (drawn, self.solved.pose(index)) else { return Vec::new() };
+        let on_floor = drawn.iter().filter_map(|&corner| pose.pixel_to_floor(corner, 0.0));
+        on_floor.map(|at| calib_core::vertical(at, calib_core::PRISM_HEIGHT)).collect()
+    }
+
     /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.
     #[must_use]
     pub fn placement(&self, index: usize) -> Option<Placement> {

@@ -91,12 +91,10 @@ impl App {
     }
 
     pub(crate) fn poll_stills(&mut self) {
-        let mut done = Vec::new();
-        self.adding.retain(|task| task.poll().map(|result| done.push(result)).is_none());
         let was_empty = self.session.site.cameras.is_empty();
-        // Threads finish in any order; names come in theirs.
-        done.sort_by(|a, b| a.as_ref().map(|s| &s.title).ok().cmp(&b.as_ref().map(|s| &s.title).ok()));
-        for still in done {
+        // Threads finish in any order; cameras come in that of their files.
+        while let Some(still) = self.adding.first().and_then(Task::poll) {
+            self.adding.remove(0);
             match still {
                 Ok(still) => {
                     let name = self.stored(&still);

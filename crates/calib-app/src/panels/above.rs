@@ -48,7 +48,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let step = units.length(step, 0);
             words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}"));
         }
-        _ => words("There as soon as the lines tell the camera.".into()),
+        _ => words("Needs lines that tell the camera".into()),
     }
     if hide {
         let ctx = ui.ctx().clone();
@@ -111,7 +111,14 @@ pub fn paint(
         let (Some(at), Some(known)) = (on_floor(corner), camera.floor_covariance(corner, 1.0)) else {
             continue;
         };
-        if let Some(mut outline) = ellipse(at, &known.calibration, SIGMAS * MAGNIFIED).filter(|_| near(&at)) {
+        // What is hardly known at all would cover everything.
+        let is_small = |outline: &Vec<FloorPoint>| {
+            outline
+                .iter()
+                .all(|point| mapping.view.zoom * point.distance(at) < 0.25 * f64::from(rect.width()))
+        };
+        let outline = ellipse(at, &known.calibration, SIGMAS * MAGNIFIED).filter(is_small);
+        if let Some(mut outline) = outline.filter(|_| near(&at)) {
             outline.extend(outline.first().copied());
             line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.0).faint());
         }

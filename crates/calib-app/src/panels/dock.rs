@@ -6,6 +6,7 @@ use egui::{Color32, Painter, Rect, RichText, Role, Sense, Slider, Ui, Vec2, Widg
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::family::{Family, Fit};
+use crate::icons::{self, Icon, Look};
 use crate::overlay::grid_step;
 use crate::paint::{Pen, line};
 use crate::panels::{above, number};
@@ -41,18 +42,51 @@ pub fn update(app: &mut App) -> bool {
     app.family.is_some()
 }
 
+/// A line over the foot of the image: the image stays where it is until the operator asks for more.
+pub fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
+    let palette = theme::palette(ui.ctx());
+    let Some((_, family)) = &app.family else { return };
+    let [a, b] = [0, 1].map(|which| family.shown[which].view);
+    let text = match family.range {
+        Some([low, high]) => format!("Every view from {low:.0}\u{b0} to {high:.0}\u{b0} fits these lines"),
+        None => format!("Views of {a:.0}\u{b0} and {b:.0}\u{b0} fit equally well"),
+    };
+    let size = Vec2::new(400.0_f32.min(rect.width() - 24.0), 30.0);
+    let bar = Rect::from_center_size(egui::pos2(rect.center().x, rect.bottom() - 28.0), size);
+    ui.scope_builder(egui::UiBuilder::new().max_rect(bar), |ui| {
+        let frame = egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4);
+        frame.inner_margin(egui::Margin::symmetric(10, 4)).show(ui, |ui| {
+            ui.set_min_size(size - Vec2::new(20.0, 8.0));
+            ui.horizontal_centered(|ui| {
+                ui.label(RichText::new(text).color(palette.warn));
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    if is_tall && ui.button("Compare them").clicked() {
+                        app.compares_views = true;
+                    }
+                });
+            });
+        });
+    });
+}
+
 /// The part below the image.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some((camera, mut family)) = app.family.clone() else { return };
-    let mut chosen = None;
+    let (mut chosen, mut fold) = (None, false);
     egui::Frame::NONE.fill(palette.panel).inner_margin(12).show(ui, |ui| {
         ui.set_min_size(ui.available_size());
         let title = match family.range {
             Some(_) => "Two of the cameras that fit equally well",
             None => "Two cameras fit equally well",
         };
-        ui.label(RichText::new(title).font(theme::medium(13.0)));
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(title).font(theme::medium(13.0)));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let look = Look { size: Vec2::splat(20.0), ..Look::default() };
+                fold = icons::button(ui, Icon::Close, "Hide the two cameras", "Hide", look).clicked();
+            });
+        });
         let width = 0.5 * (ui.available_width() - 12.0);
         ui.horizontal_top(|ui| {
             ui.spacing_mut().item_spacing.x = 12.0;
@@ -73,6 +107,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         });
     });
     app.family = Some((camera, family));
+    app.compares_views = !fold;
     if let Some(focal) = chosen {
         // A belief that can be seen and unlocked, not a hidden choice.
         app.with_lens("use another field of view", |lens| {

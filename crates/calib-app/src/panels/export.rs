@@ -41,6 +41,13 @@ impl Sheet {
         *self = Self { is_open: true, format: self.format, ..Self::default() };
     }
 
+    /// Asks for the format of this name.
+    pub fn choose(&mut self, name: &str) {
+        if let Some(index) = formats().position(|format| format.name == name) {
+            (self.format, self.extension) = (index, 0);
+        }
+    }
+
     /// Closes it. Whether it was open.
     pub fn close(&mut self) -> bool {
         self.making = None;

@@ -79,10 +79,11 @@ fn right(app: &mut App, ui: &mut Ui) {
         }
         match app.mode {
             Mode::Image => {
+                // Fields above what comes and goes: they stay under the pointer while one types.
+                section(ui, |ui| lens::show(app, ui));
                 section(ui, |ui| result::show(app, ui));
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| annotations::show(app, ui));
-                section(ui, |ui| lens::show(app, ui));
             }
             Mode::Plan => {
                 section(ui, |ui| placement::show(app, ui));

@@ -36,7 +36,9 @@ fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let solution = session.solved.solution(camera);
     let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
     let edges = count(Kind::Straight).0;
+    let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
     let lens = match (distortion, edges) {
+        _ if like.is_some() => format!("like {}", like.map_or("", String::as_str)),
         (Some(given), _) if given.fit.is_none() => "given".into(),
         (_, 0) => "pinhole, as no edge is drawn".into(),
         (_, edges) => format!("from {edges} straight edges"),

@@ -24,12 +24,16 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         Mode::Image => {
             let camera = app.session.camera;
             let is_tall = rect.height() > 1.8 * dock::HEIGHT;
-            if dock::update(app) && is_tall {
+            let has_more = dock::update(app);
+            if has_more && is_tall && app.compares_views {
                 let (above, below) = rect.split_top_bottom_at_y(rect.bottom() - dock::HEIGHT);
                 single(app, ui, above, camera, Place::Main);
                 ui.scope_builder(egui::UiBuilder::new().max_rect(below), |ui| dock::show(app, ui));
             } else {
                 single(app, ui, rect, camera, Place::Main);
+                if has_more {
+                    dock::offer(app, ui, rect, is_tall);
+                }
             }
         }
         Mode::Plan => {
@@ -61,8 +65,8 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
         Command::ColourByResidual,
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
-    camera_header(app, ui, above, camera, &switches);
     pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
+    camera_header(app, ui, above, camera, &switches);
 }
 
 /// The camera in hand, and below it the one that shares most of its floor.
@@ -101,11 +105,11 @@ fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches
     let Some(entry) = app.session.site.cameras.get(camera) else { return };
     let title = entry.name.clone().unwrap_or_else(|| entry.id.clone());
     let key = (Place::Main, Pane::Image(camera));
-    let zoom = app
-        .panes
-        .views
-        .get(&key)
-        .map_or_else(String::new, |view| format!("{} %", number(100.0 * view.zoom, 0)));
+    let zoom = app.panes.views.get(&key).map_or_else(String::new, |view| {
+        // Of the screen's own pixels, not of points.
+        let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
+        format!("{} %", number(100.0 * zoom, 0))
+    });
     // In a narrow view the switches that matter least give way to the name.
     let room = ((rect.width() - 180.0) / 66.0).max(0.0) as usize;
     let shown = &switches[..switches.len().min(room)];

@@ -14,8 +14,10 @@ use crate::{command, command::Command};
 pub fn show(app: &mut App, ui: &mut Ui) {
     let warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
     let mut wish = None;
-    for warning in &warnings {
-        card(ui, warning, |ui| buttons(app, ui, warning, &mut wish));
+    for (index, warning) in warnings.iter().enumerate() {
+        // The first is met first; the others keep their words until they are asked for.
+        let is_first = index == 0 || warning.code == Code::Outlier;
+        card(ui, warning, is_first, |ui| buttons(app, ui, warning, &mut wish));
     }
     if warnings.is_empty() && app.session.solution().is_some() {
         let palette = theme::palette(ui.ctx());
@@ -43,11 +45,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 pub fn site(app: &App, ui: &mut Ui) {
     let warnings = app.session.solved.joint_report().map(|report| report.site.warnings.clone());
     for warning in warnings.unwrap_or_default() {
-        card(ui, &warning, |_| {});
+        card(ui, &warning, true, |_| {});
     }
 }
 
-fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
+fn card(ui: &mut Ui, warning: &Warning, is_whole: bool, more: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
     let (fill, colour) = match warning.code {
         Code::Outlier | Code::Unusable | Code::Misfit => (palette.bad_bg, palette.bad),
@@ -59,6 +61,12 @@ fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
         ui.horizontal_top(|ui| {
             icons::inline(ui, Icon::Warn, colour);
             ui.vertical(|ui| {
+                if !is_whole {
+                    let text = RichText::new(&warning.message);
+                    ui.add(egui::Label::new(text).truncate())
+                        .on_hover_text(format!("{}\n{}", warning.message, warning.advice));
+                    return;
+                }
                 ui.label(RichText::new(&warning.message).font(theme::medium(12.0)));
                 ui.label(RichText::new(&warning.advice).color(palette.text2));
                 more(ui);

@@ -100,6 +100,16 @@ impl Desk {
         );
     }
 
+    /// The button goes down and stays down.
+    pub(crate) fn press(&mut self, pos: Pos2, modifiers: Modifiers) {
+        self.button(pos, true, modifiers);
+    }
+
+    /// The button comes up.
+    pub(crate) fn release(&mut self, pos: Pos2, modifiers: Modifiers) {
+        self.button(pos, false, modifiers);
+    }
+
     /// Presses at the first point, passes the others, and releases at the last.
     pub(crate) fn drag_screen(&mut self, points: &[Pos2], modifiers: Modifiers) {
         let (first, last) = (points[0], points[points.len() - 1]);

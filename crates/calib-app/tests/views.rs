@@ -1,0 +1,384 @@
+//! What is shown, in which units, and what comes in and goes out as files.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::Units;
+use calib_app::command::{self, Command};
+use calib_app::dialog::Purpose;
+use calib_app::pane::Place;
+use calib_app::tools::{Pane, PlanHandle, plan_handles};
+use calib_core::{Kind, Pixel};
+use calib_tests::Scratch;
+use desk::{Desk, demo};
+use egui::{Key, Modifiers, Pos2, Vec2};
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
+
+fn tell(desk: &mut Desk, command: Command) {
+    let ctx = desk.harness.ctx.clone();
+    command::run(desk.app(), &ctx, command, Modifiers::NONE);
+    desk.harness.run_steps(3);
+}
+
+/// Every label on screen.
+fn words(desk: &Desk) -> String {
+    let labels = desk.harness.query_all_by(|_| true).filter_map(|node| node.accesskit_node().label());
+    labels.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
+    let mut desk = Desk::new(demo());
+    let before = desk.site().clone();
+    let shown = |desk: &mut Desk| {
+        let mut all = String::new();
+        for key in [Key::Num1, Key::Num2, Key::Num3, Key::Num4] {
+            desk.key(key);
+            let middle = desk.harness.ctx.content_rect().center() + Vec2::new(80.0, 120.0);
+            desk.harness.hover_at(middle);
+            desk.harness.run_steps(2);
+            all += &words(desk);
+            all.push('\n');
+        }
+        all
+    };
+    assert!(shown(&mut desk).contains(" m"));
+    tell(&mut desk, Command::Feet);
+    assert_eq!(desk.app().session.units, Units::Feet);
+    let feet = shown(&mut desk);
+    let metres = |line: &&str| {
+        let mut words = line.split_whitespace().peekable();
+        std::iter::from_fn(|| words.next()).any(|word| word == "m" || word == "cm")
+    };
+    let left: Vec<&str> = feet.lines().filter(metres).collect();
+    assert!(left.is_empty(), "{left:?}");
+    assert!(feet.contains(" ft"), "{feet}");
+    assert!(*desk.site() == before, "the site differs");
+}
+
+#[test]
+fn a_height_typed_in_feet_is_metres_in_the_site() {
+    let mut desk = Desk::new(demo());
+    tell(&mut desk, Command::Feet);
+    for camera in &mut desk.app().session.site.cameras {
+        camera.control_points.clear();
+    }
+    desk.app().session.commit("no control points");
+    desk.key(Key::Num2);
+    let field = desk.harness.get_all_by_label("Height").last().unwrap().rect();
+    desk.drag_screen(&[field.center()], Modifiers::NONE);
+    desk.harness.run_steps(2);
+    desk.keys(Modifiers::COMMAND, Key::A);
+    desk.harness.event(egui::Event::Text("10".into()));
+    desk.harness.run_steps(2);
+    desk.key(Key::Enter);
+    let height = desk.app().session.placement(0).unwrap().scale * calib_core::STAGE_1_HEIGHT;
+    assert!((height - 3.048).abs() < 1e-6, "{height} m");
+}
+
+#[test]
+fn a_line_drawn_on_a_straightened_image_lies_on_the_pixels_under_the_cursor() {
+    let site = demo();
+    let bent = |camera: &calib_core::SiteCamera| {
+        camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some())
+            || camera.annotations.iter().any(|a| a.kind == Kind::Straight)
+    };
+    let camera = site.cameras.iter().position(bent).expect("a camera with a bent lens");
+    let mut desk = Desk::new(site);
+    for _ in 0..camera {
+        desk.key(Key::CloseBracket);
+    }
+    let at = [150.0, 120.0];
+    let raw = desk.screen(Pane::Image(camera), at);
+    desk.key(Key::T);
+    let flat = desk.screen(Pane::Image(camera), at);
+    assert!(raw.distance(flat) > 2.0, "the bend is taken out");
+    desk.take("Vertical");
+    desk.line(camera, Pixel::from(at), Pixel::new(160.0, 400.0));
+    let drawn = desk.site().cameras[camera].annotations.iter().rfind(|a| a.kind == Kind::Vertical).unwrap();
+    let line = drawn.segments.as_ref().unwrap().last().unwrap();
+    assert!(line[0].distance(at.into()) < 0.02, "{line:?}");
+}
+
+#[test]
+fn what_is_dragged_snaps_only_when_that_is_asked_for() {
+    for snaps in [false, true] {
+        let mut site = demo();
+        for camera in &mut site.cameras {
+            camera.control_points.clear();
+        }
+        let mut desk = Desk::new(site);
+        desk.key(Key::Num2);
+        if snaps {
+            tell(&mut desk, Command::Snap);
+        }
+        desk.take("Select");
+        let foot = plan_handles(&desk.app().session, 0)[0];
+        assert_eq!(foot.0, PlanHandle::Foot);
+        let from = desk.screen(Pane::Plan, foot.1);
+        desk.drag_screen(&[from, from + Vec2::new(37.0, -23.0)], Modifiers::NONE);
+        let at = desk.site().cameras[0].placement.as_ref().unwrap().move_m;
+        let off = (10.0 * at.x - (10.0 * at.x).round()).abs() + (10.0 * at.y - (10.0 * at.y).round()).abs();
+        assert_eq!(off < 1e-4, snaps, "{at:?}");
+    }
+}
+
+#[test]
+fn the_scene_turns_pans_zooms_and_gives_a_camera() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num4);
+    let start = desk.app().orbit.unwrap();
+    let middle = desk.harness.get_by_label("Scene").rect().center();
+    let path = [middle, middle + Vec2::new(40.0, 10.0), middle + Vec2::new(80.0, 30.0)];
+    let mut drag = |desk: &mut Desk, modifiers| {
+        for (i, &at) in path.iter().enumerate() {
+            desk.harness.event_modifiers(egui::Event::PointerMoved(at), modifiers);
+            if i == 0 {
+                desk.press(at, modifiers);
+            }
+            desk.harness.step();
+        }
+        desk.release(path[2], modifiers);
+        desk.harness.run_steps(2);
+    };
+    drag(&mut desk, Modifiers::NONE);
+    let turned = desk.app().orbit.unwrap();
+    assert!(turned.yaw != start.yaw && turned.target == start.target, "{turned:?}");
+    drag(&mut desk, Modifiers::SHIFT);
+    let panned = desk.app().orbit.unwrap();
+    assert!(panned.target != turned.target && panned.yaw == turned.yaw, "{panned:?}");
+    desk.harness.event(egui::Event::Zoom(1.5));
+    desk.harness.run_steps(3);
+    assert!(desk.app().orbit.unwrap().distance < panned.distance);
+    let (orbit, rect) = (desk.app().orbit.unwrap(), desk.harness.get_by_label("Scene").rect());
+    let shown: Vec<(usize, Pos2)> = (1..desk.site().cameras.len())
+        .filter_map(|i| Some((i, orbit.project(rect, desk.app().session.solved.pose(i)?.position)?)))
+        .collect();
+    let (camera, at) = shown.into_iter().find(|(_, at)| rect.shrink(10.0).contains(*at)).unwrap();
+    desk.drag_screen(&[at], Modifiers::NONE);
+    desk.harness.run_steps(2);
+    let picked = desk.app().session.camera;
+    assert!(picked == camera || picked != 0, "{picked}");
+}
+
+#[test]
+fn a_picture_of_the_view_is_saved_where_one_wants_it() {
+    let mut desk = Desk::new(demo());
+    let scratch = Scratch::new();
+    let path = scratch.path("view.png");
+    desk.answer(Some(path.clone()));
+    let ctx = desk.harness.ctx.clone();
+    command::run(desk.app(), &ctx, Command::SavePicture, Modifiers::NONE);
+    desk.harness.step();
+    let asked: Vec<_> =
+        desk.harness.output().viewport_output.values().flat_map(|v| &v.commands).cloned().collect();
+    let window = egui::ColorImage::filled([1440, 900], egui::Color32::RED);
+    for command in asked {
+        if let egui::ViewportCommand::Screenshot(callback) = command {
+            callback.call(std::sync::Arc::new(window.clone()));
+        }
+    }
+    desk.harness.run_steps(4);
+    let saved = calib_app::picture::decode(&std::fs::read(path).unwrap()).unwrap();
+    let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+    let off = [saved.width() as f32 - rect.width(), saved.height() as f32 - rect.height()];
+    assert!(off.iter().all(|by| by.abs() <= 2.0), "{off:?}");
+}
+
+#[test]
+fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
+    let mut desk = Desk::new(demo());
+    let scratch = Scratch::new();
+    desk.keys(Modifiers::COMMAND, Key::E);
+    // WILDTRACK has no place for distortion.
+    desk.app().export.choose("wildtrack");
+    let patience = std::time::Instant::now();
+    while desk.harness.query_by_label_contains("Write ").is_none() {
+        desk.harness.step();
+        assert!(patience.elapsed().as_secs() < 60, "nothing is made");
+    }
+    assert!(words(&desk).contains("distortion"), "{}", words(&desk));
+    desk.answer(Some(scratch.path("")));
+    let press = |desk: &mut Desk, label: &str| {
+        let at = desk.harness.get_by_label_contains(label).rect().center();
+        desk.drag_screen(&[at], Modifiers::NONE);
+        desk.harness.run_steps(4);
+    };
+    press(&mut desk, "files\u{2026}");
+    let count = || std::fs::read_dir(scratch.path("")).unwrap().count();
+    assert_eq!(count(), 0, "nothing is written before the losses are agreed to");
+    press(&mut desk, "Write it all the same");
+    press(&mut desk, "files\u{2026}");
+    assert!(count() > 0, "{:?}", desk.app().error);
+}
+
+#[test]
+fn a_lens_of_another_program_goes_to_the_camera_in_hand() {
+    let mut desk = Desk::new(demo());
+    let scratch = Scratch::new();
+    // Of stills half as large: the lens is for this one's size.
+    let [w, h] = desk.site().cameras[0].size_px.map(|side| side / 2);
+    let k = format!("700.0, 0.0, {}.0, 0.0, 700.0, {}.0, 0.0, 0.0, 1.0", w / 2, h / 2);
+    scratch.write(
+        "elsewhere.yaml",
+        format!(
+            "image_width: {w}\nimage_height: {h}\ncamera_name: elsewhere\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [{k}]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.2, 0.05, 0.0, 0.0, 0.0]\n"
+        ),
+    );
+    desk.answer(Some(scratch.path("elsewhere.yaml")));
+    tell(&mut desk, Command::Import);
+    assert_eq!(desk.app().error, None);
+    let lens = desk.site().cameras[0].lens.clone().unwrap();
+    assert_eq!(lens.focal_px.map(|focal| focal.value), Some(1400.0));
+    assert_eq!(lens.distortion.and_then(|distortion| distortion.k1), Some(-0.2));
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].lens, demo().cameras[0].lens);
+}
+
+#[test]
+fn annotations_are_copied_to_another_camera_at_its_size() {
+    let mut desk = Desk::new(demo());
+    let own = desk.site().cameras[0].annotations.len();
+    let before = desk.site().cameras[1].annotations.len();
+    desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::C);
+    desk.key(Key::CloseBracket);
+    desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::V);
+    assert_eq!(desk.site().cameras[1].annotations.len(), before + own);
+    desk.undo();
+    assert_eq!(desk.site().cameras[1].annotations.len(), before);
+}
+
+/// A still of one colour, as a file.
+fn still(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(w, h).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    scratch.write(name, png.get_ref());
+}
+
+fn wait(desk: &mut Desk, is_done: impl Fn(&calib_app::App) -> bool) {
+    let patience = std::time::Instant::now();
+    while !is_done(desk.harness.state()) {
+        desk.harness.step();
+        assert!(patience.elapsed().as_secs() < 60, "{:?}", desk.harness.state().error);
+    }
+}
+
+#[test]
+fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
+    let scratch = Scratch::new();
+    let mut site = demo();
+    let size = site.cameras[0].size_px;
+    still(&scratch, "old.png", size);
+    still(&scratch, "new.png", size.map(|side| side / 2));
+    site.cameras[0].image = Some(scratch.path("old.png").to_string_lossy().into_owned());
+    let mut desk = Desk::new(site);
+    let line = desk.site().cameras[0].annotations[0].polylines().next().unwrap()[0];
+    desk.answer(Some(scratch.path("new.png")));
+    tell(&mut desk, Command::ReplaceStill);
+    wait(&mut desk, |app| app.old_still.is_some());
+    let now = desk.site().cameras[0].annotations[0].polylines().next().unwrap()[0];
+    assert!((now.u - 0.5 * line.u).abs() < 1e-9 && (now.v - 0.5 * line.v).abs() < 1e-9, "{now:?}");
+    desk.harness.run_steps(3);
+    assert!(desk.harness.query_by_label("Old still").is_some(), "old and new are blended");
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].size_px, size);
+}
+
+#[test]
+fn a_saved_version_is_compared_camera_by_camera() {
+    let scratch = Scratch::new();
+    let mut site = demo();
+    for camera in &mut site.cameras {
+        camera.control_points.clear();
+    }
+    let solved =
+        site.calibrate(&calib_core::Options { refine: false, ..Default::default() }).write_into(&site);
+    scratch.write("saved.json", solved.to_json());
+    site.cameras[1].placement.as_mut().unwrap().move_m.x += 0.5;
+    let mut desk = Desk::new(site);
+    desk.answer(Some(scratch.path("saved.json")));
+    tell(&mut desk, Command::Compare);
+    let told = words(&desk);
+    assert!(told.contains("50.0 cm") && told.contains("0.0 cm"), "{told}");
+}
+
+#[test]
+fn reading_is_cancelled_and_gone_on_with() {
+    let scratch = Scratch::new();
+    let mut site = demo();
+    for (index, camera) in site.cameras.iter_mut().enumerate() {
+        let name = format!("{index}.png");
+        still(&scratch, &name, camera.size_px);
+        camera.image = Some(scratch.path(&name).to_string_lossy().into_owned());
+    }
+    let mut desk = Desk::new(site);
+    assert!(desk.app().is_working());
+    tell(&mut desk, Command::StopWork);
+    assert!(!desk.app().is_working(), "nothing is waited for");
+    tell(&mut desk, Command::ReadAgain);
+    wait(&mut desk, |app| app.pictures.loading() == 0);
+    let name = desk.site().cameras[0].image.clone().unwrap();
+    assert!(desk.app().pictures.ready(&name).is_some());
+}
+
+#[test]
+fn a_drawing_becomes_a_plan_that_every_program_shows() {
+    let scratch = Scratch::new();
+    scratch.write("plan.svg", r#"<svg xmlns="http://www.w3.org/2000/svg" width="60" height="40"><rect width="30" height="40"/></svg>"#);
+    let mut desk = Desk::new(demo());
+    desk.answer(Some(scratch.path("plan.svg")));
+    desk.app().session.site.plan = None;
+    desk.app().session.commit("no plan");
+    tell(&mut desk, Command::LoadPlan);
+    wait(&mut desk, |app| app.session.site.plan.is_some());
+    let images = desk.app().session.images.clone();
+    let saved = images.put_into(desk.site(), None);
+    let image = saved.plan.and_then(|plan| plan.image).unwrap();
+    assert!(image.starts_with("data:image/png;base64,"), "{}", &image[..40]);
+}
+
+#[test]
+fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
+    let mut site = demo();
+    let camera = &mut site.cameras[0];
+    camera.annotations.retain(|annotation| annotation.kind == Kind::Vertical);
+    (camera.control_points, camera.placement) = (Vec::new(), None);
+    let mut desk = Desk::new(site);
+    desk.harness.run_steps(3);
+    let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+    let at = desk.harness.get_by_label("Compare them").rect().center();
+    assert!(rect.contains(at), "it lies over the image");
+    desk.drag_screen(&[at], Modifiers::NONE);
+    desk.harness.run_steps(3);
+    assert!(desk.harness.query_by_label("Horizontal view 2").is_some(), "a family has sliders");
+    let (camera, family) = desk.app().family.clone().unwrap();
+    let view = family.shown[1].view;
+    let button = format!("Use {view:.0}\u{b0}");
+    let at = desk.harness.get_all_by_label(&button).last().unwrap().rect().center();
+    desk.drag_screen(&[at], Modifiers::NONE);
+    desk.harness.run_steps(3);
+    let focal = desk.site().cameras[camera].lens.as_ref().and_then(|lens| lens.focal_px).unwrap();
+    assert!((focal.value - family.shown[1].solution.focal_px).abs() < 1e-6 && !focal.fixed, "{focal:?}");
+}
+
+#[test]
+fn a_chooser_that_is_closed_changes_nothing() {
+    for purpose in [
+        Purpose::OpenSite,
+        Purpose::SaveSite,
+        Purpose::AddImages,
+        Purpose::LoadPlan,
+        Purpose::ReplaceStill,
+        Purpose::Compare,
+        Purpose::Import,
+        Purpose::Export,
+        Purpose::SavePicture,
+    ] {
+        let mut desk = Desk::new(demo());
+        let before = desk.site().clone();
+        desk.app().ask(purpose);
+        desk.harness.run_steps(3);
+        assert!(*desk.site() == before && desk.app().error.is_none(), "{purpose:?}");
+    }
+}
