@@ -131,7 +131,7 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
     let start = desk.app().orbit.unwrap();
     let middle = desk.harness.get_by_label("Scene").rect().center();
     let path = [middle, middle + Vec2::new(40.0, 10.0), middle + Vec2::new(80.0, 30.0)];
-    let mut drag = |desk: &mut Desk, modifiers| {
+    let drag = |desk: &mut Desk, modifiers| {
         for (i, &at) in path.iter().enumerate() {
             desk.harness.event_modifiers(egui::Event::PointerMoved(at), modifiers);
             if i == 0 {
@@ -176,7 +176,7 @@ fn a_picture_of_the_view_is_saved_where_one_wants_it() {
     let window = egui::ColorImage::filled([1440, 900], egui::Color32::RED);
     for command in asked {
         if let egui::ViewportCommand::Screenshot(callback) = command {
-            callback.call(std::sync::Arc::new(window.clone()));
+            callback.complete(std::sync::Arc::new(window.clone()));
         }
     }
     desk.harness.run_steps(4);
