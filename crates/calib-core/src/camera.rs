@@ -247,7 +247,8 @@ impl Camera {
     /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
     ///
     /// `None` where there is no floor point.
-    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+    #[must_use]
+    pub fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
         /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
         const STEP: f64 = 1e-4;
         let mut slopes = [[0.0; 2]; Covariance::SIZE];
