@@ -51,6 +51,7 @@ mod sparse;
 mod blocks;
 mod report;
 mod space;
+mod polynomial;
 mod lens;
 mod covariance;
 mod camera;
