@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
 use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
+use sha2::{Digest as _, Sha256};
 
 use crate::stop::Stop;
 
@@ -19,6 +20,8 @@ pub(crate) struct SiteFile {
     pub(crate) site: Site,
     pub(crate) path: String,
     folder: PathBuf,
+    /// SHA-256 of the file, in hexadecimal digits.
+    pub(crate) sha256: String,
 }
 
 impl SiteFile {
@@ -30,12 +33,13 @@ impl SiteFile {
             let file = File::open(path).map_err(|error| Stop::invalid(path, error))?;
             read_limited(file, path)?
         };
+        let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let text = String::from_utf8(bytes)
             .map_err(|_| Stop::invalid(path, "not text; a site file (JSON) is expected here"))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let site = Site::from_json(text).map_err(|error| Stop::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
-        Ok(Self { site, path: path.to_owned(), folder })
+        Ok(Self { site, path: path.to_owned(), folder, sha256 })
     }
 
     /// As [`Self::read`], with only the cameras whose calibration holds at a time.
@@ -51,15 +55,21 @@ impl SiteFile {
         Ok(file)
     }
 
+    /// Refuses an id that no camera has.
+    pub(crate) fn has_camera(&self, id: &str) -> Result<(), Stop> {
+        if self.site.cameras.iter().any(|camera| camera.id == id) {
+            return Ok(());
+        }
+        let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
+        Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
+    }
+
     /// The one camera of this id.
     pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, Stop> {
+        self.has_camera(id)?;
         let found: Vec<&SiteCamera> = self.site.cameras.iter().filter(|camera| camera.id == id).collect();
         match found[..] {
             [camera] => Ok(camera),
-            [] => {
-                let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
-                Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
-            }
             _ => Err(Stop::Usage(format!(
                 "--camera {id}: several periods have this id; choose one with --at TIME"
             ))),

@@ -79,6 +79,8 @@ mod slots;
 mod refine;
 mod adjustment;
 mod scene;
+mod status;
+mod extent;
 mod projector;
 mod remap;
 #[cfg(feature = "serde")]
@@ -120,6 +122,7 @@ pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
 pub use distortion::{Fitted, LensFit, LensOptions};
 pub use efov::{Efov, default_efov, efov_on_floor};
 pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
+pub use extent::Extent;
 pub use fit::{Fit, FitOptions, Solved};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};
@@ -131,6 +134,7 @@ pub use remap::{Crop, Remap, Straightened};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical};
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use status::Status;
 pub use straightness::{Edge, straightness_rms};
 
 #[cfg(feature = "serde")]

@@ -3,8 +3,10 @@
 use pulp::Arch;
 
 use crate::camera::Camera;
+use crate::extent::Extent;
 use crate::lens::{BrownConrady, Distortion};
 use crate::space::{FloorPoint, Pixel};
+use crate::status::Status;
 
 /// A camera prepared for mapping many pixels to one horizontal plane, and points of it to pixels.
 ///
@@ -121,6 +123,40 @@ impl FloorProjector {
         }
     }
 
+    /// As [`Self::pixels_to_floor`], and says of every pixel what became of it.
+    ///
+    /// A pixel is inside the EFOV when the floor that it shows is, whatever the height of the plane.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn pixels_to_floor_within(
+        &self,
+        extent: &Extent<'_>,
+        [u, v]: [&[f64]; 2],
+        [x, y]: [&mut [f64]; 2],
+        status: &mut [Status],
+    ) {
+        assert!(status.len() == u.len(), "slices of one length");
+        self.pixels_to_floor(u, v, x, y);
+        // The floor lies on the ray from the camera through the point of the plane.
+        let stretch = self.camera.position.z / (self.camera.position.z - self.height);
+        let foot = self.camera.position.on_floor();
+        extent.judge(foot, stretch, [u, v], [x, y], status);
+        for i in 0..u.len() {
+            if !(x[i].is_finite() && y[i].is_finite()) {
+                (x[i], y[i]) = (f64::NAN, f64::NAN);
+                let pixel = Pixel { u: u[i], v: v[i] };
+                status[i] = if !pixel.is_finite() {
+                    Status::Missing
+                } else if self.camera.undistort(pixel).is_none() {
+                    Status::OutsideLens
+                } else {
+                    Status::AboveHorizon
+                };
+            }
+        }
+    }
+
     /// Maps points `(x, y)` of the plane, in metres, to raw pixels `(u, v)`.
     ///
     /// A point behind the camera or outside the lens becomes NaN.
@@ -150,7 +186,8 @@ impl FloorProjector {
     }
 }
 
-/// Undistorts [`LANES`] points at once by Newton's method, all until the last one has converged.
+/// Undistorts [`LANES`] points at once by Newton's method until the last one has converged; one that has
+/// rests, so that no result depends on the points beside it.
 ///
 /// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
 #[inline(always)]
@@ -159,7 +196,7 @@ fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &
     const TOLERANCE: f64 = 1e-14;
     const ROUNDS: usize = 12;
     let (bent_x, bent_y) = (*x, *y);
-    let mut step = [0.0; LANES];
+    let mut step = [f64::INFINITY; LANES];
     // Two terms of the series of the inverse: right to 1e-3 at the corner of a usual lens.
     for i in 0..LANES {
         let square = bent_x[i] * bent_x[i] + bent_y[i] * bent_y[i];
@@ -175,9 +212,10 @@ fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &
             let scale = (a * d - b * b).recip();
             let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
             let (dx, dy) = ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale);
-            x[i] -= dx;
-            y[i] -= dy;
-            step[i] = dx * dx + dy * dy;
+            let rests = step[i] < TOLERANCE;
+            x[i] -= if rests { 0.0 } else { dx };
+            y[i] -= if rests { 0.0 } else { dy };
+            step[i] = if rests { step[i] } else { dx * dx + dy * dy };
         }
         // The step just taken leaves an error of its square: 1e-14 becomes 1e-28 at the worst.
         // NaN counts as converged here and is looked at below.
@@ -233,6 +271,57 @@ mod tests {
             let camera = if division { Camera { lens: bent, ..camera } } else { camera };
             prop_assume!((height - camera.position.z).abs() > 0.2);
             check(&camera, &at, height);
+        }
+
+        #[test]
+        fn a_pixel_maps_to_the_same_bits_whatever_stands_beside_it(
+            camera in any_camera(),
+            at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), first in 0..40_usize,
+        ) {
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let mapped = |u: &[f64], v: &[f64]| {
+                let (mut x, mut y) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+                FloorProjector::new(&camera, 0.0).pixels_to_floor(u, v, &mut x, &mut y);
+                x.iter().chain(&y).map(|value| value.to_bits()).collect::<Vec<_>>()
+            };
+            let (all, first) = (mapped(&u, &v), first % u.len());
+            let rest = mapped(&u[first..], &v[first..]);
+            prop_assert_eq!(&rest[..u.len() - first], &all[first..u.len()]);
+        }
+
+        #[test]
+        fn every_pixel_is_judged_as_it_is_by_itself(
+            camera in any_camera(), height in -1.0..9.0_f64,
+            at in proptest::collection::vec((-900.0..2800.0_f64, -900.0..1900.0_f64), 1..200),
+        ) {
+            prop_assume!((height - camera.position.z).abs() > 0.2);
+            let size = [1920.0, 1080.0];
+            let efov = crate::efov::default_efov(&camera, size).polygon;
+            let extent = Extent { size, efov: &efov };
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![Status::Ok; u.len()]);
+            FloorProjector::new(&camera, height)
+                .pixels_to_floor_within(&extent, [&u, &v], [&mut x, &mut y], &mut status);
+            for i in 0..u.len() {
+                let pixel = Pixel { u: u[i], v: v[i] };
+                let point = camera.pixel_to_floor(pixel, height);
+                prop_assert_eq!(point.is_none(), x[i].is_nan() && y[i].is_nan());
+                let floor = camera.pixel_to_floor(pixel, 0.0);
+                let expected = match (point, floor) {
+                    (None, _) if camera.undistort(pixel).is_none() => Status::OutsideLens,
+                    (None, _) => Status::AboveHorizon,
+                    _ if !extent.shows(pixel) => Status::OutsideImage,
+                    (_, Some(floor)) if extent.contains(floor) => Status::Ok,
+                    _ => Status::OutsideEfov,
+                };
+                // On an edge of the polygon a rounding decides.
+                let on_edge = floor.is_some_and(|f| {
+                    [(1e-7, 0.0), (-1e-7, 0.0), (0.0, 1e-7), (0.0, -1e-7)].iter().any(|(dx, dy)| {
+                        extent.contains(FloorPoint { x: f.x + dx, y: f.y + dy }) != extent.contains(f)
+                    })
+                });
+                prop_assert!(status[i] == expected || on_edge, "{:?}, not {expected:?}", status[i]);
+            }
         }
 
         #[test]

@@ -159,7 +159,7 @@ pub const FORMATS: &[Format] = &[
         name: "sql",
         about: "SQL views that map detections to the floor",
         extensions: &["sql"],
-        holds: "pinhole or division lens, floor homography",
+        holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
         lacks: "EFOV, heights above the floor, standard deviations",
         write: Some(sql::write),
         read: None,

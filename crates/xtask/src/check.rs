@@ -43,6 +43,26 @@ const PEERS: Tool = Tool {
     ],
 };
 
+/// `DuckDB` and Spark, for the tests and the benchmark of archives.
+const ENGINES: Tool = Tool {
+    name: "the engines' Python packages, and Java",
+    is_there: || root().join("target/engines-venv/ready").exists() && has_java(),
+    install: &[
+        &["python3", "-m", "venv", "target/engines-venv"],
+        &[
+            "target/engines-venv/bin/python",
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "duckdb==2.0.0",
+            "pyarrow==26.0.1",
+            "pyspark==4.3.0",
+        ],
+        &["touch", "target/engines-venv/ready"],
+    ],
+};
+
 const TYPOS: Tool = Tool {
     name: "typos",
     is_there: || runs("target/tools-venv/bin/typos", &["--version"]),
@@ -125,7 +145,7 @@ const CHECKS: &[Check] = &[
     Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features"],
-        tools: &[&PEERS],
+        tools: &[&PEERS, &ENGINES],
         ..PLAIN
     },
 ];
@@ -221,6 +241,10 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
     output.is_ok_and(|output| output.status.success())
 }
 
+fn has_java() -> bool {
+    Command::new("java").arg("-version").output().is_ok_and(|output| output.status.success())
+}
+
 const WASM: &str = "wasm32-unknown-unknown";
 
 fn has_wasm_target() -> bool {
@@ -257,7 +281,8 @@ fn build_for_wasm() -> anyhow::Result<bool> {
     Ok(command.current_dir(root()).status()?.success())
 }
 
-fn root() -> &'static Path {
+/// The workspace.
+pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
 }
 
