@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, FloorCovariance};
 use crate::extent::Extent;
 use crate::lens::{BrownConrady, Distortion};
 use crate::space::{FloorPoint, Pixel};
@@ -157,6 +157,23 @@ impl FloorProjector {
         }
     }
 
+    /// How uncertain the points of the plane are that raw pixels `(u, v)` show, for a standard deviation of
+    /// `pixel_sigma` pixels of each coordinate: [`Camera::floor_covariance`] for this plane.
+    ///
+    /// A pixel without a point has NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
+        assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
+        const NONE: FloorCovariance =
+            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: [[f64::NAN; 2]; 2] };
+        for ((&u, &v), of) in u.iter().zip(v).zip(of) {
+            let found = self.camera.plane_covariance(Pixel { u, v }, pixel_sigma, self.height);
+            *of = found.unwrap_or(NONE);
+        }
+    }
+
     /// Maps points `(x, y)` of the plane, in metres, to raw pixels `(u, v)`.
     ///
     /// A point behind the camera or outside the lens becomes NaN.
@@ -239,6 +256,7 @@ fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &
 mod tests {
     use super::*;
     use crate::camera::tests::any_camera;
+    use crate::covariance::Covariance;
     use crate::lens::Lens;
     use proptest::prelude::*;
 
@@ -321,6 +339,28 @@ mod tests {
                     })
                 });
                 prop_assert!(status[i] == expected || on_edge, "{:?}, not {expected:?}", status[i]);
+            }
+        }
+
+        #[test]
+        fn a_plane_is_as_uncertain_as_the_floor_under_a_camera_as_much_lower(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.5_f64,
+        ) {
+            let mut camera = camera;
+            for (index, sigma) in [(Covariance::Z, 0.02), (Covariance::PITCH, 0.003), (Covariance::FOCAL, 9.0)] {
+                camera.covariance.0[index][index] = sigma * sigma;
+            }
+            let mut lower = camera;
+            lower.position.z -= height;
+            let mut found = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: [[0.0; 2]; 2] }];
+            FloorProjector::new(&camera, height).floor_covariances(&[u], &[v], 0.7, &mut found);
+            match lower.floor_covariance(Pixel { u, v }, 0.7) {
+                Some(floor) => {
+                    let (found, floor) = (found[0].total().concat(), floor.total().concat());
+                    let size = floor[0] + floor[3];
+                    prop_assert!(found.iter().zip(&floor).all(|(a, b)| (a - b).abs() < 1e-6 * size), "{found:?} {floor:?}");
+                }
+                None => prop_assert!(found[0].pixel[0][0].is_nan()),
             }
         }
 

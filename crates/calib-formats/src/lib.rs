@@ -34,6 +34,7 @@ mod blender;
 mod kalibr;
 mod caliscope;
 mod fspy;
+mod worldfile;
 
 use calib_core::Site;
 
@@ -235,6 +236,15 @@ pub const FORMATS: &[Format] = &[
         lacks: "distortion",
         write: None,
         read: Some(fspy::read),
+    },
+    Format {
+        name: "worldfile",
+        about: "world file of a floor plan: the plan's scale and place",
+        extensions: &["pgw", "jgw", "wld"],
+        holds: "plan",
+        lacks: "cameras",
+        write: None,
+        read: Some(worldfile::read),
     },
 ];
 
