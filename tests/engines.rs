@@ -142,7 +142,7 @@ fn the_view_in_duckdb_is_exact_or_as_far_off_as_it_says() {
     }
     // Between the points of the grid on which the error was looked for it may be a little more.
     let ([pixels, metres], row) = (told_error(&told), &found["a"]);
-    assert!(pixels > 0.0 && pixels < 5.0 && metres < 0.5, "{told}");
+    assert!(pixels > 1.0 && pixels < 20.0 && metres < 0.5, "{told}");
     let off = row["in_efov_m"].as_f64().unwrap();
     assert!(off < 1.2 * metres && off > 0.2 * metres, "{off} m, and {metres} m was said");
 }

@@ -145,14 +145,13 @@ impl Table {
         output: Output<'_>,
         progress: &mut Progress,
     ) -> Result<(), Stop> {
-        let codec = self.source.codec();
         let mut output = Some(output);
         let mut sink: Option<Box<dyn Sink + '_>> = None;
         while let Some(batch) = self.source.next() {
             let batch = batch?;
             let mapped = self.map(&batch, calibrations)?;
             if let Some(output) = output.take() {
-                sink = Some((to.create)(output, &mapped.schema(), codec)?);
+                sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
             }
             if let Some(sink) = &mut sink {
                 sink.write(&mapped)?;
@@ -163,7 +162,7 @@ impl Table {
             // No row: a header, where there is one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
             let mapped = self.map(&arrow::array::RecordBatch::new_empty(schema), calibrations)?;
-            sink = Some((to.create)(output, &mapped.schema(), codec)?);
+            sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
         }
         sink.map_or(Ok(()), Sink::finish)
     }

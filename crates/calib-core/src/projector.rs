@@ -85,6 +85,22 @@ impl FloorProjector {
                     }
                 },
             ),
+            Distortion::Division { lambda } => Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    // An undistorted point is the raw one over q: so is the floor of (a, b, q), homogeneous.
+                    let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
+                    for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
+                        let (a, b) = ((u - cu) * inverse, (v - cv) * inverse);
+                        let q = 1.0 + lambda * (a * a + b * b);
+                        let w = h[2][0] * a + h[2][1] * b + h[2][2] * q;
+                        let shown = (q > 0.0) & (q <= most) & (w * side > 0.0);
+                        let scale = if shown { w.recip() } else { f64::NAN };
+                        *x = (h[0][0] * a + h[0][1] * b + h[0][2] * q) * scale;
+                        *y = (h[1][0] * a + h[1][1] * b + h[1][2] * q) * scale;
+                    }
+                },
+            ),
             Distortion::BrownConrady(brown) => Arch::new().dispatch(
                 #[inline(always)]
                 || {

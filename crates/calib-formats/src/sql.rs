@@ -159,7 +159,10 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let quotient = if terms == 0 { "1e0".into() } else { format!("(1e0 + {series})") };
     let row = |i: usize| format!("(c.g{i}1 * {a} + c.g{i}2 * {b} + c.g{i}3 * {quotient})");
     let (x, y, w) = (row(1), row(2), row(3));
-    let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {w} > 0") };
+    // A pincushion of the division model turns back where q is 2.
+    let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
+    let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
+    let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
     let (columns, seen_at, during) = if has_periods {
         (
             "valid_from, valid_to, ",

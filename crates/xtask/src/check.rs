@@ -56,6 +56,7 @@ const ENGINES: Tool = Tool {
             "install",
             "--quiet",
             "duckdb==2.0.0",
+            "pandas==3.1.1",
             "pyarrow==26.0.1",
             "pyspark==4.3.0",
         ],

@@ -7,9 +7,8 @@ use ::arrow::datatypes::{Schema, SchemaRef};
 use ::arrow::error::ArrowError;
 use ::arrow::ipc::reader::StreamReader;
 use ::arrow::ipc::writer::{FileWriter, StreamWriter};
-use ::parquet::basic::Compression;
 
-use super::{Format, Input, Output, Sink, Source};
+use super::{Format, Input, Output, Packing, Sink, Source};
 use crate::stop::Stop;
 
 /// An IPC file is this and a stream, before the list of its parts.
@@ -80,7 +79,7 @@ impl Sink for FileWriter<Output<'_>> {
 pub(super) fn create_stream<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _codec: Option<Compression>,
+    _packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
     Ok(Box::new(StreamWriter::try_new(output, schema)?))
 }
@@ -88,7 +87,7 @@ pub(super) fn create_stream<'a>(
 pub(super) fn create_file<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _codec: Option<Compression>,
+    _packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
     Ok(Box::new(FileWriter::try_new(output, schema)?))
 }

@@ -9,9 +9,8 @@ use ::arrow::array::{Array, ArrayRef, AsArray as _, RecordBatch, StringBuilder};
 use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, SchemaRef};
 use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, Writer};
-use ::parquet::basic::Compression;
 
-use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Sink, Source};
+use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source};
 use crate::stop::Stop;
 
 /// Text that a batch may have before it is handed on.
@@ -106,7 +105,7 @@ struct CsvSink<'a>(Writer<Output<'a>>);
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _codec: Option<Compression>,
+    _packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
     let mut writer = Writer::from_writer(output);
     writer.write_record(schema.fields().iter().map(|field| field.name()))?;

@@ -12,10 +12,10 @@ use std::path::Path;
 
 use ::arrow::array::RecordBatch;
 use ::arrow::datatypes::{Schema, SchemaRef};
-use ::parquet::basic::Compression;
 
 pub(crate) use input::Input;
 pub(crate) use json_text::{is_json, plain};
+pub(crate) use parquet::Packing;
 
 use crate::stop::Stop;
 
@@ -41,9 +41,9 @@ pub(crate) trait Source {
         None
     }
 
-    /// How the table is compressed, in the terms of the format that has them.
-    fn codec(&self) -> Option<Compression> {
-        None
+    /// How the table is packed, in the terms of the format that says so.
+    fn packing(&self) -> Packing {
+        Packing::default()
     }
 }
 
@@ -59,7 +59,7 @@ pub(crate) trait Sink {
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;
 
 type Open = fn(Input, &'static Format) -> Result<Box<dyn Source>, Stop>;
-type Create = for<'a> fn(Output<'a>, &Schema, Option<Compression>) -> Result<Box<dyn Sink + 'a>, Stop>;
+type Create = for<'a> fn(Output<'a>, &Schema, Packing) -> Result<Box<dyn Sink + 'a>, Stop>;
 
 /// A format of tables.
 pub(crate) struct Format {

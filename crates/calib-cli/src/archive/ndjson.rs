@@ -14,12 +14,11 @@ use ::arrow::error::ArrowError;
 use ::arrow::json::writer::{
     Encoder, EncoderFactory, EncoderOptions, LineDelimited, NullableEncoder, Writer, WriterBuilder,
 };
-use ::parquet::basic::Compression;
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::json_text::json_field;
-use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Sink, Source, is_json, plain};
+use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source, is_json, plain};
 use crate::stop::Stop;
 
 /// Lines that tell the types of the columns.
@@ -277,7 +276,7 @@ struct NdjsonSink<'a>(Writer<Output<'a>, LineDelimited>);
 pub(super) fn create<'a>(
     output: Output<'a>,
     _schema: &Schema,
-    _codec: Option<Compression>,
+    _packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
     let builder = WriterBuilder::new().with_encoder_factory(Arc::new(AsWritten));
     Ok(Box::new(NdjsonSink(builder.build(output))))

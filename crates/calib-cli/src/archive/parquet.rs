@@ -6,8 +6,8 @@ use ::arrow::array::RecordBatch;
 use ::arrow::datatypes::{DataType, Schema, SchemaRef};
 use ::parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
 use ::parquet::arrow::{ARROW_SCHEMA_META_KEY, ArrowWriter};
-use ::parquet::basic::{Compression, ZstdLevel};
-use ::parquet::file::metadata::KeyValue;
+use ::parquet::basic::{Compression, Encoding, ZstdLevel};
+use ::parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData};
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use ::parquet::schema::types::ColumnPath;
 
@@ -17,11 +17,32 @@ use crate::stop::Stop;
 /// Rows of a group that is written: it is in memory, encoded, until it is whole.
 const GROUP_ROWS: usize = 1 << 18;
 
+/// How a Parquet file is packed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Packing {
+    codec: Option<Compression>,
+    /// Columns without a dictionary: they have shown that it is built in vain.
+    plain: Vec<ColumnPath>,
+}
+
+impl Packing {
+    /// As the first row group is.
+    fn of(about: &ParquetMetaData) -> Self {
+        let Some(group) = about.row_groups().first() else { return Self::default() };
+        let has_dictionary = |column: &ColumnChunkMetaData| {
+            column.encodings().any(|e| matches!(e, Encoding::RLE_DICTIONARY | Encoding::PLAIN_DICTIONARY))
+        };
+        let plain = group.columns().iter().filter(|column| !has_dictionary(column));
+        let plain = plain.map(|column| column.column_path().clone()).collect();
+        Self { codec: group.columns().first().map(ColumnChunkMetaData::compression), plain }
+    }
+}
+
 struct Pages {
     name: String,
     reader: ParquetRecordBatchReader,
     schema: SchemaRef,
-    codec: Option<Compression>,
+    packing: Packing,
     all: u64,
     /// Rows before the last batch, and in it.
     before: usize,
@@ -35,11 +56,10 @@ pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>
     let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(broken)?;
     let about = builder.metadata();
     let all = u64::try_from(about.file_metadata().num_rows()).unwrap_or_default();
-    let first = about.row_groups().first().and_then(|group| group.columns().first());
-    let codec = first.map(|column| column.compression());
+    let packing = Packing::of(about);
     let schema = Arc::clone(builder.schema());
     let reader = builder.with_batch_size(BATCH_ROWS).build().map_err(broken)?;
-    Ok(Box::new(Pages { name, reader, schema, codec, all, before: 0, rows: 0 }))
+    Ok(Box::new(Pages { name, reader, schema, packing, all, before: 0, rows: 0 }))
 }
 
 impl Source for Pages {
@@ -65,18 +85,18 @@ impl Source for Pages {
         Some(self.all)
     }
 
-    fn codec(&self) -> Option<Compression> {
-        self.codec
+    fn packing(&self) -> Packing {
+        self.packing.clone()
     }
 }
 
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    codec: Option<Compression>,
+    packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
     // What the input has and cannot be written (LZO) is written as what is read everywhere.
-    let codec = match codec {
+    let codec = match packing.codec {
         None | Some(Compression::LZO | Compression::BROTLI(_)) => Compression::ZSTD(ZstdLevel::default()),
         Some(Compression::LZ4) => Compression::LZ4_RAW,
         Some(codec) => codec,
@@ -88,12 +108,11 @@ pub(super) fn create<'a>(
         .set_max_row_group_row_count(Some(GROUP_ROWS))
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_key_value_metadata(Some(about));
-    for field in schema.fields() {
-        // Doubles hardly repeat: a dictionary of them is built in vain.
-        if field.data_type() == &DataType::Float64 {
-            let path = ColumnPath::from(field.name().as_str());
-            properties = properties.set_column_dictionary_enabled(path, false);
-        }
+    // Doubles hardly repeat.
+    let doubles = schema.fields().iter().filter(|field| field.data_type() == &DataType::Float64);
+    let doubles = doubles.map(|field| ColumnPath::from(field.name().as_str()));
+    for path in doubles.chain(packing.plain) {
+        properties = properties.set_column_dictionary_enabled(path, false);
     }
     let schema = Arc::new(schema.clone());
     Ok(Box::new(ArrowWriter::try_new(output, schema, Some(properties.build()))?))
