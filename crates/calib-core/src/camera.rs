@@ -257,7 +257,8 @@ impl Camera {
     /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
     ///
     /// `None` where there is no floor point.
-    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+    #[must_use]
+    pub fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
         self.plane_slopes(pixel, 0.0)
     }
 
