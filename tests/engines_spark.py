@@ -17,8 +17,8 @@ sys.path.insert(0, examples)
 os.environ["PYSPARK_PYTHON"] = sys.executable
 os.environ["SPARK_LOCAL_IP"] = "127.0.0.1"
 
+import duckdb  # noqa: E402
 from pyspark.sql import SparkSession  # noqa: E402
-from pyspark.sql import functions as f  # noqa: E402
 
 import spark_project  # noqa: E402
 
@@ -67,33 +67,36 @@ out = os.path.join(folder, "spark.parquet")
 table.mapInArrow(mapped, spark_project.floor_schema(table.schema)).write.parquet(out)
 seconds = time.monotonic() - start
 
-single = spark.read.parquet(os.path.join(folder, "single.parquet"))
-found = spark.read.parquet(out)
-different = single.exceptAll(found).count() + found.exceptAll(single).count()
-
 table.createOrReplaceTempView("detections")
 with open(os.path.join(folder, "floor.sql")) as text:
     statements = "\n".join(line for line in text if not line.startswith("--"))
 for statement in statements.split(";"):
     if statement.strip():
         spark.sql(statement)
-view = spark.table("calib_floor").select("id", f.col("x_m").alias("vx"), f.col("y_m").alias("vy"))
-off = f.hypot(f.col("x_m") - f.col("vx"), f.col("y_m") - f.col("vy"))
-# The other camera's lens is fitted in SQL.
-compared = single.where("camera_id <> 'a' and x_m is not null").join(view, "id")
-rows = compared.select(f.count("vx"), f.count(f.lit(1)), f.max(off / (1 + f.hypot("x_m", "y_m")))).first()
+spark.table("calib_floor").select("id", "x_m", "y_m").write.parquet(os.path.join(folder, "view.parquet"))
+spark.stop()
 
+base = duckdb.connect()
+for name, files in {"single": "single.parquet", "found": "spark.parquet/*", "view": "view.parquet/*"}.items():
+    base.execute(f"CREATE VIEW {name} AS FROM read_parquet('{folder}/{files}')")
+different = """SELECT (SELECT count(*) FROM (FROM single EXCEPT ALL FROM found))
+  + (SELECT count(*) FROM (FROM found EXCEPT ALL FROM single)), (SELECT count(*) FROM found)"""
+different, rows = base.execute(different).fetchone()
+# The other camera's lens is fitted in SQL.
+view = """SELECT count(v.x_m), count(s.x_m),
+    max(sqrt((s.x_m - v.x_m) ** 2 + (s.y_m - v.y_m) ** 2) / (1 + sqrt(s.x_m ** 2 + s.y_m ** 2)))
+  FROM single AS s JOIN view AS v ON s.id = v.id WHERE s.camera_id <> 'a'"""
+view_rows, view_expected, view_off = base.execute(view).fetchone()
 print(
     json.dumps(
         {
-            "rows": found.count(),
+            "rows": rows,
             "seconds": seconds,
             "killed": os.path.exists(marker),
             "different": different,
-            "view_rows": rows[0],
-            "view_expected": rows[1],
-            "view_off": rows[2],
+            "view_rows": view_rows,
+            "view_expected": view_expected,
+            "view_off": view_off,
         }
     )
 )
-spark.stop()

@@ -243,9 +243,8 @@ fn floor_error(entry: &SiteCamera, found: &Camera, truth: &Camera) -> Option<f64
     let squares: Vec<f64> = corners
         .iter()
         .flat_map(|p| {
-            [0.2, 0.5, 0.9].map(|t| {
-                Pixel::new(centre[0] + t * (p.u - centre[0]), centre[1] + t * (p.v - centre[1]))
-            })
+            [0.2, 0.5, 0.9]
+                .map(|t| Pixel::new(centre[0] + t * (p.u - centre[0]), centre[1] + t * (p.v - centre[1])))
         })
         .filter_map(|p| Some(found.pixel_to_floor(p, 0.0)?.distance(truth.pixel_to_floor(p, 0.0)?).powi(2)))
         .collect();

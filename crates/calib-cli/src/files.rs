@@ -10,6 +10,7 @@ use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
 use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
 use sha2::{Digest as _, Sha256};
 
+use crate::part::Part;
 use crate::stop::Stop;
 
 /// Most memory that decoding one image may take, in bytes.
@@ -261,7 +262,7 @@ pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Writes beside the file, then renames over it: a killed run leaves the old one or the new one.
+/// Writes out of sight, then puts the file in its place: a killed run leaves the old one or the new one.
 pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
     write_through(path, |mut file| Ok(file.write_all(bytes)?))
 }
@@ -270,23 +271,10 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
 pub(crate) fn write_through(path: &Path, fill: impl FnOnce(&File) -> Result<(), Stop>) -> Result<(), Stop> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let writing = || format!("writing {}", path.display());
-    let part = tempfile::NamedTempFile::new_in(folder).with_context(writing)?;
-    fill(part.as_file())?;
-    open_to_others(part.path());
+    let part = Part::new_in(folder).with_context(writing)?;
+    fill(part.file())?;
     part.persist(path).with_context(writing)?;
     Ok(())
-}
-
-/// Temporary files are for their owner's eyes only; what they become is an ordinary file.
-fn open_to_others(path: &Path) {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // Where the file system refuses, the file stays private: no reason to lose it.
-        let _ = std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644));
-    }
-    #[cfg(not(unix))]
-    let _ = path;
 }
 
 /// Prints data to stdout.

@@ -16,6 +16,7 @@ mod lens_grid;
 mod mapping;
 mod overlay;
 mod overlay_links;
+mod part;
 mod plan_quality;
 mod plan_view;
 mod progress;

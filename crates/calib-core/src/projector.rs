@@ -66,77 +66,84 @@ impl FloorProjector {
     /// When the slices are not of one length.
     pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
-        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let inverse = self.camera.lens.focal.recip();
-        // A plane above the camera is seen above the horizon: then the third coordinate is negative.
-        let side = (self.camera.position.z - self.height).signum();
-        let h = self.floor_from_lens;
-        let to_floor = |a: f64, b: f64| {
-            let w = h[2][0] * a + h[2][1] * b + h[2][2];
-            let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
-            ((h[0][0] * a + h[0][1] * b + h[0][2]) * scale, (h[1][0] * a + h[1][1] * b + h[1][2]) * scale)
-        };
         match self.camera.lens.distortion {
-            Distortion::None => Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
-                        (*x, *y) = to_floor((u - cu) * inverse, (v - cv) * inverse);
-                    }
-                },
-            ),
-            Distortion::Division { lambda } => Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    // An undistorted point is the raw one over q: so is the floor of (a, b, q), homogeneous.
-                    let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
-                    for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
-                        let (a, b) = ((u - cu) * inverse, (v - cv) * inverse);
-                        let q = 1.0 + lambda * (a * a + b * b);
-                        let w = h[2][0] * a + h[2][1] * b + h[2][2] * q;
-                        let shown = (q > 0.0) & (q <= most) & (w * side > 0.0);
-                        let scale = if shown { w.recip() } else { f64::NAN };
-                        *x = (h[0][0] * a + h[0][1] * b + h[0][2] * q) * scale;
-                        *y = (h[1][0] * a + h[1][1] * b + h[1][2] * q) * scale;
-                    }
-                },
-            ),
-            Distortion::BrownConrady(brown) => Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    let (us, u_rest) = u.as_chunks::<LANES>();
-                    let (vs, v_rest) = v.as_chunks::<LANES>();
-                    let (xs, x_rest) = x.as_chunks_mut::<LANES>();
-                    let (ys, y_rest) = y.as_chunks_mut::<LANES>();
-                    let chunk =
-                        |u: &[f64; LANES], v: &[f64; LANES], x: &mut [f64; LANES], y: &mut [f64; LANES]| {
-                            let mut a: [f64; LANES] = std::array::from_fn(|i| (u[i] - cu) * inverse);
-                            let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
-                            undistort_in_step(&brown, self.most, &mut a, &mut b);
-                            for i in 0..LANES {
-                                (x[i], y[i]) = to_floor(a[i], b[i]);
-                            }
-                        };
-                    for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
-                        chunk(u, v, x, y);
-                    }
-                    // What is left over is filled up with the principal point.
-                    let fill = |rest: &[f64], with: f64| -> [f64; LANES] {
-                        std::array::from_fn(|i| rest.get(i).copied().unwrap_or(with))
-                    };
-                    let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-                    chunk(&fill(u_rest, cu), &fill(v_rest, cv), &mut x, &mut y);
-                    x_rest.copy_from_slice(&x[..x_rest.len()]);
-                    y_rest.copy_from_slice(&y[..y_rest.len()]);
-                },
-            ),
-            _ => {
+            Distortion::None => self.by_quotient(0.0, [u, v], [x, y]),
+            Distortion::Division { lambda } => self.by_quotient(lambda, [u, v], [x, y]),
+            Distortion::BrownConrady(brown) => self.by_newton(&brown, [u, v], [x, y]),
+            Distortion::KannalaBrandt { .. } => {
                 for i in 0..u.len() {
                     let floor = self.camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, self.height);
                     (x[i], y[i]) = floor.map_or((f64::NAN, f64::NAN), |p| (p.x, p.y));
                 }
             }
         }
+    }
+
+    /// A plane above the camera is seen above the horizon: then the third coordinate is negative.
+    fn side(&self) -> f64 {
+        (self.camera.position.z - self.height).signum()
+    }
+
+    /// The division model, and with 0 no distortion: an undistorted point is the raw one (a, b) over q, and
+    /// so the floor is that of (a, b, q), homogeneous.
+    fn by_quotient(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
+        // A pincushion turns back where q is 2.
+        let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
+                    let (a, b) = ((u - cu) * inverse, (v - cv) * inverse);
+                    let q = 1.0 + lambda * (a * a + b * b);
+                    let w = h[2][0] * a + h[2][1] * b + h[2][2] * q;
+                    let shown = (q > 0.0) & (q <= most) & (w * side > 0.0);
+                    let scale = if shown { w.recip() } else { f64::NAN };
+                    *x = (h[0][0] * a + h[0][1] * b + h[0][2] * q) * scale;
+                    *y = (h[1][0] * a + h[1][1] * b + h[1][2] * q) * scale;
+                }
+            },
+        );
+    }
+
+    fn by_newton(&self, brown: &BrownConrady, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
+        let to_floor = |a: f64, b: f64| {
+            let w = h[2][0] * a + h[2][1] * b + h[2][2];
+            let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
+            ((h[0][0] * a + h[0][1] * b + h[0][2]) * scale, (h[1][0] * a + h[1][1] * b + h[1][2]) * scale)
+        };
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let (us, u_rest) = u.as_chunks::<LANES>();
+                let (vs, v_rest) = v.as_chunks::<LANES>();
+                let (xs, x_rest) = x.as_chunks_mut::<LANES>();
+                let (ys, y_rest) = y.as_chunks_mut::<LANES>();
+                let chunk =
+                    |u: &[f64; LANES], v: &[f64; LANES], x: &mut [f64; LANES], y: &mut [f64; LANES]| {
+                        let mut a: [f64; LANES] = std::array::from_fn(|i| (u[i] - cu) * inverse);
+                        let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
+                        undistort_in_step(brown, self.most, &mut a, &mut b);
+                        for i in 0..LANES {
+                            (x[i], y[i]) = to_floor(a[i], b[i]);
+                        }
+                    };
+                for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
+                    chunk(u, v, x, y);
+                }
+                // What is left over is filled up with the principal point.
+                let fill = |rest: &[f64], with: f64| -> [f64; LANES] {
+                    std::array::from_fn(|i| rest.get(i).copied().unwrap_or(with))
+                };
+                let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+                chunk(&fill(u_rest, cu), &fill(v_rest, cv), &mut x, &mut y);
+                x_rest.copy_from_slice(&x[..x_rest.len()]);
+                y_rest.copy_from_slice(&y[..y_rest.len()]);
+            },
+        );
     }
 
     /// As [`Self::pixels_to_floor`], and says of every pixel what became of it.
