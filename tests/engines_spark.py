@@ -77,7 +77,7 @@ spark.table("calib_floor").select("id", "x_m", "y_m").write.parquet(os.path.join
 spark.stop()
 
 base = duckdb.connect()
-for name, files in {"single": "single.parquet", "found": "spark.parquet/*", "view": "view.parquet/*"}.items():
+for name, files in {"single": "single.parquet", "found": "spark.parquet/*.parquet", "view": "view.parquet/*.parquet"}.items():
     base.execute(f"CREATE VIEW {name} AS FROM read_parquet('{folder}/{files}')")
 different = """SELECT (SELECT count(*) FROM (FROM single EXCEPT ALL FROM found))
   + (SELECT count(*) FROM (FROM found EXCEPT ALL FROM single)), (SELECT count(*) FROM found)"""

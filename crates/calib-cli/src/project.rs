@@ -93,8 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         (None, None) => from,
     };
     let (bytes, read) = (input.bytes, input.counter());
-    let mut table =
-        Table { name: input.name.clone(), source: (from.open)(input, to)?, mapping: mapping(args) };
+    let mut table = Table { name: input.name.clone(), source: from.open(input, to)?, mapping: mapping(args) };
     let mut progress = Progress::new(table.source.rows(), bytes, read);
     let mut pass = |output: Output<'_>| table.pass(&mut calibrations, to, output, &mut progress);
     if args.output == "-" {

@@ -10,6 +10,7 @@ use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, Sche
 use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, Writer};
 
+use super::utc::in_utc;
 use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source};
 use crate::stop::Stop;
 
@@ -114,6 +115,7 @@ pub(super) fn create<'a>(
 
 impl Sink for CsvSink<'_> {
     fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
+        let batch = in_utc(batch)?;
         let options = FormatOptions::new();
         let cells: Vec<Cells<'_>> =
             batch.columns().iter().map(|column| Cells::of(column, &options)).collect::<Result<_, Stop>>()?;

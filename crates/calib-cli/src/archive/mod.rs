@@ -2,10 +2,12 @@
 
 mod arrow;
 mod csv;
+mod guard;
 mod input;
 mod json_text;
 mod ndjson;
 mod parquet;
+mod utc;
 
 use std::io::Write;
 use std::path::Path;
@@ -72,8 +74,7 @@ pub(crate) struct Format {
     magic: &'static [&'static [u8]],
     /// Whether values have types; where they have none, all are text.
     is_typed: bool,
-    /// Opens a table, for being written in another format.
-    pub(crate) open: Open,
+    open: Open,
     pub(crate) create: Create,
 }
 
@@ -127,6 +128,11 @@ pub(crate) const FORMATS: &[Format] = &[
 ];
 
 impl Format {
+    /// Opens a table that is to be written in a format.
+    pub(crate) fn open(&self, input: Input, to: &'static Self) -> Result<Box<dyn Source>, Stop> {
+        guard::open(self, input, to)
+    }
+
     /// The format of a name that was checked already.
     pub(crate) fn named(name: &str) -> Result<&'static Self, Stop> {
         let found = FORMATS.iter().find(|format| format.name == name);

@@ -18,6 +18,7 @@ use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::json_text::json_field;
+use super::utc::in_utc;
 use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source, is_json, plain};
 use crate::stop::Stop;
 
@@ -284,7 +285,7 @@ pub(super) fn create<'a>(
 
 impl Sink for NdjsonSink<'_> {
     fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
-        Ok(self.0.write(batch)?)
+        Ok(self.0.write(&in_utc(batch)?)?)
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Stop> {
