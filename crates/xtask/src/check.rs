@@ -145,6 +145,19 @@ const CHECKS: &[Check] = &[
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
     Check {
+        name: "the function of DataFusion",
+        command: &[
+            "cargo",
+            "test",
+            "--quiet",
+            "--manifest-path",
+            "crates/calib-datafusion/Cargo.toml",
+            "--target-dir",
+            "target/datafusion",
+        ],
+        ..PLAIN
+    },
+    Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features"],
         tools: &[&PEERS, &ENGINES],
