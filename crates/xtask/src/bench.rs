@@ -14,7 +14,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use crate::accuracy;
+use crate::{accuracy, archives};
 
 /// The key that is printed, and what measures it.
 type Bench = (&'static str, fn() -> f64);
@@ -31,11 +31,24 @@ const BENCHES: [Bench; 8] = [
     ("refine_1000_cameras_ms", || 1e3 * refine([40, 25])),
 ];
 
+/// What `archives` measures in one run: ratios.
+const ARCHIVES: [&str; 3] =
+    ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
+
 /// Runs all benchmarks whose key contains `filter`.
 pub(crate) fn run(filter: &str) {
     let chosen = BENCHES.iter().filter(|(key, _)| key.contains(filter));
-    let results: Map<String, Value> =
+    let mut results: Map<String, Value> =
         chosen.map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
+    if ARCHIVES.iter().any(|key| key.contains(filter)) {
+        match archives::measure() {
+            Ok(ratios) => {
+                let values = [ratios.time, ratios.processor, ratios.projection];
+                results.extend(ARCHIVES.map(str::to_owned).into_iter().zip(values.map(|value| json!(value))));
+            }
+            Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVES.join(", ")),
+        }
+    }
     println!("{}", Value::Object(results));
 }
 

@@ -1,6 +1,7 @@
 //! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`.
 
 mod accuracy;
+mod archives;
 mod bench;
 mod check;
 
