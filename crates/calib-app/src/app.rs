@@ -6,6 +6,7 @@ use calib_core::{Annotation, Camera, PlanPixel, Site, SiteCamera};
 use egui::{Color32, Context, Painter, Rect, Ui};
 
 use crate::canvas::{Mapping, View};
+use crate::claim::Claim;
 use crate::command;
 use crate::dialog::{Dialog, Purpose};
 use crate::edges::{self, Edge, Edges};
@@ -17,6 +18,7 @@ use crate::panels;
 use crate::picture::{Pictures, Piece};
 use crate::scene3d::Orbit;
 use crate::session::Session;
+use crate::stills::NewStill;
 use crate::task::Task;
 use crate::theme;
 use crate::tools::{Pane, TOOLS, Tool};
@@ -34,9 +36,6 @@ pub enum Mode {
     /// The site in space.
     Scene,
 }
-
-/// A still that was read to become a camera: its name in the site, what to call it, its size.
-pub(crate) type NewStill = Result<(String, String, [u32; 2]), String>;
 
 /// The whole app.
 #[derive(Debug)]
@@ -64,8 +63,10 @@ pub struct App {
     pub blend: bool,
     /// Fields are filled on the plan.
     pub coverage: bool,
-    /// Lengths are shown in feet.
-    pub feet: bool,
+    /// The floor from above is shown beside the image.
+    pub above: bool,
+    /// What other programs take.
+    pub export: panels::export::Sheet,
     /// Poses before the joint solve are shown beside the new ones.
     pub show_before: bool,
     /// From where the scene is looked at.
@@ -75,6 +76,8 @@ pub struct App {
     /// When the suspect changed, for its blinking, in seconds.
     pub suspect_since: f64,
     suspect: Option<(usize, usize, usize)>,
+    /// What else fits the camera of this index as well.
+    pub family: Option<(usize, crate::family::Family)>,
     /// The command palette.
     pub palette: panels::palette::Palette,
     /// How far a newcomer has come.
@@ -100,9 +103,12 @@ pub struct App {
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
     pub(crate) autosave: Option<Autosave>,
+    /// The autosaves that no other window touches while this one lives.
+    _claims: Vec<Claim>,
     pub(crate) kept: u64,
     pub(crate) dialog: Option<Dialog>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
+    pub(crate) pictured: Option<Vec<u8>>,
     pub(crate) adding: Vec<Task<NewStill>>,
     pub(crate) replacing: Option<(usize, Task<NewStill>)>,
     pub(crate) planning: Option<Task<NewStill>>,
@@ -115,14 +121,16 @@ impl App {
         theme::install(ctx);
         let slots: Vec<Autosave> = folder.iter().flat_map(|folder| Autosave::slots(folder)).collect();
         let mut found = Vec::new();
-        let mut autosave = None;
+        let (mut autosave, mut claims) = (None, Vec::new());
         for slot in slots {
+            // What another window keeps is its own; what was found stays until the operator has decided.
+            let Some(claim) = Claim::of(slot.folder()) else { continue };
             match slot.find() {
                 Some(work) => found.push((slot, work)),
-                // What was found stays until the operator has decided about it.
                 None if autosave.is_none() => autosave = Some(slot),
-                None => {}
+                None => continue,
             }
+            claims.push(claim);
         }
         Self {
             session: Session::new(Site::new(), Images::default(), None),
@@ -136,12 +144,14 @@ impl App {
             opacity: 0.8,
             blend: false,
             coverage: true,
-            feet: false,
+            above: true,
+            export: panels::export::Sheet::default(),
             show_before: true,
             orbit: None,
             lit: None,
             suspect_since: 0.0,
             suspect: None,
+            family: None,
             palette: panels::palette::Palette::default(),
             tour: panels::tour::Tour::default(),
             shortcuts: false,
@@ -155,9 +165,11 @@ impl App {
             compared: None,
             chooser: Dialog::open,
             autosave,
+            _claims: claims,
             kept: 0,
             dialog: None,
             picture: None,
+            pictured: None,
             adding: Vec::new(),
             replacing: None,
             planning: None,
@@ -166,13 +178,15 @@ impl App {
 
     /// Opens a site in place of the one that is open.
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
+        let (units, snap) = (self.session.units, self.session.snap);
         self.session = Session::new(site, images, path);
+        (self.session.units, self.session.snap) = (units, snap);
         self.pictures.clear();
         self.edges.clear();
         self.panes = Panes::default();
         self.orbit = None;
         self.kept = 0;
-        (self.compared, self.error) = (None, None);
+        (self.compared, self.error, self.family) = (None, None, None);
         self.take_tool(0);
     }
 
@@ -206,6 +220,7 @@ impl App {
             .filter_map(|part| crate::edit::pixel_mut(site, camera, part).map(|pixel| (*pixel).into()))
             .collect();
         let Some(mapping) = self.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else { return };
+        let points: Vec<[f64; 2]> = points.into_iter().map(|at| mapping.flat(at)).collect();
         let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
         let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
         let margin = 0.5 * (high(0) - low(0)).max(high(1) - low(1)).max(20.0);
@@ -254,7 +269,9 @@ impl App {
 
     /// Closes what is open above the window. Whether anything was.
     pub fn close_sheets(&mut self) -> bool {
-        let was_open = self.palette.is_open() || self.shortcuts || self.about || self.error.is_some();
+        let exported = self.export.close();
+        let was_open =
+            exported || self.palette.is_open() || self.shortcuts || self.about || self.error.is_some();
         self.palette.close();
         (self.shortcuts, self.about, self.error) = (false, false, None);
         was_open
@@ -352,7 +369,7 @@ impl App {
         self.poll_dialog(ctx);
         self.poll_stills();
         self.take_dropped(ctx);
-        self.poll_picture();
+        self.poll_picture(ctx);
         for (command, modifiers) in command::pressed(ctx) {
             command::run(self, ctx, command, modifiers);
         }

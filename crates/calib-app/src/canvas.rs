@@ -1,5 +1,6 @@
 //! Where on the screen a canvas shows its document: pan, zoom, screen from document and back.
 
+use calib_core::{Lens, UndistortedPixel};
 use egui::{Pos2, Rect, Vec2};
 
 /// What a canvas looks at. Document units are pixels of an image, or metres of the floor.
@@ -20,6 +21,8 @@ pub struct Mapping {
     pub view: View,
     /// Where on the screen.
     pub rect: Rect,
+    /// The lens whose bend is taken out of what is shown: what is straight in space is straight here.
+    pub lens: Option<Lens>,
 }
 
 /// How much of the canvas a document fills that is shown whole.
@@ -51,10 +54,24 @@ impl View {
 }
 
 impl Mapping {
+    /// A view in its rectangle, bent as the lens bends it.
+    #[must_use]
+    pub const fn new(view: View, rect: Rect) -> Self {
+        Self { view, rect, lens: None }
+    }
+
+    /// Where a document point lies once the lens's bend is taken out.
+    #[must_use]
+    pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
+        let straight = self.lens.and_then(|lens| lens.undistort(at.into()));
+        straight.map_or(at, |pixel| [pixel.u, pixel.v])
+    }
+
     /// Where the screen shows a document point.
     #[must_use]
-    pub fn screen(&self, [x, y]: [f64; 2]) -> Pos2 {
+    pub fn screen(&self, at: [f64; 2]) -> Pos2 {
         let View { centre, zoom, .. } = self.view;
+        let [x, y] = self.flat(at);
         let (dx, dy) = ((x - centre[0]) * zoom, self.view.sign() * (y - centre[1]) * zoom);
         // Far off the screen the painter needs no more than the direction.
         let clamp = |value: f64| value.clamp(-1e7, 1e7) as f32;
@@ -64,6 +81,13 @@ impl Mapping {
     /// The document point at a point of the screen.
     #[must_use]
     pub fn document(&self, at: Pos2) -> [f64; 2] {
+        let flat = self.flat_at(at);
+        let bent = self.lens.and_then(|lens| lens.distort(UndistortedPixel::new(flat[0], flat[1])));
+        bent.map_or(flat, Into::into)
+    }
+
+    /// What is at a point of the screen once the lens's bend is taken out.
+    fn flat_at(&self, at: Pos2) -> [f64; 2] {
         let View { centre, zoom, .. } = self.view;
         let by = at - self.rect.center();
         [centre[0] + f64::from(by.x) / zoom, centre[1] + self.view.sign() * f64::from(by.y) / zoom]
@@ -78,18 +102,12 @@ impl Mapping {
     /// The view after zooming by `factor` with what is under `at` staying there.
     #[must_use]
     pub fn zoomed(&self, at: Pos2, factor: f64) -> View {
-        let fixed = self.document(at);
+        let fixed = self.flat_at(at);
         let mut view = self.view;
         view.zoom = (view.zoom * factor).clamp(*ZOOMS.start(), *ZOOMS.end());
-        let now = Self { view, rect: self.rect }.document(at);
+        let now = Self { view, ..*self }.flat_at(at);
         view.centre = [view.centre[0] + fixed[0] - now[0], view.centre[1] + fixed[1] - now[1]];
         view
-    }
-
-    /// The rectangle of the screen that shows `[low, high]`.
-    #[must_use]
-    pub fn screen_rect(&self, low: [f64; 2], high: [f64; 2]) -> Rect {
-        Rect::from_two_pos(self.screen(low), self.screen(high))
     }
 }
 
@@ -99,7 +117,7 @@ mod tests {
 
     fn mapping(y_up: bool) -> Mapping {
         let rect = Rect::from_min_size(Pos2::new(100.0, 50.0), Vec2::new(800.0, 600.0));
-        Mapping { view: View { centre: [960.0, 540.0], zoom: 0.37, y_up }, rect }
+        Mapping::new(View { centre: [960.0, 540.0], zoom: 0.37, y_up }, rect)
     }
 
     #[test]
@@ -109,6 +127,20 @@ mod tests {
             let there = mapping.document(mapping.screen([123.4, 777.7]));
             assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");
         }
+    }
+
+    #[test]
+    fn a_straightened_canvas_maps_both_ways_and_shows_straight_what_the_lens_bends() {
+        let brown = calib_core::BrownConrady { k1: -0.3, k2: 0.08, p1: 0.0, p2: 0.0, k3: 0.0 };
+        let distortion = calib_core::Distortion::BrownConrady(brown);
+        let lens = Lens { principal_point: calib_core::Pixel::new(960.0, 540.0), focal: 1400.0, distortion };
+        let mapping = Mapping { lens: Some(lens), ..mapping(false) };
+        let there = mapping.document(mapping.screen([123.4, 777.7]));
+        assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");
+        let edge = [300.0, 900.0, 1500.0].map(|u| lens.distort(UndistortedPixel::new(u, 200.0)).unwrap());
+        assert!(edge[0].v - edge[1].v > 5.0, "the lens bends it");
+        let shown = edge.map(|pixel| mapping.screen(pixel.into()).y);
+        assert!((shown[0] - shown[1]).abs() < 1e-2 && (shown[0] - shown[2]).abs() < 1e-2, "{shown:?}");
     }
 
     #[test]

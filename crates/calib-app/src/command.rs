@@ -6,76 +6,15 @@ use crate::app::App;
 use crate::deeds;
 use crate::tools::TOOLS;
 
-/// Something the app can be told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the table says what each does, in the operator's words")]
-pub enum Command {
-    Tool(usize),
-    NewSite,
-    Demo,
-    Tour,
-    Open,
-    Save,
-    SaveAs,
-    AddImages,
-    LoadPlan,
-    ReplaceStill,
-    Compare,
-    SavePicture,
-    Undo,
-    Redo,
-    Delete,
-    Duplicate,
-    OnOff,
-    UseAnyway,
-    SelectAll,
-    Deselect,
-    NudgeLeft,
-    NudgeRight,
-    NudgeUp,
-    NudgeDown,
-    NewGroup,
-    RightAngle,
-    PullOntoEdge,
-    TakeSuggestion,
-    TakeSecondSolution,
-    CopyLines,
-    PasteLines,
-    ViewImage,
-    ViewPlan,
-    ViewAll,
-    ViewScene,
-    Fit,
-    ZoomIn,
-    ZoomOut,
-    HideOverlays,
-    NextCamera,
-    PreviousCamera,
-    NextUnfinished,
-    PreviousUnfinished,
-    RemoveCamera,
-    Pause,
-    Refine,
-    CompareBefore,
-    FixPlacement,
-    ResetPlacement,
-    Grid,
-    Edges,
-    Horizon,
-    Field,
-    Prism,
-    Guide,
-    ColourByResidual,
-    Coverage,
-    Blend,
-    Theme,
-    Feet,
-    Palette,
-    Shortcuts,
-    About,
-    Accept,
-    Cancel,
-    StepBack,
+/// A command that was given, with what came along.
+#[derive(Clone, Copy, Debug)]
+pub struct Told<'a> {
+    /// Which.
+    pub command: Command,
+    /// Where it was given.
+    pub ctx: &'a Context,
+    /// The keys held with it.
+    pub modifiers: Modifiers,
 }
 
 /// A row of the list.
@@ -87,14 +26,8 @@ pub struct Row {
     pub text: &'static str,
     /// The keys that give it.
     pub keys: Option<KeyboardShortcut>,
-}
-
-const fn row(command: Command, text: &'static str, modifiers: Modifiers, key: Key) -> Row {
-    Row { command, text, keys: Some(KeyboardShortcut::new(modifiers, key)) }
-}
-
-const fn bare(command: Command, text: &'static str) -> Row {
-    Row { command, text, keys: None }
+    /// What acts.
+    deed: fn(&mut App, Told<'_>),
 }
 
 const NONE: Modifiers = Modifiers::NONE;
@@ -102,77 +35,128 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 const SHIFT: Modifiers = Modifiers::SHIFT;
 const CTRL_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
 
-/// Every command but the tools, which have a list of their own.
-pub const COMMANDS: &[Row] = {
-    use Command as C;
-    &[
-        row(C::NewSite, "New site", CTRL, Key::N),
-        bare(C::Demo, "Open the demonstration site"),
-        bare(C::Tour, "Take the tour of the demonstration"),
-        row(C::Open, "Open a site\u{2026}", CTRL, Key::O),
-        row(C::SaveAs, "Save the site as\u{2026}", CTRL_SHIFT, Key::S),
-        row(C::Save, "Save the site", CTRL, Key::S),
-        row(C::AddImages, "Add images\u{2026}", CTRL, Key::I),
-        bare(C::LoadPlan, "Load a floor plan\u{2026}"),
-        bare(C::ReplaceStill, "Replace the still of this camera\u{2026}"),
-        bare(C::Compare, "Compare with a saved version\u{2026}"),
-        bare(C::SavePicture, "Save a picture of the window"),
-        row(C::Redo, "Redo", CTRL_SHIFT, Key::Z),
-        row(C::Undo, "Undo", CTRL, Key::Z),
-        row(C::Delete, "Delete what is selected", NONE, Key::Delete),
-        row(C::Duplicate, "Duplicate the selected lines into a group of their own", NONE, Key::D),
-        row(C::OnOff, "Switch what is selected on or off", NONE, Key::X),
-        bare(C::UseAnyway, "Use a suspected line anyway"),
-        row(C::SelectAll, "Select everything on this image", CTRL, Key::A),
-        bare(C::Deselect, "Deselect all"),
-        row(C::NudgeLeft, "Nudge left, 0.1 px (Shift 1 px)", NONE, Key::ArrowLeft),
-        row(C::NudgeRight, "Nudge right, 0.1 px (Shift 1 px)", NONE, Key::ArrowRight),
-        row(C::NudgeUp, "Nudge up, 0.1 px (Shift 1 px)", NONE, Key::ArrowUp),
-        row(C::NudgeDown, "Nudge down, 0.1 px (Shift 1 px)", NONE, Key::ArrowDown),
-        row(C::NewGroup, "Begin a new group with the next line", NONE, Key::W),
-        bare(C::RightAngle, "Tie the last two parallel groups at right angles"),
-        row(C::PullOntoEdge, "Pull the selected lines onto the edge", NONE, Key::J),
-        row(C::TakeSuggestion, "Draw the suggested line", NONE, Key::N),
-        bare(C::TakeSecondSolution, "Use the second solution's field of view"),
-        row(C::CopyLines, "Copy this camera's annotations", CTRL_SHIFT, Key::C),
-        row(C::PasteLines, "Paste annotations onto this camera", CTRL_SHIFT, Key::V),
-        row(C::ViewImage, "View: image", NONE, Key::Num1),
-        row(C::ViewPlan, "View: plan", NONE, Key::Num2),
-        row(C::ViewAll, "View: all cameras", NONE, Key::Num3),
-        row(C::ViewScene, "View: scene", NONE, Key::Num4),
-        row(C::Fit, "Fit the view", NONE, Key::Home),
-        row(C::ZoomIn, "Zoom in", NONE, Key::Plus),
-        row(C::ZoomOut, "Zoom out", NONE, Key::Minus),
-        row(C::HideOverlays, "Hide or show what lies on the image", NONE, Key::H),
-        row(C::NextUnfinished, "Next unfinished camera", SHIFT, Key::CloseBracket),
-        row(C::PreviousUnfinished, "Previous unfinished camera", SHIFT, Key::OpenBracket),
-        row(C::NextCamera, "Next camera", NONE, Key::CloseBracket),
-        row(C::PreviousCamera, "Previous camera", NONE, Key::OpenBracket),
-        bare(C::RemoveCamera, "Remove this camera"),
-        row(C::Pause, "Pause or resume solving", NONE, Key::F8),
-        row(C::Refine, "Refine all cameras together", NONE, Key::F9),
-        row(C::CompareBefore, "Show or hide the poses before Refine", NONE, Key::B),
-        bare(C::FixPlacement, "Hold or release this camera's place"),
-        bare(C::ResetPlacement, "Forget this camera's place"),
-        row(C::Grid, "Show or hide the metre grid", NONE, Key::G),
-        row(C::Edges, "Offer or hide the edges that were found", NONE, Key::I),
-        bare(C::Horizon, "Show or hide the horizon"),
-        bare(C::Field, "Show or hide the field of view"),
-        bare(C::Prism, "Show or hide the prism"),
-        bare(C::Guide, "Show or hide the person at the cursor"),
-        bare(C::ColourByResidual, "Colour lines by kind or by residual"),
-        bare(C::Coverage, "Shade coverage on the plan"),
-        bare(C::Blend, "Lay the images of all cameras on the plan"),
-        bare(C::Theme, "Light or dark theme"),
-        bare(C::Feet, "Metres or feet on screen"),
-        row(C::Palette, "Commands", CTRL, Key::K),
-        row(C::Shortcuts, "Keyboard shortcuts", SHIFT, Key::Questionmark),
-        bare(C::About, "About, and licences"),
-        row(C::Accept, "End the line or polygon", NONE, Key::Enter),
-        row(C::Cancel, "Put back what is held; deselect", NONE, Key::Escape),
-        row(C::StepBack, "Take the last point back", NONE, Key::Backspace),
-    ]
-};
+macro_rules! keys {
+    () => {
+        None
+    };
+    ($modifiers:ident $key:ident) => {
+        Some(KeyboardShortcut::new($modifiers, Key::$key))
+    };
+}
+
+/// Names, words and keys of the commands, under what acts on them.
+macro_rules! commands {
+    ($($deed:ident { $($name:ident $text:literal $($modifiers:ident $key:ident)?;)* })*) => {
+        /// Something the app can be told.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[expect(missing_docs, reason = "the table says what each does, in the operator's words")]
+        pub enum Command {
+            Tool(usize),
+            $($($name,)*)*
+        }
+
+        /// Every command but the tools, which have a list of their own.
+        pub const COMMANDS: &[Row] = &[$($(Row {
+            command: Command::$name,
+            text: $text,
+            keys: keys!($($modifiers $key)?),
+            deed: deeds::$deed,
+        },)*)*];
+    };
+}
+
+commands! {
+    on_files {
+        NewSite "New site" CTRL N;
+        Demo "Open the demonstration site";
+        Tour "Take the tour of the demonstration";
+        Open "Open a site\u{2026}" CTRL O;
+        SaveAs "Save the site as\u{2026}" CTRL_SHIFT S;
+        Save "Save the site" CTRL S;
+        AddImages "Add images\u{2026}" CTRL I;
+        LoadPlan "Load a floor plan\u{2026}";
+        ReplaceStill "Replace the still of this camera\u{2026}";
+        Compare "Compare with a saved version\u{2026}";
+        Import "Import lenses or cameras of another program\u{2026}";
+        Export "Export for other programs\u{2026}" CTRL E;
+        SavePicture "Save a picture of this view\u{2026}" CTRL_SHIFT P;
+        StopWork "Cancel reading images and finding edges";
+        ReadAgain "Read images again, look for edges again";
+    }
+    gesture {
+        Redo "Redo" CTRL_SHIFT Z;
+        Undo "Undo" CTRL Z;
+        Accept "End the line or polygon" NONE Enter;
+        Cancel "Put back what is held; deselect" NONE Escape;
+        StepBack "Take the last point back" NONE Backspace;
+    }
+    on_selection {
+        Delete "Delete what is selected" NONE Delete;
+        Duplicate "Duplicate the selected lines into a group of their own" NONE D;
+        OnOff "Switch what is selected on or off" NONE X;
+        UseAnyway "Use a suspected line anyway";
+        SelectAll "Select everything on this image" CTRL A;
+        Deselect "Deselect all";
+        PullOntoEdge "Pull the selected lines onto the edge" NONE J;
+    }
+    nudge {
+        NudgeLeft "Nudge left, 0.1 px (Shift 1 px)" NONE ArrowLeft;
+        NudgeRight "Nudge right, 0.1 px (Shift 1 px)" NONE ArrowRight;
+        NudgeUp "Nudge up, 0.1 px (Shift 1 px)" NONE ArrowUp;
+        NudgeDown "Nudge down, 0.1 px (Shift 1 px)" NONE ArrowDown;
+    }
+    on_lines {
+        NewGroup "Begin a new group with the next line" NONE W;
+        RightAngle "Tie the last two parallel groups at right angles";
+        TakeSuggestion "Draw the suggested line" NONE N;
+        TakeSecondSolution "Use the second solution's field of view";
+        CopyLines "Copy this camera's annotations" CTRL_SHIFT C;
+        PasteLines "Paste annotations onto this camera" CTRL_SHIFT V;
+    }
+    on_view {
+        ViewImage "View: image" NONE Num1;
+        ViewPlan "View: plan" NONE Num2;
+        ViewAll "View: all cameras" NONE Num3;
+        ViewScene "View: scene" NONE Num4;
+        Fit "Fit the view" NONE Home;
+        ZoomIn "Zoom in" NONE Plus;
+        ZoomOut "Zoom out" NONE Minus;
+    }
+    on_cameras {
+        NextUnfinished "Next unfinished camera" SHIFT CloseBracket;
+        PreviousUnfinished "Previous unfinished camera" SHIFT OpenBracket;
+        NextCamera "Next camera" NONE CloseBracket;
+        PreviousCamera "Previous camera" NONE OpenBracket;
+        RemoveCamera "Remove this camera";
+    }
+    on_solving {
+        Pause "Pause or resume solving" NONE F8;
+        Refine "Refine all cameras together" NONE F9;
+        CompareBefore "Show or hide the poses before Refine" NONE B;
+        FixPlacement "Hold or release this camera's place";
+        ResetPlacement "Forget this camera's place";
+    }
+    switch {
+        HideOverlays "Hide or show what lies on the image" NONE H;
+        Grid "Show or hide the metre grid" NONE G;
+        Edges "Offer or hide the edges that were found" NONE I;
+        Straighten "Take the bend of the lens out of the image" NONE T;
+        Horizon "Show or hide the horizon";
+        Field "Show or hide the field of view";
+        Prism "Show or hide the prism";
+        Guide "Show or hide the person at the cursor";
+        ColourByResidual "Colour lines by kind or by residual";
+        Above "Show or hide the floor from above" NONE Y;
+        Coverage "Shade coverage on the plan";
+        Blend "Lay the images of all cameras on the plan";
+        Snap "Snap to 10 cm and 5\u{b0} on the plan";
+        Feet "Metres or feet on screen";
+        Palette "Commands" CTRL K;
+        Shortcuts "Keyboard shortcuts" SHIFT Questionmark;
+        About "About, and licences";
+        Theme "Light or dark theme";
+    }
+}
 
 /// Every command: the table, then the tools.
 pub fn all() -> impl Iterator<Item = Row> {
@@ -180,6 +164,7 @@ pub fn all() -> impl Iterator<Item = Row> {
         command: Command::Tool(index),
         text: tool.title,
         keys: Some(KeyboardShortcut::new(NONE, tool.key)),
+        deed: deeds::take_tool,
     });
     COMMANDS.iter().copied().chain(tools)
 }
@@ -232,7 +217,9 @@ pub fn is_enabled(app: &App, command: Command) -> bool {
         C::TakeSuggestion => session.solution().is_some_and(|solution| solution.draw_next.is_some()),
         C::TakeSecondSolution => session.solution().is_some_and(|solution| !solution.alternatives.is_empty()),
         C::PasteLines => app.copied.is_some() && session.entry().is_some(),
-        C::CompareBefore => session.before_refine.is_some(),
+        C::CompareBefore => session.before_refine.is_some() || app.compared.is_some(),
+        C::StopWork => app.is_working(),
+        C::Export => !session.site.cameras.is_empty(),
         C::LoadPlan | C::Refine | C::NextCamera | C::PreviousCamera => !session.site.cameras.is_empty(),
         C::CopyLines
         | C::RemoveCamera
@@ -246,60 +233,18 @@ pub fn is_enabled(app: &App, command: Command) -> bool {
 
 /// The words of a command now: undo says what it takes back.
 #[must_use]
-pub fn text_of(app: &App, row: Row) -> String {
-    match row.command {
+pub fn words(app: &App, command: Command) -> String {
+    match command {
         Command::Undo => format!("Undo {}", app.session.history.undo_name().unwrap_or_default()),
         Command::Redo => format!("Redo {}", app.session.history.redo_name().unwrap_or_default()),
-        _ => row.text.to_owned(),
+        _ => all().find(|row| row.command == command).map_or_else(String::new, |row| row.text.to_owned()),
     }
 }
 
 /// Does it. This is the one place that acts.
 pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers) {
-    use Command as C;
-    if !is_enabled(app, command) {
-        return;
-    }
-    match command {
-        C::Tool(index) => app.take_tool(index),
-        C::Undo | C::Redo | C::Accept | C::Cancel | C::StepBack => deeds::gesture(app, command),
-        C::Delete | C::Duplicate | C::OnOff | C::UseAnyway | C::SelectAll | C::Deselect | C::PullOntoEdge => {
-            deeds::on_selection(app, command);
-        }
-        C::NudgeLeft | C::NudgeRight | C::NudgeUp | C::NudgeDown => deeds::nudge(app, command, modifiers),
-        C::NewGroup
-        | C::RightAngle
-        | C::TakeSuggestion
-        | C::TakeSecondSolution
-        | C::CopyLines
-        | C::PasteLines => deeds::on_lines(app, command),
-        C::NewSite
-        | C::Demo
-        | C::Tour
-        | C::Open
-        | C::Save
-        | C::SaveAs
-        | C::AddImages
-        | C::LoadPlan
-        | C::ReplaceStill
-        | C::Compare
-        | C::SavePicture => deeds::on_files(app, ctx, command),
-        C::ViewImage | C::ViewPlan | C::ViewAll | C::ViewScene | C::Fit | C::ZoomIn | C::ZoomOut => {
-            deeds::on_view(app, command);
-        }
-        C::NextCamera | C::PreviousCamera | C::NextUnfinished | C::PreviousUnfinished | C::RemoveCamera => {
-            deeds::on_cameras(app, command);
-        }
-        C::Pause | C::Refine | C::CompareBefore | C::FixPlacement | C::ResetPlacement => {
-            deeds::on_solving(app, command);
-        }
-        C::Palette => app.palette.toggle(),
-        C::Shortcuts => app.shortcuts = !app.shortcuts,
-        C::About => app.about = !app.about,
-        C::Theme => ctx.set_theme(match ctx.theme() {
-            egui::Theme::Dark => egui::Theme::Light,
-            egui::Theme::Light => egui::Theme::Dark,
-        }),
-        _ => deeds::switch(app, command),
+    let row = all().find(|row| row.command == command);
+    if let Some(row) = row.filter(|_| is_enabled(app, command)) {
+        (row.deed)(app, Told { command, ctx, modifiers });
     }
 }

@@ -2,38 +2,53 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Kind, Known, Site};
-use egui::{Context, Modifiers};
-
 use crate::app::{App, Mode};
-use crate::command::Command;
+use crate::command::{Command, Told};
 use crate::dialog::Purpose;
 use crate::hit::Part;
 use crate::tools::Pane;
 use crate::{edit, snap};
+use calib_core::{Kind, Known, Site};
 
-pub(crate) fn switch(app: &mut App, command: Command) {
+pub(crate) fn take_tool(app: &mut App, Told { command, .. }: Told<'_>) {
+    if let Command::Tool(index) = command {
+        app.take_tool(index);
+    }
+}
+
+pub(crate) fn switch(app: &mut App, Told { command, ctx, .. }: Told<'_>) {
     use Command as C;
     let layers = &mut app.layers;
     let switch = match command {
         C::Grid => &mut layers.grid,
         C::Edges => &mut layers.edges,
+        C::Straighten => &mut layers.straight,
         C::Horizon => &mut layers.horizon,
         C::Field => &mut layers.field,
         C::Prism => &mut layers.prism,
         C::Guide => &mut layers.guide,
         C::ColourByResidual => &mut layers.by_residual,
         C::HideOverlays => &mut layers.hidden,
+        C::Above => &mut app.above,
         C::Coverage => &mut app.coverage,
         C::Blend => &mut app.blend,
-        C::Feet => &mut app.feet,
-        _ => return,
+        C::Snap => &mut app.session.snap,
+        C::Shortcuts => &mut app.shortcuts,
+        C::About => &mut app.about,
+        C::Palette => return app.palette.toggle(),
+        C::Feet => return app.session.units = app.session.units.other(),
+        _ => {
+            return ctx.set_theme(match ctx.theme() {
+                egui::Theme::Dark => egui::Theme::Light,
+                egui::Theme::Light => egui::Theme::Dark,
+            });
+        }
     };
     *switch = !*switch;
 }
 
-pub(crate) fn gesture(app: &mut App, command: Command) {
-    match command {
+pub(crate) fn gesture(app: &mut App, told: Told<'_>) {
+    match told.command {
         // What is in the hand is taken back first.
         Command::Undo | Command::Redo if !app.tool.is_idle() => app.cancel(),
         Command::Undo => app.session.undo(),
@@ -41,7 +56,7 @@ pub(crate) fn gesture(app: &mut App, command: Command) {
         Command::Accept => app.tool.accept(&mut app.session),
         Command::StepBack => {
             if !app.tool.step_back(&mut app.session) {
-                on_selection(app, Command::Delete);
+                on_selection(app, Told { command: Command::Delete, ..told });
             }
         }
         _ if app.close_sheets() => {}
@@ -54,7 +69,7 @@ pub(crate) fn gesture(app: &mut App, command: Command) {
     app.session.solve();
 }
 
-pub(crate) fn on_selection(app: &mut App, command: Command) {
+pub(crate) fn on_selection(app: &mut App, Told { command, .. }: Told<'_>) {
     app.cancel();
     let session = &mut app.session;
     let (camera, name) = (session.camera, session.selection_name());
@@ -121,17 +136,8 @@ fn pull(app: &mut App, parts: &BTreeSet<Part>, name: &str) {
         app.session.note = Some("The image is not there yet.".into());
         return;
     };
-    let lines: BTreeSet<(usize, usize)> = parts
-        .iter()
-        .filter_map(|&part| match part {
-            Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
-                Some((annotation, segment))
-            }
-            _ => None,
-        })
-        .collect();
     let mut pulled = 0;
-    for (annotation, segment) in lines {
+    for (annotation, segment) in edit::lines_of(parts) {
         let ends = [0, 1].map(|vertex| Part::Vertex { annotation, segment, vertex });
         let site = &mut app.session.site;
         let a = edit::pixel_mut(site, camera, ends[0]).copied();
@@ -151,7 +157,7 @@ fn pull(app: &mut App, parts: &BTreeSet<Part>, name: &str) {
     });
 }
 
-pub(crate) fn nudge(app: &mut App, command: Command, modifiers: Modifiers) {
+pub(crate) fn nudge(app: &mut App, Told { command, modifiers, .. }: Told<'_>) {
     let by = match command {
         Command::NudgeLeft => [-1.0, 0.0],
         Command::NudgeRight => [1.0, 0.0],
@@ -190,7 +196,7 @@ pub(crate) fn nudge(app: &mut App, command: Command, modifiers: Modifiers) {
     }
 }
 
-pub(crate) fn on_lines(app: &mut App, command: Command) {
+pub(crate) fn on_lines(app: &mut App, Told { command, .. }: Told<'_>) {
     app.cancel();
     match command {
         Command::NewGroup => {
@@ -244,7 +250,7 @@ fn right_angle(app: &mut App) {
     app.session.commit("tie two directions at right angles");
 }
 
-pub(crate) fn on_files(app: &mut App, ctx: &Context, command: Command) {
+pub(crate) fn on_files(app: &mut App, Told { command, ctx, .. }: Told<'_>) {
     use Command as C;
     app.cancel();
     match command {
@@ -271,11 +277,18 @@ pub(crate) fn on_files(app: &mut App, ctx: &Context, command: Command) {
         C::LoadPlan => app.ask(Purpose::LoadPlan),
         C::ReplaceStill => app.ask(Purpose::ReplaceStill),
         C::Compare => app.ask(Purpose::Compare),
+        C::Import => app.ask(Purpose::Import),
+        C::Export => app.export.open(),
+        C::StopWork => app.stop_work(),
+        C::ReadAgain => {
+            app.pictures.retry();
+            app.edges.resume();
+        }
         _ => app.take_picture(ctx),
     }
 }
 
-pub(crate) fn on_view(app: &mut App, command: Command) {
+pub(crate) fn on_view(app: &mut App, Told { command, .. }: Told<'_>) {
     use Command as C;
     match command {
         C::ViewImage => app.show(Mode::Image),
@@ -298,7 +311,7 @@ pub(crate) fn on_view(app: &mut App, command: Command) {
     }
 }
 
-pub(crate) fn on_cameras(app: &mut App, command: Command) {
+pub(crate) fn on_cameras(app: &mut App, Told { command, .. }: Told<'_>) {
     use Command as C;
     app.cancel();
     let count = app.session.site.cameras.len();
@@ -323,7 +336,7 @@ pub(crate) fn on_cameras(app: &mut App, command: Command) {
     }
 }
 
-pub(crate) fn on_solving(app: &mut App, command: Command) {
+pub(crate) fn on_solving(app: &mut App, Told { command, .. }: Told<'_>) {
     use Command as C;
     app.cancel();
     let camera = app.session.camera;

@@ -20,6 +20,12 @@ pub enum Purpose {
     ReplaceStill,
     /// A saved version to compare with.
     Compare,
+    /// Lenses or cameras of another program.
+    Import,
+    /// The folder for what other programs take.
+    Export,
+    /// Where to save a picture of a view.
+    SavePicture,
 }
 
 /// A file that was chosen.
@@ -37,7 +43,7 @@ pub struct Chosen {
 pub struct Dialog {
     /// What for.
     pub purpose: Purpose,
-    answer: Pin<Box<dyn Future<Output = Vec<Chosen>>>>,
+    answer: Answer,
 }
 
 impl std::fmt::Debug for Dialog {
@@ -53,7 +59,7 @@ impl Dialog {
         let dialog = rfd::AsyncFileDialog::new();
         let images: &[&str] = &["png", "jpg", "jpeg"];
         let site: &[&str] = &["json"];
-        let answer: Pin<Box<dyn Future<Output = Vec<Chosen>>>> = match purpose {
+        let answer: Answer = match purpose {
             Purpose::AddImages => {
                 let files = dialog.set_title("Add images").add_filter("Images", images).pick_files();
                 Box::pin(async move { chosen(files.await.unwrap_or_default()).await })
@@ -70,10 +76,25 @@ impl Dialog {
                 let file = dialog.set_title("Open site").add_filter("Site", site).pick_file();
                 Box::pin(async move { chosen(file.await.into_iter().collect()).await })
             }
-            Purpose::LoadPlan | Purpose::ReplaceStill => {
+            Purpose::ReplaceStill => {
                 let file = dialog.set_title("Choose an image").add_filter("Images", images).pick_file();
                 Box::pin(async move { chosen(file.await.into_iter().collect()).await })
             }
+            Purpose::LoadPlan => {
+                let plans = &["png", "jpg", "jpeg", "svg"];
+                let file = dialog.set_title("Choose a floor plan").add_filter("Plans", plans).pick_file();
+                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
+            }
+            Purpose::Import => {
+                let files = dialog.set_title("Import lenses or cameras").pick_files();
+                Box::pin(async move { chosen(files.await.unwrap_or_default()).await })
+            }
+            Purpose::SavePicture => {
+                let picture = dialog.set_title("Save a picture").add_filter("Picture", &["png"]);
+                let file = picture.set_file_name("view.png").save_file();
+                Box::pin(async move { saved(file.await).await })
+            }
+            Purpose::Export => folder(dialog),
         };
         Self { purpose, answer }
     }
@@ -92,6 +113,24 @@ impl Dialog {
             Poll::Pending => None,
         }
     }
+}
+
+type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
+
+#[cfg(not(target_arch = "wasm32"))]
+fn folder(dialog: rfd::AsyncFileDialog) -> Answer {
+    let folder = dialog.set_title("Export into a folder").pick_folder();
+    Box::pin(async move { chosen(folder.await.into_iter().collect()).await })
+}
+
+/// The browser has a folder of its own for what is downloaded.
+#[cfg(target_arch = "wasm32")]
+fn folder(_: rfd::AsyncFileDialog) -> Answer {
+    Box::pin(std::future::ready(vec![Chosen {
+        name: String::new(),
+        path: Some(PathBuf::new()),
+        bytes: None,
+    }]))
 }
 
 #[cfg(not(target_arch = "wasm32"))]

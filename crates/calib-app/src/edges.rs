@@ -28,6 +28,7 @@ enum State {
 #[derive(Debug, Default)]
 pub struct Edges {
     stills: BTreeMap<String, State>,
+    stopped: bool,
 }
 
 /// The straight edges of an image (Grompone von Gioi et al. 2012), the longest first.
@@ -57,6 +58,9 @@ pub fn find(image: &RgbImage) -> Vec<Edge> {
 impl Edges {
     /// The edges of a still; the first question starts the search.
     pub fn of(&mut self, ctx: &Context, name: &str, image: &Arc<RgbImage>) -> &[Edge] {
+        if self.stopped && !self.stills.contains_key(name) {
+            return &[];
+        }
         let state = self.stills.entry(name.to_owned()).or_insert_with(|| {
             let image = Arc::clone(image);
             State::Looking(Task::spawn(ctx, move || find(&image)))
@@ -76,6 +80,17 @@ impl Edges {
     #[must_use]
     pub fn looking(&self) -> usize {
         self.stills.values().filter(|state| matches!(state, State::Looking(_))).count()
+    }
+
+    /// Looks no further, until it is told to.
+    pub fn stop(&mut self) {
+        self.stopped = true;
+        self.stills.retain(|_, state| matches!(state, State::Found(_)));
+    }
+
+    /// Looks on.
+    pub const fn resume(&mut self) {
+        self.stopped = false;
     }
 
     /// Forgets everything.

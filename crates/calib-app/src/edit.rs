@@ -70,6 +70,18 @@ pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet
     points
 }
 
+/// The lines that these parts are or belong to, each once: annotation and segment.
+#[must_use]
+pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
+    let line = |part: &Part| match *part {
+        Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+            Some((annotation, segment))
+        }
+        _ => None,
+    };
+    parts.iter().filter_map(line).collect()
+}
+
 /// Moves parts of an image by so many pixels.
 pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [f64; 2]) {
     for part in points_of(site, camera, parts) {
@@ -240,15 +252,7 @@ fn sweep(entry: &mut SiteCamera) {
 
 /// Copies of the selected lines, a little aside, in a group of their own; what to select then.
 pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -> BTreeSet<Part> {
-    let lines: BTreeSet<(usize, usize)> = parts
-        .iter()
-        .filter_map(|&part| match part {
-            Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
-                Some((annotation, segment))
-            }
-            _ => None,
-        })
-        .collect();
+    let lines = lines_of(parts);
     let mut copies = BTreeSet::new();
     let mut groups: Vec<(usize, usize)> = Vec::new();
     for (annotation, segment) in lines {

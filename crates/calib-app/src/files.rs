@@ -319,6 +319,12 @@ impl Autosave {
         Self { folder }
     }
 
+    /// Where it keeps.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     fn file(&self) -> PathBuf {
         self.folder.join("autosave.json")
     }

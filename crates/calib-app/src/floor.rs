@@ -1,6 +1,6 @@
 //! What is painted on the floor from above: plan, images laid on it, polygons, cameras, marks. Reads only.
 
-use calib_core::{Camera, FloorPoint, Pixel, Solution};
+use calib_core::{Camera, FloorPoint, Pixel, position_ellipse};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -30,8 +30,10 @@ pub struct Floor<'a> {
 
 /// Cells of the mesh on which an image is laid on the floor.
 const CELLS: usize = 12;
-/// How much larger than life uncertainty is drawn.
-const ELLIPSE: f64 = 10.0;
+/// How many standard deviations an ellipse spans.
+pub const SIGMAS: f64 = 2.0;
+/// How much larger than life an ellipse is drawn.
+pub const MAGNIFIED: f64 = 10.0;
 
 impl Floor<'_> {
     fn at(&self, point: FloorPoint) -> Pos2 {
@@ -61,22 +63,11 @@ impl Floor<'_> {
         }
     }
 
-    /// The metre grid, where there is no plan or where it ends.
+    /// The grid, where there is no plan or where it ends.
     pub fn paint_grid(&self, painter: &Painter, colour: Color32) {
-        let rect = painter.clip_rect();
-        let (a, b) = (self.mapping.document(rect.left_bottom()), self.mapping.document(rect.right_top()));
-        let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 1000.0];
-        let step = steps.into_iter().find(|step| step * self.mapping.view.zoom > 24.0).unwrap_or(1e4);
-        for axis in 0..2 {
-            let (low, high) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
-            let (first, count) = ((low / step).ceil(), ((high - low) / step).floor().min(200.0) as i32);
-            for i in 0..=count {
-                let value = (first + f64::from(i)) * step;
-                let end = |other: f64| if axis == 0 { [value, other] } else { [other, value] };
-                let (p, q) = (self.mapping.screen(end(a[1 - axis])), self.mapping.screen(end(b[1 - axis])));
-                painter.line_segment([p, q], Stroke::new(1.0, colour));
-            }
-        }
+        // No lines nearer to each other than 24 points.
+        let step = self.session.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
+        paint_grid(painter, &self.mapping, step, colour);
     }
 
     /// The images laid on the floor.
@@ -92,50 +83,9 @@ impl Floor<'_> {
             else {
                 continue;
             };
-            self.lay(painter, picture, pose, solution, entry.size());
+            let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
+            lay(painter, &self.mapping, picture, pose, &solution.efov_m, entry.size(), tint);
         }
-    }
-
-    /// The image inside its field: the field cut into small triangles, each corner looked up in the image.
-    fn lay(&self, painter: &Painter, picture: &Picture, pose: &Camera, solution: &Solution, size: [f64; 2]) {
-        let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
-        let mut mesh = Mesh::with_texture(picture.overview.id());
-        let corners: Vec<[f64; 2]> = solution.efov_m.iter().map(|&point| point.into()).collect();
-        let [w, h] = size;
-        for triangle in triangles(&corners) {
-            let base = mesh.vertices.len() as u32;
-            let at = |s: f64, t: f64| -> [f64; 2] {
-                let [a, b, c] = triangle;
-                std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
-            };
-            let mut is_whole = true;
-            for i in 0..=CELLS {
-                for j in 0..=CELLS - i {
-                    let point = at(i as f64 / CELLS as f64, j as f64 / CELLS as f64);
-                    let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
-                    is_whole &= seen.is_some();
-                    let Pixel { u, v } = seen.unwrap_or_default();
-                    let uv = Pos2::new((u / w) as f32, (v / h) as f32);
-                    let pos = self.mapping.screen(point);
-                    mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: tint });
-                }
-            }
-            if !is_whole {
-                mesh.vertices.truncate(base as usize);
-                continue;
-            }
-            let index =
-                |i: usize, j: usize| base + (i * (CELLS + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
-            for i in 0..CELLS {
-                for j in 0..CELLS - i {
-                    mesh.add_triangle(index(i, j), index(i + 1, j), index(i, j + 1));
-                    if j + 1 < CELLS - i {
-                        mesh.add_triangle(index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
-                    }
-                }
-            }
-        }
-        painter.add(Shape::mesh(mesh));
     }
 
     /// Every camera with its field; the one in hand last and with handles.
@@ -187,7 +137,8 @@ impl Floor<'_> {
         chip(painter, at, index);
         let middle = self.mapping.document(rect.center());
         let far = (pose.position.x - middle[0]).hypot(pose.position.y - middle[1]);
-        let text = format!("{}, {far:.0} m", self.session.site.cameras[index].id);
+        let far = self.session.units.length(far, 0);
+        let text = format!("{}, {far}", self.session.site.cameras[index].id);
         let align = if at.x > rect.center().x { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
         let side = if at.x > rect.center().x { -12.0 } else { 12.0 };
         tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WHITE);
@@ -205,23 +156,9 @@ impl Floor<'_> {
     }
 
     fn paint_ellipse(&self, painter: &Painter, pose: &Camera, colour: Color32) {
-        const STEPS: usize = 40;
-        let c = &pose.covariance.0;
-        let (a, b, d) = (c[0][0], c[0][1], c[1][1]);
-        if a <= 0.0 || d <= 0.0 {
-            return;
-        }
-        // Two sigmas: the factor of Cholesky on a circle.
-        let l = [a.sqrt(), b / a.sqrt(), (d - b * b / a).max(0.0).sqrt()];
-        let points: Vec<Pos2> = (0..=STEPS)
-            .map(|i| {
-                let (sin, cos) = (std::f64::consts::TAU * i as f64 / STEPS as f64).sin_cos();
-                let (x, y) = (l[0] * cos, l[1] * cos + l[2] * sin);
-                let k = 2.0 * ELLIPSE;
-                self.at(FloorPoint::new(pose.position.x + k * x, pose.position.y + k * y))
-            })
-            .collect();
-        line(painter, &points, Pen::new(colour, 1.25).bare());
+        let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) else { return };
+        outline.extend(outline.first().copied());
+        line(painter, &self.path(&outline), Pen::new(colour, 1.25).bare());
     }
 
     fn paint_ghost(&self, painter: &Painter, index: usize, before: &Camera) {
@@ -343,21 +280,88 @@ impl Floor<'_> {
         }
     }
 
-    /// A bar of round metres.
+    /// A bar of a round length, and how ellipses are drawn.
     pub fn paint_scale(&self, painter: &Painter) {
         let rect = painter.clip_rect();
-        let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 500.0];
-        let Some(metres) = steps.into_iter().find(|step| step * self.mapping.view.zoom > 80.0) else {
-            return;
-        };
+        let units = self.session.units;
+        let metres = units.step(1.0 / self.mapping.view.zoom, 1.0 / 80.0);
         let (length, left) =
             ((metres * self.mapping.view.zoom) as f32, rect.left_bottom() + Vec2::new(16.0, -16.0));
         let right = left + Vec2::new(length, 0.0);
         let tick = Vec2::new(0.0, 5.0);
         line(painter, &[left - tick, left, right, right - tick], Pen::new(on_image::WHITE, 1.5));
         let at = left + Vec2::new(0.5 * length, -8.0);
-        tag(painter, at, Align2::CENTER_BOTTOM, &format!("{metres} m"), on_image::WHITE);
+        let text = format!("{} {}", metres / units.metres(), units.sign());
+        tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
+        let at = rect.right_bottom() + Vec2::new(-16.0, -16.0);
+        let text = format!("ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}");
+        if rect.width() > 300.0 {
+            tag(painter, at, Align2::RIGHT_BOTTOM, &text, on_image::WHITE);
+        }
     }
+}
+
+/// Lines of a grid over all that is shown.
+pub fn paint_grid(painter: &Painter, mapping: &Mapping, step: f64, colour: Color32) {
+    let rect = painter.clip_rect();
+    let (a, b) = (mapping.document(rect.left_bottom()), mapping.document(rect.right_top()));
+    for axis in 0..2 {
+        let (low, high) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
+        let (first, count) = ((low / step).ceil(), ((high - low) / step).floor().min(200.0) as i32);
+        for i in 0..=count {
+            let value = (first + f64::from(i)) * step;
+            let end = |other: f64| if axis == 0 { [value, other] } else { [other, value] };
+            let (p, q) = (mapping.screen(end(a[1 - axis])), mapping.screen(end(b[1 - axis])));
+            painter.line_segment([p, q], Stroke::new(1.0, colour));
+        }
+    }
+}
+
+/// The image inside its field: the field cut into small triangles, each corner looked up in the image.
+pub fn lay(
+    painter: &Painter,
+    mapping: &Mapping,
+    picture: &Picture,
+    pose: &Camera,
+    field: &[FloorPoint],
+    [w, h]: [f64; 2],
+    tint: Color32,
+) {
+    let mut mesh = Mesh::with_texture(picture.overview.id());
+    let corners: Vec<[f64; 2]> = field.iter().map(|&point| point.into()).collect();
+    for triangle in triangles(&corners) {
+        let base = mesh.vertices.len() as u32;
+        let at = |s: f64, t: f64| -> [f64; 2] {
+            let [a, b, c] = triangle;
+            std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
+        };
+        let mut is_whole = true;
+        for i in 0..=CELLS {
+            for j in 0..=CELLS - i {
+                let point = at(i as f64 / CELLS as f64, j as f64 / CELLS as f64);
+                let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
+                is_whole &= seen.is_some();
+                let Pixel { u, v } = seen.unwrap_or_default();
+                let uv = Pos2::new((u / w) as f32, (v / h) as f32);
+                let pos = mapping.screen(point);
+                mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: tint });
+            }
+        }
+        if !is_whole {
+            mesh.vertices.truncate(base as usize);
+            continue;
+        }
+        let index = |i: usize, j: usize| base + (i * (CELLS + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
+        for i in 0..CELLS {
+            for j in 0..CELLS - i {
+                mesh.add_triangle(index(i, j), index(i + 1, j), index(i, j + 1));
+                if j + 1 < CELLS - i {
+                    mesh.add_triangle(index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
+                }
+            }
+        }
+    }
+    painter.add(Shape::mesh(mesh));
 }
 
 /// Fills a polygon that need not be convex.

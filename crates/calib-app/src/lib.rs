@@ -5,9 +5,12 @@
 //! ([`solved`]), everything is painted, and a finished gesture is kept ([`files::Autosave`]).
 
 pub mod theme;
+mod units;
 pub mod icons;
 pub mod paint;
 pub mod task;
+mod claim;
+mod drawing;
 pub mod picture;
 pub mod files;
 pub mod demo;
@@ -18,6 +21,7 @@ pub mod edit;
 pub mod history;
 pub mod solved;
 pub mod session;
+pub mod family;
 pub mod snap;
 pub mod edges;
 pub mod tools;
@@ -27,10 +31,13 @@ pub mod floor;
 pub mod scene3d;
 pub mod command;
 mod deeds;
+mod loupe;
 pub mod pane;
 pub mod panels;
 pub mod app;
 mod document;
 mod stills;
+mod import;
 
 pub use app::App;
+pub use units::Units;

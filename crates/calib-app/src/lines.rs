@@ -7,6 +7,7 @@ use crate::hit::Part;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, handle, line, tag};
 use crate::theme::{self, on_image};
+use crate::units::Units;
 
 impl Overlay<'_> {
     pub(crate) fn paint_annotation(
@@ -44,7 +45,7 @@ impl Overlay<'_> {
                 self.extend(painter, &pixels, colour);
             }
             line(painter, &points, pen);
-            second_cue(painter, drawn, segment, &points, colour);
+            second_cue(painter, (drawn, segment), &points, colour, self.session.units);
             for &at in &points {
                 handle(painter, at, colour);
             }
@@ -108,7 +109,13 @@ impl Overlay<'_> {
 }
 
 /// The sign of a kind, so that colour is never alone.
-fn second_cue(painter: &Painter, drawn: &Annotation, segment: usize, points: &[Pos2], colour: Color32) {
+fn second_cue(
+    painter: &Painter,
+    (drawn, segment): (&Annotation, usize),
+    points: &[Pos2],
+    colour: Color32,
+    units: Units,
+) {
     let (Some(&a), Some(&b)) = (points.first(), points.last()) else { return };
     let (middle, by) = (a + 0.5 * (b - a), b - a);
     if by.length() < 24.0 || !by.length().is_finite() {
@@ -141,7 +148,7 @@ fn second_cue(painter: &Painter, drawn: &Annotation, segment: usize, points: &[P
                 stroke(&[end + 6.0 * across, end - 6.0 * across]);
             }
             let length = drawn.length_m.unwrap_or(1.0);
-            tag(painter, middle, Align2::CENTER_CENTER, &format!("{length:.2} m"), colour);
+            tag(painter, middle, Align2::CENTER_CENTER, &units.length(length, 2), colour);
         }
         Kind::Upright => {
             painter.circle_stroke(a, 7.0, Stroke::new(1.5, colour));

@@ -13,6 +13,7 @@ use crate::paint::{Pen, handle, line, ring, tag};
 use crate::session::Session;
 use crate::theme::{self, on_image};
 use crate::tools::epipolar;
+use crate::units::Units;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,8 @@ pub struct Layers {
     pub suggestion: bool,
     /// Edges that were found are offered.
     pub edges: bool,
+    /// The bend of the lens is taken out of the image.
+    pub straight: bool,
     /// Everything is hidden.
     pub hidden: bool,
 }
@@ -52,6 +55,7 @@ impl Default for Layers {
             by_residual: false,
             suggestion: true,
             edges: true,
+            straight: false,
             hidden: false,
         }
     }
@@ -139,7 +143,7 @@ impl Overlay<'_> {
         let polygon = &solution.efov_m;
         if self.layers.grid {
             let pen = Pen::new(Color32::from_white_alpha(120), 1.0).faint();
-            for grid in floor_grid(polygon, grid_step(polygon)) {
+            for grid in floor_grid(polygon, grid_step(polygon, self.session.units)) {
                 self.world(painter, camera, &grid, pen);
             }
         }
@@ -197,7 +201,7 @@ impl Overlay<'_> {
                 painter,
                 self.at(head) - Vec2::new(0.0, 6.0),
                 Align2::CENTER_BOTTOM,
-                "person 1.75 m",
+                &format!("person {}", self.session.units.length(HEIGHT, 2)),
                 on_image::WHITE,
             );
         }
@@ -390,13 +394,13 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
     painter.circle_filled(at, 1.25, colour);
 }
 
-/// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... metres.
+/// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... of the unit.
 #[must_use]
-pub fn grid_step(polygon: &[calib_core::FloorPoint]) -> f64 {
+pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
     let span = |value: fn(&calib_core::FloorPoint) -> f64| {
         let values = || polygon.iter().map(value);
         (values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)).max(0.0)
     };
     let reach = span(|p| p.x).hypot(span(|p| p.y));
-    [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 30.0).unwrap_or(100.0)
+    units.step(reach, 30.0).max(0.5 * units.metres())
 }

@@ -3,17 +3,20 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use calib_core::Pixel;
+use calib_core::{Distortion, Lens, Pixel};
 use egui::{
-    Color32, CursorIcon, Event, EventFilter, Modifiers, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo,
+    Color32, CursorIcon, Event, EventFilter, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2,
+    WidgetInfo,
 };
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::floor::Floor;
 use crate::hit::{self, Part};
+use crate::loupe;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
+use crate::picture::Piece;
 use crate::theme::{self, on_image};
 use crate::tools::{Pane, Phase, Pointer};
 
@@ -23,9 +26,6 @@ const CLICK: f32 = 4.0;
 const OFFER: f32 = 5.0;
 /// Two clicks within this are a double click, in seconds.
 const DOUBLE: f64 = 0.4;
-/// Side of the loupe and how much it enlarges.
-const LOUPE: f32 = 172.0;
-const LOUPE_ZOOM: f64 = 6.0;
 
 /// Where a pane stands: a camera alone and among others is looked at in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,6 +59,10 @@ pub struct Panes {
     pub active: Option<(Place, Pane)>,
     /// Where every pane was shown last, for zoom keys and tests.
     pub rects: HashMap<(Place, Pane), Rect>,
+    /// The middle of the window, whatever it shows.
+    pub middle: Option<Rect>,
+    /// The lenses whose bend is taken out of panes.
+    lenses: HashMap<(Place, Pane), Lens>,
 }
 
 impl Panes {
@@ -67,6 +71,7 @@ impl Panes {
         let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
         self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
         self.rects.clear();
+        self.lenses.clear();
     }
 
     /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
@@ -83,7 +88,9 @@ impl Panes {
     /// Where a pane shows its document.
     #[must_use]
     pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
-        Some(Mapping { view: *self.views.get(&(place, pane))?, rect: *self.rects.get(&(place, pane))? })
+        let lens = self.lenses.get(&(place, pane)).copied();
+        let (view, rect) = (*self.views.get(&(place, pane))?, *self.rects.get(&(place, pane))?);
+        Some(Mapping { view, rect, lens })
     }
 }
 
@@ -204,26 +211,40 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
     app.session.solve();
 }
 
+/// Pans and zooms a canvas, sends the pointer to the tool, and clears it for painting.
+fn canvas(
+    app: &mut App,
+    ui: &Ui,
+    key: (Place, Pane),
+    mut mapping: Mapping,
+    label: &str,
+) -> (Mapping, Painter) {
+    let rect = mapping.rect;
+    let response = ui.interact(rect, ui.scope_id().with(key), Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, label));
+    app.panes.rects.insert(key, rect);
+    app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
+    pan_and_zoom(app, ui, key, &mut mapping);
+    pointer_events(app, ui, key, &mapping);
+    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
+    (mapping, painter)
+}
+
 /// The image of a camera.
 pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let Some(entry) = app.session.site.cameras.get(camera) else { return };
     let (size, name) = (entry.size(), entry.image.clone());
     let pane = Pane::Image(camera);
-    let key = (place, pane);
-    let id = ui.scope_id().with(("image", place, camera));
-    let response = ui.interact(rect, id, Sense::hover());
     let label = format!("Image of {}", entry.id);
-    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
     let whole = View::of([0.0, 0.0], size, rect, false, place != Place::Main);
+    let key = (place, pane);
     let view = app.panes.fitted_or_chosen(key, whole);
-    let mut mapping = Mapping { view, rect };
-    app.panes.rects.insert(key, rect);
-    pan_and_zoom(app, ui, key, &mut mapping);
-    pointer_events(app, ui, key, &mapping);
-
-    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
-    let palette = theme::palette(ui.ctx());
-    painter.rect_filled(rect, 0.0, palette.canvas);
+    let straight = app.layers.straight && place == Place::Main;
+    let lens = app.session.solved.pose(camera).filter(|_| straight).map(|pose| pose.lens);
+    let lens = lens.filter(|lens| lens.distortion != Distortion::None);
+    let mapping = Mapping { view, rect, lens };
+    let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     app.paint_still(&painter, name.as_deref(), &mapping, rect);
     blend_old(app, &painter, camera, &mapping, size);
     let overlay = overlay(app, ui, camera, mapping, place);
@@ -241,24 +262,23 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         && held == pane
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
-        loupe(app, ui, camera, &mapping, at);
+        loupe::show(app, ui, camera, &mapping, at);
     }
 }
 
 /// The still that was replaced, over the new one.
-fn blend_old(app: &mut App, painter: &egui::Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
+fn blend_old(app: &mut App, painter: &Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
     let Some((own, name, share)) = app.old_still.clone() else { return };
     let images = &app.session.images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
     if let Some(picture) = picture.filter(|_| own == camera) {
-        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-        let tint = Color32::from_white_alpha((255.0 * share) as u8);
-        painter.image(picture.overview.id(), mapping.screen_rect([0.0, 0.0], [w, h]), uv, tint);
+        let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
+        whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
     }
 }
 
 /// The edge under the cursor, as a ghost that a click takes.
-fn offered(app: &mut App, ui: &Ui, painter: &egui::Painter, camera: usize, mapping: &Mapping) {
+fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
     let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
     if !app.tool.is_idle() {
         return;
@@ -272,7 +292,14 @@ fn offered(app: &mut App, ui: &Ui, painter: &egui::Painter, camera: usize, mappi
     }
 }
 
-fn overlay<'a>(app: &'a App, ui: &Ui, camera: usize, mapping: Mapping, place: Place) -> Overlay<'a> {
+/// What lies on the image of a camera.
+pub(crate) fn overlay<'a>(
+    app: &'a App,
+    ui: &Ui,
+    camera: usize,
+    mapping: Mapping,
+    place: Place,
+) -> Overlay<'a> {
     let cursor =
         app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
     let lit = app.lit.filter(|_| camera == app.session.camera).or_else(|| {
@@ -363,45 +390,9 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// The neighbourhood of what is held, enlarged, lines and all.
-fn loupe(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2]) {
-    let here = mapping.screen(at);
-    let mut corner = here - Vec2::new(62.0 + LOUPE, 44.0 + LOUPE);
-    if corner.x < mapping.rect.left() {
-        corner.x = here.x + 62.0;
-    }
-    if corner.y < mapping.rect.top() {
-        corner.y = here.y + 44.0;
-    }
-    let rect = Rect::from_min_size(corner, Vec2::splat(LOUPE));
-    let view = View { centre: at, zoom: LOUPE_ZOOM * mapping.view.zoom, y_up: false };
-    let large = Mapping { view, rect };
-    let painter = ui.painter().with_clip_rect(rect);
-    painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
-    let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
-    app.paint_still(&painter, name.as_deref(), &large, rect);
-    let mut overlay = overlay(app, ui, camera, large, Place::Tile);
-    (overlay.labels, overlay.cursor, overlay.lines) = (false, None, true);
-    overlay.paint(&painter);
-    let centre = rect.center();
-    for by in [Vec2::new(14.0, 0.0), Vec2::new(0.0, 14.0)] {
-        for sign in [-1.0, 1.0] {
-            line(&painter, &[centre + 0.3 * sign * by, centre + sign * by], Pen::new(Color32::WHITE, 1.0));
-        }
-    }
-    let text = format!("{LOUPE_ZOOM:.0}\u{d7}   {:.1}, {:.1}", at[0], at[1]);
-    let bar = Rect::from_min_max(Pos2::new(rect.left(), rect.bottom() - 18.0), rect.max);
-    painter.rect_filled(bar, 0.0, on_image::TAG);
-    painter.text(bar.center(), egui::Align2::CENTER_CENTER, text, theme::regular(11.0), Color32::WHITE);
-    let outside = ui.painter();
-    outside.rect_stroke(rect, 3.0, egui::Stroke::new(2.0, Color32::WHITE), egui::StrokeKind::Outside);
-}
-
 /// The floor from above, on its plan.
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
-    let response = ui.interact(rect, ui.scope_id().with(("plan", place)), Sense::hover());
-    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Floor plan"));
     let [low, high] = app.floor_bounds();
     let whole = View::of(low, high, rect, true, false);
     // Once cameras are moved about, the floor under them stays put.
@@ -409,14 +400,8 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         Some(view) if app.session.history.depth() > 0 => *view,
         _ => app.panes.fitted_or_chosen(key, whole),
     };
-    let mut mapping = Mapping { view, rect };
-    app.panes.rects.insert(key, rect);
-    pan_and_zoom(app, ui, key, &mut mapping);
-    pointer_events(app, ui, key, &mapping);
-
-    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
-    painter.rect_filled(rect, 0.0, palette.canvas);
     let pieces = app.plan_pieces(ui.ctx());
     let before = app.poses_before();
     let floor = Floor {

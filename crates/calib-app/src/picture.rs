@@ -160,20 +160,46 @@ impl Picture {
 
     /// Paints it where the mapping shows its pixels.
     pub fn paint(&mut self, painter: &Painter, mapping: &Mapping, tint: Color32) {
-        let [w, h] = self.size().map(f64::from);
-        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-        if !self.waiting.is_empty() || tint != Color32::WHITE {
-            let all = mapping.screen_rect([0.0, 0.0], [w, h]);
-            painter.image(self.overview.id(), all, uv, tint);
+        if tint == Color32::WHITE {
+            for piece in self.pieces(painter.ctx()) {
+                piece.paint(painter, mapping, tint);
+            }
+        } else {
+            let size = self.size().map(f64::from);
+            Piece { low: [0.0, 0.0], size, texture: self.overview.id() }.paint(painter, mapping, tint);
         }
-        self.next_tile(painter.ctx());
-        for (at, size, texture) in &self.tiles {
-            let low = at.map(f64::from);
-            let rect = mapping.screen_rect(low, [low[0] + f64::from(size[0]), low[1] + f64::from(size[1])]);
-            if rect.intersects(painter.clip_rect()) && tint == Color32::WHITE {
-                painter.image(texture.id(), rect, uv, tint);
+    }
+}
+
+impl Piece {
+    /// Paints it where the mapping shows its pixels: in small cells where the lens is taken out.
+    pub fn paint(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
+        const CELLS: u32 = 32;
+        let at =
+            |s: f64, t: f64| mapping.screen([self.low[0] + s * self.size[0], self.low[1] + t * self.size[1]]);
+        if mapping.lens.is_none() {
+            let rect = Rect::from_two_pos(at(0.0, 0.0), at(1.0, 1.0));
+            if rect.intersects(painter.clip_rect()) {
+                painter.image(self.texture, rect, Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0)), tint);
+            }
+            return;
+        }
+        let mut mesh = egui::Mesh::with_texture(self.texture);
+        for row in 0..=CELLS {
+            for column in 0..=CELLS {
+                let (s, t) = (f64::from(column) / f64::from(CELLS), f64::from(row) / f64::from(CELLS));
+                let uv = Pos2::new(s as f32, t as f32);
+                mesh.vertices.push(egui::epaint::Vertex { pos: at(s, t), uv, color: tint });
             }
         }
+        for row in 0..CELLS {
+            for column in 0..CELLS {
+                let first = row * (CELLS + 1) + column;
+                mesh.add_triangle(first, first + 1, first + CELLS + 1);
+                mesh.add_triangle(first + 1, first + CELLS + 2, first + CELLS + 1);
+            }
+        }
+        painter.add(egui::Shape::mesh(mesh));
     }
 }
 
@@ -249,6 +275,18 @@ impl Pictures {
     #[must_use]
     pub fn loading(&self) -> usize {
         self.slots.values().filter(|slot| matches!(slot.state, State::Loading(_))).count()
+    }
+
+    /// Reads no further: what is not there yet says so.
+    pub fn stop(&mut self) {
+        for slot in self.slots.values_mut().filter(|slot| matches!(slot.state, State::Loading(_))) {
+            slot.state = State::Failed("Reading was cancelled.".into());
+        }
+    }
+
+    /// Forgets what could not be read, so that it is tried again.
+    pub fn retry(&mut self) {
+        self.slots.retain(|_, slot| !matches!(slot.state, State::Failed(_)));
     }
 
     /// Forgets every still.

@@ -1,8 +1,9 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
-use calib_core::{FloorPoint, WorldPoint, prism};
+use calib_core::{FloorPoint, WorldPoint, in_front, position_ellipse, prism};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
+use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
 use crate::session::Session;
 use crate::theme::{self, on_image};
@@ -92,19 +93,7 @@ impl Orbit {
 
     fn polyline(&self, painter: &Painter, rect: Rect, points: &[WorldPoint], pen: Pen) {
         for pair in points.windows(2) {
-            let (mut a, mut b) = (self.seen(pair[0]), self.seen(pair[1]));
-            if a[2] < NEAR && b[2] < NEAR {
-                continue;
-            }
-            let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
-                let t = (NEAR - from[2]) / (to[2] - from[2]);
-                std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
-            };
-            if a[2] < NEAR {
-                a = cut(a, b);
-            } else if b[2] < NEAR {
-                b = cut(b, a);
-            }
+            let Some([a, b]) = in_front(self.seen(pair[0]), self.seen(pair[1]), NEAR) else { continue };
             line(painter, &[Self::screen(rect, a), Self::screen(rect, b)], pen);
         }
     }
@@ -222,7 +211,11 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
     }
     let foot = pose.position.on_floor().at_height(0.0);
     orbit.polyline(painter, rect, &[pose.position, foot], Pen::new(colour, 1.0).dashed(&[2.0, 4.0]).bare());
-    paint_ellipse(painter, rect, orbit, pose, colour);
+    if let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) {
+        outline.extend(outline.first().copied());
+        let outline: Vec<WorldPoint> = outline.into_iter().map(|point| point.at_height(0.0)).collect();
+        orbit.polyline(painter, rect, &outline, Pen::new(colour, 1.25).bare());
+    }
     if let Some(at) = orbit.project(rect, pose.position) {
         handle(painter, at, Color32::WHITE);
         chip(painter, at - Vec2::new(0.0, 16.0), index);
@@ -230,25 +223,6 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
             tag(painter, at + Vec2::new(12.0, -16.0), Align2::LEFT_CENTER, &entry.id, on_image::WHITE);
         }
     }
-}
-
-/// Two sigmas of the position on the floor, ten times larger than life.
-fn paint_ellipse(painter: &Painter, rect: Rect, orbit: &Orbit, pose: &calib_core::Camera, colour: Color32) {
-    const STEPS: usize = 40;
-    let c = &pose.covariance.0;
-    let (a, b, d) = (c[0][0], c[0][1], c[1][1]);
-    if a <= 0.0 || d <= 0.0 {
-        return;
-    }
-    let l = [a.sqrt(), b / a.sqrt(), (d - b * b / a).max(0.0).sqrt()];
-    let points: Vec<WorldPoint> = (0..=STEPS)
-        .map(|i| {
-            let (sin, cos) = (std::f64::consts::TAU * i as f64 / STEPS as f64).sin_cos();
-            let (x, y) = (20.0 * l[0] * cos, 20.0 * (l[1] * cos + l[2] * sin));
-            WorldPoint::new(pose.position.x + x, pose.position.y + y, 0.0)
-        })
-        .collect();
-    orbit.polyline(painter, rect, &points, Pen::new(colour, 1.25).bare());
 }
 
 /// The camera that is shown near a point of the screen.

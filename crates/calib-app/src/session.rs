@@ -12,6 +12,7 @@ use crate::files::Images;
 use crate::history::History;
 use crate::hit::Part;
 use crate::solved::{Solved, keep_polygon};
+use crate::units::Units;
 
 /// A site that is being worked on.
 #[derive(Clone, Debug)]
@@ -38,6 +39,10 @@ pub struct Session {
     pub measured: Option<[PlanPixel; 2]>,
     /// About which point of the floor a polygon turns, if the operator pinned one, in metres.
     pub pivot: Option<[f64; 2]>,
+    /// What lengths are shown in.
+    pub units: Units,
+    /// What is dragged on the plan snaps to round numbers.
+    pub snap: bool,
     /// What happened last, in a sentence, for the status line.
     pub note: Option<String>,
     /// Counts finished gestures, so that autosave sees a new one.
@@ -83,6 +88,8 @@ impl Session {
             fresh_group: false,
             measured: None,
             pivot: None,
+            units: Units::default(),
+            snap: false,
             note: None,
             generation: 0,
             saved: 0,

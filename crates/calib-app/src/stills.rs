@@ -5,12 +5,29 @@ use std::path::{Path, PathBuf};
 use calib_core::{Plan, PlanPixel, SiteCamera};
 use egui::Context;
 
-use crate::app::{App, Mode, NewStill};
+use crate::app::{App, Mode};
 use crate::dialog::{Chosen, Purpose};
 use crate::document::scale;
+use crate::drawing;
 use crate::files;
 use crate::task::Task;
 use crate::tools::TOOLS;
+
+/// A picture that was read, to become a still or the plan.
+#[derive(Debug)]
+pub(crate) struct Still {
+    /// What the site calls it.
+    name: String,
+    /// What the operator calls it.
+    title: String,
+    /// In pixels.
+    size: [u32; 2],
+    /// A drawing as the picture that stands for it.
+    drawn: Option<Vec<u8>>,
+}
+
+/// What reading gives.
+pub(crate) type NewStill = Result<Still, String>;
 
 impl App {
     pub(crate) fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
@@ -32,11 +49,16 @@ impl App {
                 Err(error) => self.error = Some(error),
             },
             (Purpose::AddImages, _) => self.add_still(ctx, file),
-            (Purpose::LoadPlan, _) => self.planning = Some(self.read_still(ctx, file)),
+            (Purpose::LoadPlan, _) => self.load_plan(ctx, file),
             (Purpose::ReplaceStill, _) => {
                 self.replacing = Some((self.session.camera, self.read_still(ctx, file)));
             }
-            (Purpose::SaveSite | Purpose::Compare, None) => {}
+            (Purpose::Export, Some(folder)) => self.write_export(&folder),
+            (Purpose::SavePicture, path) => {
+                self.save_picture(&path.unwrap_or_else(|| PathBuf::from(&file.name)));
+            }
+            // What is imported is taken together.
+            (Purpose::Import, _) | (Purpose::SaveSite | Purpose::Compare | Purpose::Export, None) => {}
         }
     }
 
@@ -61,8 +83,10 @@ impl App {
         };
         let read = self.session.images.reader(&name);
         Task::spawn(ctx, move || {
-            let size = crate::picture::decode(&read()?)?.dimensions().into();
-            Ok((name, title, size))
+            let bytes = read()?;
+            let drawn = if drawing::is_svg(&bytes) { Some(drawing::draw(&bytes)?) } else { None };
+            let size = crate::picture::decode(drawn.as_deref().unwrap_or(&bytes))?.dimensions().into();
+            Ok(Still { name, title, size, drawn })
         })
     }
 
@@ -71,10 +95,13 @@ impl App {
         self.adding.retain(|task| task.poll().map(|result| done.push(result)).is_none());
         let was_empty = self.session.site.cameras.is_empty();
         // Threads finish in any order; names come in theirs.
-        done.sort_by(|a, b| a.as_ref().map(|s| &s.1).ok().cmp(&b.as_ref().map(|s| &s.1).ok()));
+        done.sort_by(|a, b| a.as_ref().map(|s| &s.title).ok().cmp(&b.as_ref().map(|s| &s.title).ok()));
         for still in done {
             match still {
-                Ok((image, title, size)) => self.add_camera(image, &title, size),
+                Ok(still) => {
+                    let name = self.stored(&still);
+                    self.add_camera(name, &still.title, still.size);
+                }
                 Err(error) => self.error = Some(error),
             }
         }
@@ -84,17 +111,53 @@ impl App {
         if let Some((camera, task)) = self.replacing.take() {
             match task.poll() {
                 None => self.replacing = Some((camera, task)),
-                Some(Ok((image, _, size))) => self.replace_still(camera, image, size),
+                Some(Ok(still)) => {
+                    let name = self.stored(&still);
+                    self.replace_still(camera, name, still.size);
+                }
                 Some(Err(error)) => self.error = Some(error),
             }
         }
         if let Some(task) = self.planning.take() {
             match task.poll() {
                 None => self.planning = Some(task),
-                Some(Ok((image, _, size))) => self.set_plan(image, size),
+                Some(Ok(still)) => {
+                    let name = self.stored(&still);
+                    self.set_plan(name, still.size);
+                }
                 Some(Err(error)) => self.error = Some(error),
             }
         }
+    }
+
+    /// What the site calls a picture; one that was drawn is stored.
+    fn stored(&mut self, still: &Still) -> String {
+        let drawn = still.drawn.as_ref();
+        drawn.map_or_else(
+            || still.name.clone(),
+            |png| self.session.images.store(png.as_slice().into(), "image/png"),
+        )
+    }
+
+    /// Begins to read a floor plan.
+    pub fn load_plan(&mut self, ctx: &Context, file: Chosen) {
+        self.planning = Some(self.read_still(ctx, file));
+    }
+
+    /// Whether images are being read, edges looked for.
+    #[must_use]
+    pub fn is_working(&self) -> bool {
+        let reads = !self.adding.is_empty() || self.replacing.is_some() || self.planning.is_some();
+        reads || self.pictures.loading() > 0 || self.edges.looking() > 0
+    }
+
+    /// Waits no longer for images and edges.
+    pub fn stop_work(&mut self) {
+        self.adding.clear();
+        (self.replacing, self.planning) = (None, None);
+        self.pictures.stop();
+        self.edges.stop();
+        self.session.note = Some("Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into());
     }
 
     pub(crate) fn add_camera(&mut self, image: String, title: &str, size: [u32; 2]) {
@@ -175,7 +238,7 @@ impl App {
         }
     }
 
-    /// Asks for a picture of the window.
+    /// Asks for a picture of the view that was used last.
     pub fn take_picture(&mut self, ctx: &Context) {
         let (sender, picture) = std::sync::mpsc::channel();
         let again = ctx.clone();
@@ -187,20 +250,36 @@ impl App {
         self.picture = Some(picture);
     }
 
-    pub(crate) fn poll_picture(&mut self) {
+    pub(crate) fn poll_picture(&mut self, ctx: &Context) {
         let Some(image) = self.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else { return };
         self.picture = None;
+        let key = self.zoom_key();
+        let shown = self.panes.rects.get(&key).copied().filter(|_| self.mode != Mode::Scene);
+        let points = ctx.pixels_per_point();
+        let [w, h] = image.size.map(|side| side as f32 / points);
+        let whole = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::Vec2::new(w, h));
+        let rect = shown.or(self.panes.middle).unwrap_or(whole).intersect(whole);
+        let image = image.region(&rect, Some(points));
         let [w, h] = image.size.map(|side| side as u32);
         let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
         let mut png = std::io::Cursor::new(Vec::new());
         let written = image::RgbaImage::from_raw(w, h, rgba)
-            .ok_or_else(|| "the window has no size".to_owned())
+            .ok_or_else(|| "The view has no size.".to_owned())
             .and_then(|image| {
                 image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())
             });
-        let folder = self.session.path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-        let path = folder.or_else(files::data_dir).unwrap_or_default().join("calib-view.png");
-        match written.and_then(|()| files::write(&path, png.get_ref())) {
+        match written {
+            Ok(()) => {
+                self.pictured = Some(png.into_inner());
+                self.ask(Purpose::SavePicture);
+            }
+            Err(error) => self.error = Some(error),
+        }
+    }
+
+    fn save_picture(&mut self, path: &Path) {
+        let Some(png) = self.pictured.take() else { return };
+        match files::write(path, &png) {
             Ok(()) => self.session.note = Some(format!("Saved {}.", path.display())),
             Err(error) => self.error = Some(error),
         }
@@ -214,6 +293,10 @@ impl App {
         };
         let purpose = dialog.purpose;
         self.dialog = None;
+        if purpose == Purpose::Import {
+            self.import(chosen);
+            return;
+        }
         for file in chosen {
             self.take_file(ctx, purpose, file);
         }

@@ -53,7 +53,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         work(Path::new(&folder));
         return;
     }
-    let kills = std::env::var("CALIB_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5_u64);
+    let kills = std::env::var("CALIB_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(50_u64);
     for kill in 0..kills {
         let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())
@@ -72,7 +72,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
             steps.inspect(|_| begun.send(()).unwrap_or_default()).last()
         });
         is_at_work.recv().unwrap();
-        std::thread::sleep(Duration::from_millis((kill * 7919) % 1500));
+        std::thread::sleep(Duration::from_millis((kill * 7919) % 500));
         child.kill().unwrap();
         child.wait().unwrap();
         let last = reader.join().unwrap().unwrap_or(0.0);
@@ -83,6 +83,31 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are left");
         assert!(kill > 0 || last > 0.0, "the program finished nothing");
     }
+}
+
+#[test]
+fn two_windows_at_once_keep_their_work_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = || {
+        let mut app = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+        app.open_site(desk::demo(), Images::default(), None);
+        egui_kittest::Harness::builder()
+            .with_context_setup(calib_app::theme::install)
+            .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app)
+    };
+    let mut windows = [open(), open()];
+    for (window, name) in windows.iter_mut().zip(["left", "right"]) {
+        window.state_mut().session.site.name = Some(name.into());
+        window.state_mut().session.commit("name the site");
+        window.run_steps(2);
+    }
+    let third = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    assert!(third.found.is_empty(), "work of windows that live is not offered");
+    drop((windows, third));
+    let later = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    let mut names: Vec<_> = later.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["left", "right"]);
 }
 
 #[test]
@@ -107,5 +132,6 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
     app.recover(0);
     assert_eq!(app.session.site.name.as_deref(), Some("first"));
     app.discard_found(0);
+    drop(app);
     assert_eq!(start().found.len(), 1, "what is gone on with is kept until it is saved");
 }

@@ -71,6 +71,8 @@ enum Command {
     Import(import::Args),
     /// Print the JSON Schema of the site file
     Schema,
+    /// Print the licence of this program and the notices of everything that is part of it
+    Licenses,
     /// Print completions for a shell
     Completions {
         /// Which shell
@@ -90,6 +92,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Schema => schema(),
+        Command::Licenses => licenses(),
         Command::Completions { shell } => completions(shell),
     };
     match result {
@@ -108,6 +111,11 @@ fn schema() -> Result<(), Stop> {
     let mut text = serde_json::to_string_pretty(&calib_core::Site::json_schema())?;
     text.push('\n');
     files::print(&text)
+}
+
+fn licenses() -> Result<(), Stop> {
+    let own = "calib is licensed under MIT or Apache-2.0, at your option.\n\n";
+    files::print(&format!("{own}{}", include_str!("../THIRD-PARTY.txt")))
 }
 
 fn completions(shell: clap_complete::Shell) -> Result<(), Stop> {

@@ -1,7 +1,7 @@
 //! What the plan shows of how well a site is known: where each camera may stand, and how far cameras
 //! put links and marks from where they are.
 
-use calib_core::{Camera, Covariance, FloorPoint, Site, Stage};
+use calib_core::{Camera, FloorPoint, Site, Stage, position_ellipse};
 
 use crate::agreement::{Element, elements};
 use crate::style::{self, BAD_ON_LIGHT, INK};
@@ -11,7 +11,7 @@ use crate::svg::{Anchor, Stroke, Svg};
 const ERRORS: f64 = 10.0;
 /// How many standard deviations an ellipse spans.
 const SIGMAS: f64 = 2.0;
-/// Corners of a drawn ellipse.
+/// Corners of the ellipse of the legend.
 const CORNERS: usize = 48;
 /// Corners of an ellipse, in plan pixels.
 type Corners = Vec<[f64; 2]>;
@@ -169,25 +169,7 @@ impl Sample {
 /// Where a camera stands, `SIGMAS` standard deviations about it, in plan pixels; `None` where its
 /// position was not estimated.
 fn ellipse(camera: &Camera, times: f64, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> Option<Corners> {
-    let of = |i: usize, j: usize| camera.covariance.0[i][j];
-    let (xx, xy, yy) = (
-        of(Covariance::X, Covariance::X),
-        of(Covariance::X, Covariance::Y),
-        of(Covariance::Y, Covariance::Y),
-    );
-    // Lower triangle of the root of the covariance: it takes a circle to the ellipse.
-    let (a, foot) = (xx.sqrt(), camera.position.on_floor());
-    let b = if a > 0.0 { xy / a } else { 0.0 };
-    let c = (yy - b * b).max(0.0).sqrt();
-    if !(a.is_finite() && c.is_finite()) || a + c == 0.0 {
-        return None;
-    }
-    let reach = times * SIGMAS;
-    let corner = |i: usize| {
-        let (sin, cos) = (std::f64::consts::TAU * i as f64 / CORNERS as f64).sin_cos();
-        on_plan(FloorPoint { x: foot.x + reach * a * cos, y: foot.y + reach * (b * cos + c * sin) })
-    };
-    Some((0..CORNERS).map(corner).collect())
+    Some(position_ellipse(camera, times * SIGMAS)?.into_iter().map(on_plan).collect())
 }
 
 /// The piece of a line of the floor that the cameras show.

@@ -191,7 +191,10 @@ pub use placement::{
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, Straightened};
 pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
-pub use scene::{MarkKind, PRISM_HEIGHT, Polyline, Shape3, floor_grid, horizon, on_image, prism, vertical};
+pub use scene::{
+    MarkKind, PRISM_HEIGHT, Polyline, Shape3, ellipse, floor_grid, horizon, in_front, on_image,
+    position_ellipse, prism, vertical,
+};
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 pub use status::Status;
 pub use straightness::{Edge, straightness_rms};

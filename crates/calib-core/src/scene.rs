@@ -2,6 +2,7 @@
 //! polylines, and their way onto an image.
 
 use crate::camera::Camera;
+use crate::covariance::Covariance;
 use crate::space::{FloorPoint, Pixel, WorldPoint};
 
 /// Straight pieces from point to point, in the base system.
@@ -246,6 +247,33 @@ fn crossings(
     found
 }
 
+/// Where a camera stands: the outline of `sigmas` standard deviations of its position on the floor, as
+/// many points apart as a drawn circle; `None` where its position was not estimated.
+#[must_use]
+pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
+    let axes = [Covariance::X, Covariance::Y];
+    let known = axes.map(|i| axes.map(|j| camera.covariance.0[i][j]));
+    ellipse(camera.position.on_floor(), &known, sigmas)
+}
+
+/// The outline of `sigmas` standard deviations about a point of the floor with this covariance, in square
+/// metres; `None` where there is none.
+#[must_use]
+pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Option<Vec<FloorPoint>> {
+    let [[xx, xy], [_, yy]] = *covariance;
+    // Lower triangle of the root of the covariance: it takes a circle to the ellipse.
+    let a = xx.sqrt();
+    let b = if a > 0.0 { xy / a } else { 0.0 };
+    let c = (yy - b * b).max(0.0).sqrt();
+    if !(a.is_finite() && c.is_finite()) || a + c == 0.0 {
+        return None;
+    }
+    let corner = |[cos, sin, _]: [f64; 3]| {
+        FloorPoint::new(about.x + sigmas * a * cos, about.y + sigmas * (b * cos + c * sin))
+    };
+    Some(circle(1.0, 0.0).into_iter().take(CIRCLE_SIDES).map(corner).collect())
+}
+
 /// The vertical through a point of the floor, up to `height` metres.
 #[must_use]
 pub fn vertical(at: FloorPoint, height: f64) -> Polyline {
@@ -262,29 +290,37 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     const NEAR: f64 = 0.05;
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {
-        let (mut a, mut b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
-        if a[2] < NEAR && b[2] < NEAR {
+        let (a, b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
+        let Some(front) = in_front(a, b, NEAR) else {
             pieces.push(Vec::new());
             continue;
-        }
-        let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
-            let t = (NEAR - from[2]) / (to[2] - from[2]);
-            std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
         };
         if a[2] < NEAR {
-            a = cut(a, b);
             pieces.push(Vec::new());
-        } else if b[2] < NEAR {
-            b = cut(b, a);
         }
-        bend(camera, a, b, &mut pieces);
+        bend(camera, front, &mut pieces);
     }
     pieces.retain(|piece| piece.len() > 1);
     pieces
 }
 
+/// What of a straight piece is farther forward than `near`; its points are right, down, forward of an eye.
+#[must_use]
+pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
+    let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
+        let t = (near - from[2]) / (to[2] - from[2]);
+        std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
+    };
+    match (a[2] < near, b[2] < near) {
+        (true, true) => None,
+        (true, false) => Some([cut(a, b), b]),
+        (false, true) => Some([a, cut(b, a)]),
+        (false, false) => Some([a, b]),
+    }
+}
+
 /// Appends the image of a straight piece in camera axes, in steps short enough for the bend of the lens.
-fn bend(camera: &Camera, a: [f64; 3], b: [f64; 3], pieces: &mut Vec<Vec<Pixel>>) {
+fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     /// Pixels between points of a bent line: a curve of 500 px radius is 0.2 px off its chord.
     const STEP: f64 = 24.0;
     const MOST: f64 = 256.0;
@@ -362,6 +398,34 @@ mod tests {
                 assert!(point.is_finite() && point.z >= 0.5);
             }
             assert_eq!(mark.point("elbow"), None);
+        }
+    }
+
+    #[test]
+    fn every_point_of_the_ellipse_is_as_many_sigmas_away_as_was_asked() {
+        let mut camera = any_position();
+        let (xx, xy, yy) = (0.04, -0.01, 0.09);
+        let rows = &mut camera.covariance.0;
+        (rows[0][0], rows[0][1], rows[1][0], rows[1][1]) = (xx, xy, xy, yy);
+        let determinant = xx * yy - xy * xy;
+        for point in position_ellipse(&camera, 2.0).unwrap() {
+            let (x, y) = (point.x - camera.position.x, point.y - camera.position.y);
+            let square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant;
+            assert!((square - 4.0).abs() < 1e-9, "{square}");
+        }
+        camera.covariance = Covariance::EXACT;
+        assert_eq!(position_ellipse(&camera, 2.0), None);
+    }
+
+    fn any_position() -> Camera {
+        Camera {
+            position: WorldPoint::new(3.0, -2.0, 4.0),
+            yaw: 0.3,
+            pitch: 0.4,
+            roll: 0.0,
+            focal: 1000.0,
+            lens: crate::lens::Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
         }
     }
 

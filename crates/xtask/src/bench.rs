@@ -2,8 +2,10 @@
 //! run, never absolute times.
 
 use std::hint::black_box;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
+use anyhow::{Context as _, bail};
 use calib_core::{
     Annotation, BrownConrady, Camera, Covariance, Crop, Distortion, FloorProjector, Lens, Options, Pixel,
     Solution, Stage, Straightened, WorldPoint,
@@ -34,9 +36,13 @@ const BENCHES: [Bench; 8] = [
 /// What `archives` measures in one run: ratios.
 const ARCHIVES: [&str; 3] =
     ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
+/// What the app's own program measures: it is not linked here, so that every other command of this one
+/// is built without a window.
+const OF_THE_APP: [&str; 3] =
+    ["app_frame_16_cameras_ms", "app_frame_16_cameras_worst_ms", "app_drag_solve_ms"];
 
 /// Runs all benchmarks whose key contains `filter`.
-pub(crate) fn run(filter: &str) {
+pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     let chosen = BENCHES.iter().filter(|(key, _)| key.contains(filter));
     let mut results: Map<String, Value> =
         chosen.map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
@@ -49,7 +55,22 @@ pub(crate) fn run(filter: &str) {
             Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVES.join(", ")),
         }
     }
+    if OF_THE_APP.iter().any(|key| key.contains(filter)) {
+        let measured = of_the_app()?;
+        results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter)));
+    }
     println!("{}", Value::Object(results));
+    Ok(())
+}
+
+/// Frames and solves of the app.
+fn of_the_app() -> anyhow::Result<Map<String, Value>> {
+    let arguments = ["bench", "--quiet", "--package", "calib-app", "--bench", "frame"];
+    let output = Command::new("cargo").args(arguments).stderr(Stdio::inherit()).output()?;
+    if !output.status.success() {
+        bail!("cargo {} failed", arguments.join(" "));
+    }
+    serde_json::from_slice(&output.stdout).context("what the app measured is no JSON object")
 }
 
 /// Median seconds of `work` over some runs, after one to warm up.

@@ -7,10 +7,10 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 
 /// What a check needs beside Rust, and how to get it.
-struct Tool {
-    name: &'static str,
-    is_there: fn() -> bool,
-    install: &'static [&'static [&'static str]],
+pub(crate) struct Tool {
+    pub(crate) name: &'static str,
+    pub(crate) is_there: fn() -> bool,
+    pub(crate) install: &'static [&'static [&'static str]],
 }
 
 /// A check: its name, its command, and its tools.
@@ -270,7 +270,8 @@ fn tool_command(program: &str, skips: &Path) -> anyhow::Result<Command> {
     Ok(command)
 }
 
-fn ready(tool: &Tool, install: bool) -> bool {
+/// Whether a tool is there, after installing it if that is wanted.
+pub(crate) fn ready(tool: &Tool, install: bool) -> bool {
     if (tool.is_there)() {
         return true;
     }
@@ -288,7 +289,8 @@ fn ready(tool: &Tool, install: bool) -> bool {
     (tool.is_there)()
 }
 
-fn runs(program: &str, arguments: &[&str]) -> bool {
+/// Whether a program of the workspace's tools runs.
+pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     let output = Command::new(root().join(program)).args(arguments).output();
     output.is_ok_and(|output| output.status.success())
 }

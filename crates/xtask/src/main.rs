@@ -1,9 +1,10 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`.
 
 mod accuracy;
 mod archives;
 mod bench;
 mod check;
+mod notices;
 
 use clap::{Parser, Subcommand};
 
@@ -31,6 +32,8 @@ enum Command {
         #[arg(default_value = "")]
         filter: String,
     },
+    /// Write the notices of everything that is linked into the programs
+    Notices,
     /// Print the table of accuracy as Markdown
     Accuracy {
         /// Scenes of each kind
@@ -50,9 +53,9 @@ fn main() -> anyhow::Result<()> {
             if cfg!(debug_assertions) {
                 return check::rerun_optimised(&["bench", &filter]);
             }
-            bench::run(&filter);
-            Ok(())
+            bench::run(&filter)
         }
+        Command::Notices => notices::run(),
         Command::Accuracy { scenes, draws } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())

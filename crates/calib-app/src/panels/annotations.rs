@@ -1,7 +1,7 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
-use egui::{Align2, DragValue, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
+use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::hit::Part;
@@ -9,6 +9,7 @@ use crate::icons::{self, Icon};
 use crate::panels::heading;
 use crate::theme;
 use crate::tools::TOOLS;
+use crate::units::Units;
 
 /// What a row asks for.
 enum Wish {
@@ -37,7 +38,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     for row in KINDS {
         let mut letter = 'a';
         for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| a.kind == row.kind) {
-            group(ui, annotation, index, letter, &mut wishes);
+            group(ui, app.session.units, annotation, index, letter, &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for (segment, line) in annotation.polylines().enumerate() {
                 let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
@@ -50,7 +51,14 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
-fn group(ui: &mut Ui, annotation: &Annotation, index: usize, letter: char, wishes: &mut Vec<Wish>) {
+fn group(
+    ui: &mut Ui,
+    units: Units,
+    annotation: &Annotation,
+    index: usize,
+    letter: char,
+    wishes: &mut Vec<Wish>,
+) {
     let palette = theme::palette(ui.ctx());
     let row = annotation.kind.row();
     let icon = TOOLS.iter().find(|tool| tool.kind == Some(row.kind)).map_or(Icon::Vertical, |tool| tool.icon);
@@ -71,12 +79,12 @@ fn group(ui: &mut Ui, annotation: &Annotation, index: usize, letter: char, wishe
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length {
                 let mut value = annotation.length_m.unwrap_or(1.0);
-                if metres(ui, &mut value, "Known length") {
+                if length(ui, units, &mut value, "Known length") {
                     wishes.push(Wish::Length(index, value));
                 }
             } else if let Some(height) = annotation.height_m {
                 let mut value = height.value;
-                if metres(ui, &mut value, "Height of the upright") {
+                if length(ui, units, &mut value, "Height of the upright") {
                     wishes.push(Wish::Height(index, value));
                 }
             }
@@ -84,9 +92,8 @@ fn group(ui: &mut Ui, annotation: &Annotation, index: usize, letter: char, wishe
     });
 }
 
-fn metres(ui: &mut Ui, value: &mut f64, tip: &str) -> bool {
-    let field = DragValue::new(value).speed(0.01).range(0.01..=1e4).suffix(" m").max_decimals(3);
-    ui.add(field.update_while_editing(false)).on_hover_text(format!("{tip}, in metres")).changed()
+fn length(ui: &mut Ui, units: Units, value: &mut f64, tip: &str) -> bool {
+    ui.add(units.field(value, 0.01)).on_hover_text(tip).changed()
 }
 
 struct Line<'a> {

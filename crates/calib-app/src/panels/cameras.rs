@@ -6,7 +6,7 @@ use crate::app::App;
 use crate::dialog::Purpose;
 use crate::icons::{self, Icon, Look};
 use crate::paint::chip;
-use crate::panels::steps;
+use crate::panels::{above, steps};
 use crate::picture::cropped;
 use crate::theme;
 
@@ -36,6 +36,17 @@ pub struct List {
 /// The list, or (`rail`) a narrow strip of it.
 pub fn show(app: &mut App, ui: &mut Ui, rail: bool) {
     let rows = rows(app);
+    if !rail
+        && app.above
+        && app.mode == crate::app::Mode::Image
+        && ui.available_height() > 2.0 * above::HEIGHT
+    {
+        let frame = egui::Frame::NONE.fill(theme::palette(ui.ctx()).panel);
+        egui::Panel::bottom("above")
+            .exact_size(above::HEIGHT)
+            .frame(frame)
+            .show(ui, |ui| above::show(app, ui));
+    }
     if rail {
         ui.add_space(6.0);
     } else {

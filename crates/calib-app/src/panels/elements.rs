@@ -7,7 +7,7 @@ use crate::app::App;
 use crate::command::{self, Command};
 use crate::hit::Part;
 use crate::icons::{self, Icon, Look};
-use crate::panels::{heading, number};
+use crate::panels::heading;
 use crate::theme;
 use crate::tools::TOOLS;
 
@@ -55,14 +55,15 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     let selected = app.session.selection.contains(&part);
     let name = app.session.part_name(part);
     let WorldPoint { x, y, .. } = mark.at_m;
+    let units = app.session.units;
     ui.horizontal(|ui| {
         icons::inline(ui, icon(mark.kind), palette.text);
         if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
             app.session.selection = [part].into();
         }
-        let sizes: Vec<String> = mark.size_m.iter().map(|size| number(*size, 2)).collect();
+        let sizes: Vec<String> = mark.size_m.iter().map(|size| units.number(*size, 2)).collect();
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(format!("{}, {} m", number(x, 2), number(y, 2)));
+            ui.label(units.point([x, y], 2));
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                 let text = RichText::new(sizes.join(" \u{d7} ")).color(palette.text2);
                 ui.add(egui::Label::new(text).truncate());
@@ -73,17 +74,23 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
         return;
     }
     let mut changed = false;
-    let mut field = |ui: &mut Ui, title: &str, value: &mut f64, unit: &str| {
+    let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
         let label = ui.label(RichText::new(title).small().color(palette.text2));
-        let edit = DragValue::new(value).speed(0.01).suffix(unit).max_decimals(3).update_while_editing(false);
         changed |= ui.add(edit).labelled_by(label.id).changed();
     };
     ui.horizontal_wrapped(|ui| {
         for (title, value) in mark.kind.size_names().iter().zip(mark.size_m.iter_mut()) {
-            field(ui, title, value, "");
+            let is_count = ["columns", "rows"].contains(title);
+            let edit = if is_count {
+                DragValue::new(value).range(1.0..=1e3).max_decimals(0).update_while_editing(false)
+            } else {
+                units.field(value, 1e-3)
+            };
+            field(ui, title, edit);
         }
-        field(ui, "turn", &mut mark.turn_deg, "\u{b0}");
-        field(ui, "height", &mut mark.at_m.z, " m");
+        let turn = DragValue::new(&mut mark.turn_deg).speed(0.1).suffix("\u{b0}").max_decimals(3);
+        field(ui, "turn", turn.update_while_editing(false));
+        field(ui, "above the floor", units.field(&mut mark.at_m.z, -1e5));
     });
     let was_fixed = mark.fixed;
     ui.checkbox(&mut mark.fixed, "held in a joint solve");
@@ -127,7 +134,7 @@ pub fn links(app: &mut App, ui: &mut Ui) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let text = match (waits, apart(app, index)) {
                     (true, _) => "1 view".into(),
-                    (false, Some(apart)) => format!("{:.1} cm", 100.0 * apart),
+                    (false, Some(apart)) => app.session.units.small(apart),
                     (false, None) => "\u{2014}".into(),
                 };
                 ui.label(RichText::new(text).color(palette.text2));
@@ -135,7 +142,7 @@ pub fn links(app: &mut App, ui: &mut Ui) {
         });
         let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
         if app.session.selection.iter().any(is_own) {
-            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(ui, index, link)));
+            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(app, ui, index)));
         }
     }
     if let Some((index, link)) = change {
@@ -174,7 +181,8 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
         let text = match (old, app.session.solved.pose(index)) {
             (Some(old), Some(new)) => {
                 let turned = (old.yaw - new.yaw).to_degrees().abs();
-                format!("{:.1} cm, {turned:.2}\u{b0}", 100.0 * old.position.distance(new.position))
+                let moved = app.session.units.small(old.position.distance(new.position));
+                format!("{moved}, {turned:.2}\u{b0}")
             }
             (None, _) => "not in it, or not solved".into(),
             (_, None) => "not solved now".into(),
@@ -190,14 +198,14 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
 }
 
 /// What a link is and how high it is; the link as it is to become.
-fn link_fields(ui: &mut Ui, index: usize, link: &Link) -> Option<(usize, Link)> {
+fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
+    let link = app.session.site.links.get(index)?;
     let mut new = link.clone();
     match link.kind {
         LinkKind::Point => {
             let mut height = link.height_m.unwrap_or(0.0);
             let label = ui.label("above the floor");
-            let field = DragValue::new(&mut height).speed(0.01).suffix(" m").max_decimals(3);
-            if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
+            if ui.add(app.session.units.field(&mut height, -1e5)).labelled_by(label.id).changed() {
                 new.height_m = Some(height).filter(|height| *height != 0.0);
             }
         }
@@ -229,8 +237,7 @@ pub fn distances(app: &mut App, ui: &mut Ui) {
         ui.horizontal(|ui| {
             let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
             let value = &mut distance.length_m.value;
-            let field = DragValue::new(value).speed(0.01).range(0.001..=1e5).suffix(" m").max_decimals(3);
-            ui.add(field.update_while_editing(false)).labelled_by(label.id);
+            ui.add(app.session.units.field(value, 1e-3)).labelled_by(label.id);
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
                 removed = Some(index);
@@ -318,7 +325,8 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
             let turned = (old.yaw - new.yaw).to_degrees().abs();
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
-                let text = format!("moved {:.1} cm, turned {turned:.2}\u{b0}", 100.0 * moved);
+                let moved = app.session.units.small(moved);
+                let text = format!("moved {moved}, turned {turned:.2}\u{b0}");
                 ui.label(RichText::new(text).color(palette.text2));
             });
         }
@@ -327,7 +335,7 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
     if let Some(overlaps) = app.session.solved.joint_report().map(|report| report.site.overlaps.clone()) {
         for overlap in overlaps {
             let apart =
-                overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| format!("{:.1} cm", 100.0 * rms));
+                overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| app.session.units.small(rms));
             ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
         }
     }
@@ -377,8 +385,7 @@ pub fn controls(app: &mut App, ui: &mut Ui) {
             ui.horizontal(|ui| {
                 for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
                     let label = ui.label(RichText::new(title).color(palette.text2));
-                    let edit = DragValue::new(value).speed(0.01).max_decimals(3).update_while_editing(false);
-                    changed |= ui.add(edit.suffix(" m")).labelled_by(label.id).changed();
+                    changed |= ui.add(app.session.units.field(value, -1e5)).labelled_by(label.id).changed();
                 }
             });
             if world != control.world {

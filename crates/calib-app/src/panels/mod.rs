@@ -1,8 +1,11 @@
 //! The panels about the canvas, one a file.
 
+pub mod above;
 pub mod annotations;
 pub mod cameras;
+pub mod dock;
 pub mod elements;
+pub mod export;
 pub mod lens;
 pub mod palette;
 pub mod placement;
@@ -60,6 +63,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     });
     tour::show(app, ui);
     palette::show(app, ui.ctx());
+    export::show(app, ui.ctx());
 }
 
 fn right(app: &mut App, ui: &mut Ui) {
@@ -134,17 +138,4 @@ pub fn digits(sigma: f64) -> usize {
         return 2;
     }
     (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize
-}
-
-/// Feet in a metre.
-const FEET: f64 = 3.280_839_895;
-
-/// A length for the screen, with its unit.
-#[must_use]
-pub fn length(metres: f64, digits: usize, feet: bool) -> String {
-    if feet {
-        format!("{} ft", number(metres * FEET, digits))
-    } else {
-        format!("{} m", number(metres, digits))
-    }
 }

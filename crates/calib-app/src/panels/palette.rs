@@ -56,7 +56,7 @@ fn commands(app: &mut App, ctx: &Context) {
     let query = app.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
-        .filter(|row| is_match(&command::text_of(app, *row), &query))
+        .filter(|row| is_match(&command::words(app, row.command), &query))
         .collect();
     let (up, down, enter, escape) = ctx.input(|i| {
         let pressed = |key| i.key_pressed(key);
@@ -89,7 +89,7 @@ fn commands(app: &mut App, ctx: &Context) {
                 for (i, row) in rows.iter().enumerate() {
                     let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
                     let lit = i == app.palette.row;
-                    let button = egui::Button::new(command::text_of(app, *row))
+                    let button = egui::Button::new(command::words(app, row.command))
                         .selected(lit)
                         .shortcut_text(keys)
                         .min_size(Vec2::new(ui.available_width(), 22.0));
@@ -160,6 +160,7 @@ fn about(app: &mut App, ctx: &Context) {
             ui.label("Images never leave this machine.");
             ui.separator();
             ui.label("Type: IBM Plex Sans, \u{a9} 2017 IBM Corp., SIL Open Font License 1.1.");
+            ui.collapsing("Third-party notices", notices);
             ui.collapsing("Licence of the type", |ui| {
                 ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
                     ui.label(RichText::new(include_str!("../../assets/IBMPlexSans-LICENSE.txt")).small());
@@ -167,6 +168,23 @@ fn about(app: &mut App, ctx: &Context) {
             });
         });
     app.about &= open;
+}
+
+/// What everything that is part of this program asks to be said; only the lines that show are laid out.
+fn notices(ui: &mut egui::Ui) {
+    const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
+    static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());
+    let height = ui.text_style_height(&egui::TextStyle::Small);
+    ScrollArea::both().max_height(280.0).auto_shrink([false, false]).show_rows(
+        ui,
+        height,
+        LINES.len(),
+        |ui, rows| {
+            for line in &LINES[rows] {
+                ui.add(egui::Label::new(RichText::new(*line).small()).extend());
+            }
+        },
+    );
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
-use calib_core::STAGE_1_HEIGHT;
+use calib_core::{STAGE_1_HEIGHT, Sigmas};
 use egui::{DragValue, RichText, Ui};
 
 use crate::app::App;
@@ -8,6 +8,7 @@ use crate::command::{self, Command};
 use crate::panels::result::cells;
 use crate::panels::{digits, heading, number};
 use crate::theme;
+use crate::units::Units;
 
 /// Where the camera in hand stands, by numbers.
 pub fn show(app: &mut App, ui: &mut Ui) {
@@ -31,31 +32,30 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let sigma = app.session.solution().and_then(|solution| solution.sigma.clone());
     let sigma = sigma.as_ref();
     let mut changed = None;
-    let mut field =
-        |ui: &mut Ui, title: &str, value: &mut f64, unit: &str, speed: f64, sigma: Option<f64>| {
-            ui.horizontal(|ui| {
-                let label = ui.label(RichText::new(title).color(palette.text2));
-                ui.add_space((90.0 - label.rect.width()).max(0.0));
-                let edit = DragValue::new(value).speed(speed).max_decimals(3).update_while_editing(false);
-                let response = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id);
-                ui.label(RichText::new(unit).color(palette.text2));
-                if let Some(sigma) = sigma {
-                    ui.label(
-                        RichText::new(format!("\u{b1} {}", number(sigma, digits(sigma))))
-                            .color(palette.text3),
-                    );
-                }
-                if response.changed() {
-                    changed = Some(title.to_lowercase());
-                }
-            });
-        };
-    field(ui, "x", &mut placement.by.x, "m", 0.01, sigma.and_then(|s| s.x_m));
-    field(ui, "y", &mut placement.by.y, "m", 0.01, sigma.and_then(|s| s.y_m));
-    field(ui, "Turn", &mut turn, "\u{b0}", 0.1, sigma.and_then(|s| s.yaw_deg));
-    field(ui, "Height", &mut height, "m", 0.005, sigma.and_then(|s| s.z_m));
+    let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>, sigma: Option<(f64, f64)>| {
+        ui.horizontal(|ui| {
+            let label = ui.label(RichText::new(title).color(palette.text2));
+            ui.add_space((90.0 - label.rect.width()).max(0.0));
+            let response = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id);
+            if let Some((sigma, unit)) = sigma {
+                let text = format!("\u{b1} {}", number(sigma / unit, digits(sigma / unit)));
+                ui.label(RichText::new(text).color(palette.text3));
+            }
+            if response.changed() {
+                changed = Some(title.to_lowercase());
+            }
+        });
+    };
+    let units = app.session.units;
+    let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some((value(sigma?)?, unit));
+    let degrees = DragValue::new(&mut turn).speed(0.1).suffix("\u{b0}").max_decimals(3);
+    field(ui, "x", units.field(&mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()));
+    field(ui, "y", units.field(&mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()));
+    field(ui, "Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0));
+    field(ui, "Height", units.field(&mut height, 1e-3), of(|s| s.z_m, units.metres()));
     let scale = height / STAGE_1_HEIGHT;
-    ui.label(RichText::new(format!("Height = 3 m \u{d7} scale {scale:.3}")).small().color(palette.text3));
+    let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
+    ui.label(RichText::new(text).small().color(palette.text3));
     if let Some(what) = changed.filter(|_| height > 0.0) {
         (placement.turn, placement.scale) = (turn.to_radians(), scale);
         app.cancel();
@@ -105,13 +105,15 @@ fn handles(ui: &mut Ui) {
 fn pose_rows(app: &App, ui: &mut Ui) {
     let Some(solution) = app.session.solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
+    let units = app.session.units;
     let rows = [
-        ("x", at.x, sigma.and_then(|s| s.x_m), "m"),
-        ("y", at.y, sigma.and_then(|s| s.y_m), "m"),
-        ("Turn", solution.yaw_deg.unwrap_or_default(), sigma.and_then(|s| s.yaw_deg), "\u{b0}"),
-        ("Height", at.z, sigma.and_then(|s| s.z_m), "m"),
+        ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.sign()),
+        ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.sign()),
+        ("Turn", solution.yaw_deg.unwrap_or_default(), sigma.and_then(|s| s.yaw_deg), 1.0, "\u{b0}"),
+        ("Height", at.z, sigma.and_then(|s| s.z_m), units.metres(), units.sign()),
     ];
-    for (title, value, sigma, unit) in rows {
+    for (title, value, sigma, one, unit) in rows {
+        let (value, sigma) = (value / one, sigma.map(|sigma| sigma / one));
         let shown = sigma.map_or(2, digits).min(3);
         ui.horizontal(|ui| {
             cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
@@ -150,10 +152,14 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     let mut changed = None;
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
-        let mut mm = 1e3 * plan.metres_per_px;
-        let field = DragValue::new(&mut mm).speed(0.05).range(0.001..=1e5).max_decimals(4);
-        if ui.add(field.suffix(" mm a pixel").update_while_editing(false)).labelled_by(label.id).changed() {
-            plan.metres_per_px = 1e-3 * mm;
+        let (unit, suffix) = match app.session.units {
+            Units::Metres => (1e-3, " mm a pixel"),
+            Units::Feet => (0.0254, " in a pixel"),
+        };
+        let mut value = plan.metres_per_px / unit;
+        let field = DragValue::new(&mut value).speed(0.05).range(1e-6 / unit..=100.0 / unit).max_decimals(4);
+        if ui.add(field.suffix(suffix).update_while_editing(false)).labelled_by(label.id).changed() {
+            plan.metres_per_px = unit * value;
             changed = Some("change the scale of the plan");
         }
     });
@@ -162,9 +168,8 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         let mut metres = px * plan.metres_per_px;
         ui.horizontal(|ui| {
             let label = ui.label(format!("{px:.0} px are"));
-            let field =
-                DragValue::new(&mut metres).speed(0.01).range(1e-3..=1e5).suffix(" m").max_decimals(4);
-            if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() && px > 0.0 {
+            let field = app.session.units.field(&mut metres, 1e-3);
+            if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }

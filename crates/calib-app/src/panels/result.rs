@@ -7,6 +7,7 @@ use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, heading, number};
 use crate::theme;
+use crate::units::Units;
 
 /// A number of the result that can be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,11 +30,12 @@ impl Number {
         }
     }
 
-    const fn unit(self) -> &'static str {
+    /// The sign of its unit, and how many of the document's units that is.
+    const fn unit(self, units: Units) -> (&'static str, f64) {
         match self {
-            Self::Focal => "px",
-            Self::Pitch | Self::Roll => "\u{b0}",
-            Self::Height => "m",
+            Self::Focal => ("px", 1.0),
+            Self::Pitch | Self::Roll => ("\u{b0}", 1.0),
+            Self::Height => (units.sign(), units.metres()),
         }
     }
 
@@ -101,8 +103,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     for which in NUMBERS {
         if let Some((value, sigma)) = which.of(&solution) {
             let known = which.known(app);
-            if let Some(new) = row(ui, which, value, sigma, known) {
-                change = Some((which, new));
+            let unit = which.unit(app.session.units);
+            let [to, from] = [1.0 / unit.1, unit.1];
+            let shown = (to * value, sigma.map(|sigma| to * sigma));
+            if let Some(new) = row(ui, which, shown, unit.0, known.map(|known| scaled(known, to))) {
+                change = Some((which, new.map(|known| scaled(known, from))));
             }
             if which == Number::Focal {
                 view_row(app, ui, &solution);
@@ -111,24 +116,28 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
     lens_row(ui, &solution);
     floor_row(ui, &solution);
-    alternatives(app, ui, &solution);
     if let Some((which, known)) = change {
         which.set(app, known);
     }
+}
+
+/// What is known, in another unit.
+fn scaled(known: Known, by: f64) -> Known {
+    Known { value: by * known.value, sigma: known.sigma.map(|sigma| by * sigma), ..known }
 }
 
 /// One number: value, sigma, unit, lock. What it is to become, if the lock was clicked or a field changed.
 fn row(
     ui: &mut Ui,
     which: Number,
-    value: f64,
-    sigma: Option<f64>,
+    (value, sigma): (f64, Option<f64>),
+    unit: &str,
     known: Option<Known>,
 ) -> Option<Option<Known>> {
     let shown = sigma.map_or(2, digits).min(3);
     let mut change = None;
     ui.horizontal(|ui| {
-        cells(ui, which.title(), &number(value, shown), sigma.map(|s| number(s, shown)), which.unit());
+        cells(ui, which.title(), &number(value, shown), sigma.map(|s| number(s, shown)), unit);
         let (icon, colour) = match known {
             Some(known) if known.fixed => (Icon::Locked, Some(theme::palette(ui.ctx()).accent)),
             Some(_) => (Icon::Locked, Some(theme::palette(ui.ctx()).warn)),
@@ -148,13 +157,13 @@ fn row(
         }
     });
     if let Some(known) = known {
-        fields(ui, which, known, &mut change);
+        fields(ui, which, unit, known, &mut change);
     }
     change
 }
 
 /// Value and sigma of what is held or believed, to be typed.
-fn fields(ui: &mut Ui, which: Number, known: Known, change: &mut Option<Option<Known>>) {
+fn fields(ui: &mut Ui, which: Number, unit: &str, known: Known, change: &mut Option<Option<Known>>) {
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
         ui.add_space(12.0);
@@ -165,7 +174,7 @@ fn fields(ui: &mut Ui, which: Number, known: Known, change: &mut Option<Option<K
         let label = format!("{} value", which.title());
         response.widget_info(|| egui::WidgetInfo::drag_value(true, value));
         let response = response.on_hover_text(&label);
-        ui.label(RichText::new(which.unit()).color(palette.text3));
+        ui.label(RichText::new(unit).color(palette.text3));
         let mut fixed = known.fixed;
         let held = ui.checkbox(&mut fixed, "held");
         let mut sigma = known.sigma.unwrap_or(0.05 * known.value.abs().max(1.0));
@@ -186,7 +195,10 @@ fn fields(ui: &mut Ui, which: Number, known: Known, change: &mut Option<Option<K
 pub fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit: &str) {
     let palette = theme::palette(ui.ctx());
     let width = (ui.available_width() - 26.0).max(120.0);
-    let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 18.0), Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(width, 18.0), Sense::hover());
+    let sure = sigma.as_ref().map_or_else(String::new, |sigma| format!(" \u{b1} {sigma}"));
+    let words = format!("{title} {value}{sure} {unit}");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, words.trim_end()));
     let painter = ui.painter();
     let middle = rect.center().y;
     let at = |x: f32| egui::pos2(x, middle);
@@ -241,7 +253,10 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
 fn floor_row(ui: &mut Ui, solution: &Solution) {
     let palette = theme::palette(ui.ctx());
     let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
-    let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
+    let text = format!("\u{b1} {:.1} %", 100.0 * rel);
+    let words = format!("Length on the floor {text}");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
     ui.painter().rect_filled(rect, 4.0, palette.raised);
     let inner: Rect = rect.shrink2(Vec2::new(8.0, 0.0));
     let colour = if rel > 0.03 { palette.warn } else { palette.text };
@@ -253,37 +268,5 @@ fn floor_row(ui: &mut Ui, solution: &Solution) {
         theme::regular(12.0),
         palette.text,
     );
-    let text = format!("\u{b1} {:.1} %", 100.0 * rel);
     painter.text(inner.right_center(), Align2::RIGHT_CENTER, text, theme::medium(12.0), colour);
-}
-
-/// Other cameras that fit as well, each with its field of view.
-fn alternatives(app: &mut App, ui: &mut Ui, solution: &Solution) {
-    let palette = theme::palette(ui.ctx());
-    if solution.alternatives.is_empty() {
-        return;
-    }
-    let mut chosen = None;
-    ui.add_space(4.0);
-    ui.label(RichText::new("Another camera fits as well").font(theme::medium(12.0)).color(palette.warn));
-    for other in &solution.alternatives {
-        egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {
-            let text = format!(
-                "view {:.0}\u{b0}, focal {:.0} px, pitch {}\u{b0}, roll {}\u{b0}",
-                other.hfov_deg,
-                other.focal_px,
-                number(other.pitch_deg, 1),
-                number(other.roll_deg, 1)
-            );
-            ui.label(text);
-            if ui.button(format!("Use {:.0}\u{b0}", other.hfov_deg)).clicked() {
-                chosen = Some(other.focal_px);
-            }
-        });
-    }
-    if let Some(focal) = chosen {
-        app.with_lens("use the second solution", |lens| {
-            lens.focal_px = Some(Known::prior(focal, 0.05 * focal));
-        });
-    }
 }

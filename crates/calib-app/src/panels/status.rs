@@ -4,14 +4,15 @@ use calib_core::Pixel;
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::app::App;
-use crate::icons::{self, Icon};
-use crate::panels::{digits, length, number};
+use crate::icons::{self, Icon, Look};
+use crate::panels::{digits, number};
 use crate::theme;
 use crate::tools::{Pane, plan_scale};
 
 /// The status line.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
+    let mut stop = false;
     ui.horizontal_centered(|ui| {
         let hint = match &app.session.note {
             Some(note) if app.tool.is_idle() => note.clone(),
@@ -21,18 +22,27 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             _ => app.tool.hint(&app.session),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            state(app, ui);
+            state(app, ui, &mut stop);
             place(app, ui);
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
             });
         });
     });
+    if stop {
+        app.stop_work();
+    }
 }
 
-fn state(app: &App, ui: &mut Ui) {
+fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     let palette = theme::palette(ui.ctx());
     let loading = app.pictures.loading();
+    if app.is_working() {
+        let look = Look { size: egui::Vec2::splat(18.0), ..Look::default() };
+        if icons::button(ui, Icon::Close, "Cancel reading and finding", "Cancel", look).clicked() {
+            *stop = true;
+        }
+    }
     if loading > 0 {
         ui.spinner();
         ui.label(RichText::new(format!("reading {loading} images")).color(palette.text2));
@@ -91,8 +101,7 @@ fn place(app: &App, ui: &mut Ui) {
                 ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
                 ui.add_space(12.0);
             }
-            ui.label(strong(length(at[1], 2, app.feet)));
-            ui.label(strong(format!("{},", length(at[0], 2, app.feet))));
+            ui.label(strong(app.session.units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
         }
     }
@@ -107,10 +116,10 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     let sigma = pose.floor_covariance(at, 1.0).map(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
     if let Some(sigma) = sigma {
-        ui.label(RichText::new(format!("\u{b1} {}", length(sigma, shown, app.feet))).color(palette.text2));
+        let sigma = app.session.units.number(sigma, shown);
+        ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(length(point.y, shown, app.feet)));
-    ui.label(strong(format!("{},", length(point.x, shown, app.feet))));
+    ui.label(strong(app.session.units.point(point.into(), shown)));
     ui.label(RichText::new("floor").color(palette.text2));
 }

@@ -11,6 +11,7 @@ use crate::theme;
 const MENU: &[&[Command]] = &[
     &[Command::NewSite, Command::Demo, Command::Tour, Command::Open, Command::Save, Command::SaveAs],
     &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
+    &[Command::Import, Command::Export],
     &[Command::SavePicture, Command::Theme, Command::Feet],
     &[Command::Shortcuts, Command::About],
 ];
@@ -140,21 +141,13 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let paused = app.session.solved.paused;
     let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
     button(ui, icon, label, Command::Pause, paused);
-    let redo = command::text_of(app, row_of(Command::Redo));
+    let redo = command::words(app, Command::Redo);
     button(ui, Icon::Redo, &redo, Command::Redo, false);
-    let undo = command::text_of(app, row_of(Command::Undo));
+    let undo = command::words(app, Command::Undo);
     button(ui, Icon::Undo, &undo, Command::Undo, false);
     // The words give way before the views do.
     let room = ui.available_width() - 4.0;
     if app.session.history.undo_name().is_some() && room > 60.0 {
         ui.add(egui::Label::new(RichText::new(undo).color(palette.text2)).truncate());
     }
-}
-
-fn row_of(command: Command) -> command::Row {
-    COMMANDS.iter().copied().find(|row| row.command == command).unwrap_or(command::Row {
-        command,
-        text: "",
-        keys: None,
-    })
 }

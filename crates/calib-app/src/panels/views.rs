@@ -6,7 +6,7 @@ use crate::app::{App, Mode};
 use crate::command::{self, Command};
 use crate::paint::chip;
 use crate::pane::{self, Place};
-use crate::panels::number;
+use crate::panels::{dock, number};
 use crate::scene3d::{self, Orbit};
 use crate::theme;
 use crate::tools::Pane;
@@ -19,10 +19,18 @@ const LEAST: f32 = 150.0;
 /// What the mode shows.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let rect = ui.max_rect();
+    app.panes.middle = Some(rect);
     match app.mode {
         Mode::Image => {
             let camera = app.session.camera;
-            single(app, ui, rect, camera, Place::Main);
+            let is_tall = rect.height() > 1.8 * dock::HEIGHT;
+            if dock::update(app) && is_tall {
+                let (above, below) = rect.split_top_bottom_at_y(rect.bottom() - dock::HEIGHT);
+                single(app, ui, above, camera, Place::Main);
+                ui.scope_builder(egui::UiBuilder::new().max_rect(below), |ui| dock::show(app, ui));
+            } else {
+                single(app, ui, rect, camera, Place::Main);
+            }
         }
         Mode::Plan => {
             let (left, right) = rect.split_left_right_at_fraction(0.46);
@@ -32,7 +40,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui,
                 right.with_max_y(right.top() + HEADER),
                 "Floor plan",
-                &[Command::Coverage, Command::Blend],
+                &[Command::Coverage, Command::Blend, Command::Snap],
             );
             pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
             ui.painter().vline(left.right(), rect.y_range(), Stroke::new(1.0, theme::palette(ui.ctx()).line));
@@ -49,6 +57,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
         Command::Field,
         Command::Prism,
         Command::Guide,
+        Command::Straighten,
         Command::ColourByResidual,
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
@@ -145,6 +154,8 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
         Command::Field => ("Field", app.layers.field),
         Command::Prism => ("Prism", app.layers.prism),
         Command::Guide => ("Guide", app.layers.guide),
+        Command::Straighten => ("Straighten", app.layers.straight),
+        Command::Snap => ("Snap", app.session.snap),
         Command::ColourByResidual => ("By residual", app.layers.by_residual),
         Command::Coverage => ("Coverage", app.coverage),
         Command::Blend => ("All images", app.blend),

@@ -5,7 +5,7 @@ use calib_core::{ControlPoint, Mark, MarkKind, MarkSeen, Pixel, Placement, Site,
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::place::pinned;
+use crate::tools::place::{SNAP, pinned, round};
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
 /// The size a new mark has, in metres.
@@ -118,12 +118,15 @@ impl MarkDrag {
     fn slide(&self, session: &mut Session, pointer: &Pointer, offset: [f64; 2]) {
         let raised = pointer.modifiers.ctrl.then(|| self.raised(session, pointer)).flatten();
         let under = pointer.floor(session, self.height);
+        let snaps = session.snap && pointer.pane == Pane::Plan;
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
         if let Some(z) = raised {
             mark.at_m.z = z;
         } else if let Some(under) = under {
-            mark.at_m.x = under.x + offset[0];
-            mark.at_m.y = under.y + offset[1];
+            (mark.at_m.x, mark.at_m.y) = (under.x + offset[0], under.y + offset[1]);
+            if snaps {
+                (mark.at_m.x, mark.at_m.y) = (round(mark.at_m.x, SNAP), round(mark.at_m.y, SNAP));
+            }
         }
     }
 

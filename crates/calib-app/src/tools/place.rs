@@ -1,6 +1,6 @@
 //! Stage 2 by hand: a polygon on the floor is moved, turned and scaled by its handles.
 
-use calib_core::{FloorPoint, Pixel, Placement};
+use calib_core::{FloorPoint, Pixel, Placement, STAGE_1_HEIGHT};
 
 use crate::session::{Session, corners_of};
 use crate::tools::Pointer;
@@ -36,6 +36,16 @@ impl PlanHandle {
 /// How far along the axis the handles stand: of the way from the foot to the middle of the far edge.
 const SCALE_AT: f64 = 0.55;
 const TURN_AT: f64 = 1.12;
+/// What snapping rounds to, in metres.
+pub(super) const SNAP: f64 = 0.1;
+/// What snapping rounds turns to, in radians.
+const SNAP_TURN: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
+/// The nearest multiple of a step.
+pub(super) fn round(value: f64, step: f64) -> f64 {
+    (value / step).round() * step
+}
+
 /// With Shift, what is held moves by so much of what the pointer moves.
 const FINE: f64 = 0.1;
 
@@ -131,7 +141,8 @@ impl PlaceDrag {
             let at =
                 std::array::from_fn(|axis| self.from[axis] + share * (pointer.at[axis] - self.from[axis]));
             session.revert();
-            session.place(self.camera, self.placed(at));
+            let placed = self.placed(at);
+            session.place(self.camera, if session.snap { self.snapped(placed) } else { placed });
         }
         self
     }
@@ -150,6 +161,23 @@ impl PlaceDrag {
         }
     }
 
+    /// The placement at round numbers in what the handle changes.
+    fn snapped(&self, placed: Placement) -> Placement {
+        let height = STAGE_1_HEIGHT * placed.scale;
+        match self.handle {
+            PlanHandle::Foot | PlanHandle::Body => {
+                let by = FloorPoint::new(round(placed.by.x, SNAP), round(placed.by.y, SNAP));
+                Placement { by, ..placed }
+            }
+            PlanHandle::Turn => Placement { turn: round(placed.turn, SNAP_TURN), ..placed },
+            PlanHandle::Scale => {
+                Placement { scale: round(height, SNAP).max(SNAP) / STAGE_1_HEIGHT, ..placed }
+            }
+            // About another pivot than the foot nothing is round.
+            PlanHandle::Corner(_) => placed,
+        }
+    }
+
     pub(super) fn finish(self, session: &mut Session) {
         let name = session.site.cameras.get(self.camera).map_or_else(String::new, |c| c.id.clone());
         session.commit(format!("{} {name}", self.handle.verb()));
@@ -160,8 +188,11 @@ impl PlaceDrag {
         let now = session.placement(self.camera).unwrap_or(self.own);
         let what = match self.handle {
             PlanHandle::Turn => format!("turn {:.1}\u{b0}", now.turn.to_degrees()),
-            PlanHandle::Scale => format!("scale {:.3}, height {:.2} m", now.scale, 3.0 * now.scale),
-            _ => format!("at {:.2}, {:.2} m", now.by.x, now.by.y),
+            PlanHandle::Scale => {
+                let height = session.units.length(STAGE_1_HEIGHT * now.scale, 2);
+                format!("scale {:.3}, height {height}", now.scale)
+            }
+            _ => format!("at {}", session.units.point(now.by.into(), 2)),
         };
         format!("Release to {} {name}: {what}.  Shift: fine, Esc: put back", self.handle.verb())
     }

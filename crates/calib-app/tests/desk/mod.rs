@@ -1,8 +1,10 @@
 //! An operator at a desk: pointer and keys on the app, and what it did to the site.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
+use std::path::PathBuf;
+
 use calib_app::App;
-use calib_app::dialog::Dialog;
+use calib_app::dialog::{Chosen, Dialog};
 use calib_app::files::Images;
 use calib_app::pane::Place;
 use calib_app::theme;
@@ -11,16 +13,25 @@ use calib_core::{Pixel, Site};
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 
+thread_local! {
+    static ANSWER: std::cell::Cell<Option<PathBuf>> = const { std::cell::Cell::new(None) };
+}
+
 pub(crate) struct Desk {
     pub(crate) harness: Harness<'static, App>,
 }
 
 impl Desk {
-    /// A window of 1440 x 900 with this site.
+    /// A window of 1440 x 900 with this site, whose images are not there.
     pub(crate) fn new(site: Site) -> Self {
+        Self::with(site, Images::default())
+    }
+
+    /// A window of 1440 x 900 with this site and its images.
+    pub(crate) fn with(site: Site, images: Images) -> Self {
         let mut app = App::new(&Context::default(), None);
         app.chooser = |purpose| Dialog::answered(purpose, Vec::new());
-        app.open_site(site, Images::default(), None);
+        app.open_site(site, images, None);
         let harness = Harness::builder()
             .with_size([1440.0, 900.0])
             .with_context_setup(theme::install)
@@ -28,6 +39,19 @@ impl Desk {
         let mut desk = Self { harness };
         desk.harness.run_steps(2);
         desk
+    }
+
+    /// The file that the next chooser of this thread is answered with.
+    pub(crate) fn answer(&mut self, path: Option<PathBuf>) {
+        ANSWER.set(path);
+        self.app().chooser = |purpose| {
+            let chosen = |path: PathBuf| Chosen {
+                name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                path: Some(path),
+                bytes: None,
+            };
+            Dialog::answered(purpose, ANSWER.take().map(chosen).into_iter().collect())
+        };
     }
 
     pub(crate) fn app(&mut self) -> &mut App {

@@ -1,0 +1,113 @@
+//! How long a frame takes without painting: sixteen cameras, all views live, a mark dragged; and how
+//! long one camera's solve while a line is dragged. One JSON object on stdout; `cargo xtask bench`
+//! gathers it.
+#![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
+
+#[path = "../tests/desk/mod.rs"]
+mod desk;
+
+use std::io::Write as _;
+use std::time::Instant;
+
+use calib_app::files::Images;
+use calib_app::hit::Part;
+use calib_app::session::Session;
+use calib_app::tools::Pane;
+use calib_core::Site;
+use desk::{Desk, demo};
+use egui::{Event, Key, Modifiers, PointerButton, Pos2};
+
+/// Frames, and solves, that are measured.
+const COUNT: usize = 1000;
+
+/// Three shop cameras again and again, sixteen in all, each with a still of its own.
+fn sixteen() -> (Site, Images) {
+    let mut site = demo();
+    let shop = site.cameras[..3].to_vec();
+    let mut images = Images::default();
+    site.cameras = (0..16)
+        .map(|i| {
+            let mut camera = shop[i % 3].clone();
+            let [w, h] = camera.size_px;
+            let still = image::RgbImage::from_pixel(w, h, image::Rgb([10 * i as u8; 3]));
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            still.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+            camera.image = Some(images.store(bytes.into_inner().into(), "image/png"));
+            camera.id = format!("{}-{i}", camera.id);
+            camera
+        })
+        .collect();
+    (site.links, site.distances) = (Vec::new(), Vec::new());
+    (site, images)
+}
+
+/// A desk where every still has arrived.
+fn all_views() -> Desk {
+    let (site, images) = sixteen();
+    let mut desk = Desk::with(site, images);
+    desk.key(Key::Num3);
+    let patience = Instant::now();
+    while desk.app().pictures.loading() > 0 {
+        desk.harness.step();
+        assert!(patience.elapsed().as_secs() < 120, "the stills do not arrive");
+    }
+    // Tiles go to the graphics card one a frame.
+    desk.harness.run_steps(64);
+    desk
+}
+
+/// Milliseconds of every frame while a mark is dragged in one view and shown in all.
+fn frames() -> Vec<f64> {
+    let mut desk = all_views();
+    desk.take("Select");
+    let foot = desk.site().marks[0].at_m;
+    let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(foot).unwrap();
+    let at = desk.screen(Pane::Image(0), from.into());
+    let button = |pressed| Event::PointerButton {
+        pos: at,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    desk.harness.event(Event::PointerMoved(at));
+    desk.harness.event(button(true));
+    desk.harness.step();
+    let frame = |i: usize| {
+        let angle = i as f32 * 0.05;
+        let to = Pos2::new(at.x + 20.0 * angle.cos(), at.y + 10.0 * angle.sin());
+        desk.harness.event(Event::PointerMoved(to));
+        let start = Instant::now();
+        desk.harness.step();
+        1e3 * start.elapsed().as_secs_f64()
+    };
+    let took = (0..COUNT).map(frame).collect();
+    assert!(desk.site().marks[0].at_m != foot, "the mark was not dragged");
+    took
+}
+
+/// Milliseconds of every solve while the end of a line is dragged.
+fn solves() -> Vec<f64> {
+    let mut session = Session::new(demo(), Images::default(), None);
+    let end = [Part::Vertex { annotation: 0, segment: 0, vertex: 1 }].into();
+    let solve = |i: usize| {
+        let angle = i as f64 * 0.05;
+        calib_app::edit::shift(&mut session.site, 0, &end, [angle.cos(), angle.sin()]);
+        let start = Instant::now();
+        assert!(session.solve(), "what was dragged is solved again");
+        1e3 * start.elapsed().as_secs_f64()
+    };
+    (0..COUNT).map(solve).collect()
+}
+
+fn main() {
+    let (mut frames, mut solves) = (frames(), solves());
+    frames.sort_by(f64::total_cmp);
+    solves.sort_by(f64::total_cmp);
+    let mut out = std::io::stdout().lock();
+    let (median, worst, solve) = (frames[COUNT / 2], frames[COUNT - 1], solves[COUNT / 2]);
+    writeln!(
+        out,
+        r#"{{"app_frame_16_cameras_ms":{median:.3},"app_frame_16_cameras_worst_ms":{worst:.3},"app_drag_solve_ms":{solve:.4}}}"#
+    )
+    .unwrap();
+}

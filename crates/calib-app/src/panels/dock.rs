@@ -1,0 +1,138 @@
+//! Two cameras that fit what was drawn equally well, side by side; a slider each where a whole family does.
+
+use calib_core::{Known, floor_grid, on_image};
+use egui::{Color32, Painter, Rect, RichText, Role, Sense, Slider, Ui, Vec2, WidgetInfo};
+
+use crate::app::App;
+use crate::canvas::{Mapping, View};
+use crate::family::{Family, Fit};
+use crate::overlay::grid_step;
+use crate::paint::{Pen, line};
+use crate::panels::{above, number};
+use crate::picture::Piece;
+use crate::theme;
+
+/// Height of the part, in points.
+pub const HEIGHT: f32 = 236.0;
+
+/// Finds out what else fits the camera in hand. Whether anything does.
+pub fn update(app: &mut App) -> bool {
+    let Some(entry) = app.session.entry() else { return false };
+    // While a line is in the hand the last answer stands.
+    if !app.tool.is_idle() || app.session.solved.paused {
+        return app.family.as_ref().is_some_and(|(camera, _)| *camera == app.session.camera);
+    }
+    let is_known = app
+        .family
+        .as_ref()
+        .is_some_and(|(camera, family)| *camera == app.session.camera && family.is_of(entry));
+    let Some(solution) = app.session.solution() else {
+        app.family = None;
+        return false;
+    };
+    let has_more = !solution.alternatives.is_empty()
+        || solution.warnings.iter().any(|w| w.code == calib_core::Code::FocalUnobservable);
+    if !has_more {
+        app.family = None;
+    } else if !is_known {
+        let camera = app.session.camera;
+        app.family = Family::of(&app.session.site, camera, solution).map(|family| (camera, family));
+    }
+    app.family.is_some()
+}
+
+/// The part below the image.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some((camera, mut family)) = app.family.clone() else { return };
+    let mut chosen = None;
+    egui::Frame::NONE.fill(palette.panel).inner_margin(12).show(ui, |ui| {
+        ui.set_min_size(ui.available_size());
+        let title = match family.range {
+            Some(_) => "Two of the cameras that fit equally well",
+            None => "Two cameras fit equally well",
+        };
+        ui.label(RichText::new(title).font(theme::medium(13.0)));
+        let width = 0.5 * (ui.available_width() - 12.0);
+        ui.horizontal_top(|ui| {
+            ui.spacing_mut().item_spacing.x = 12.0;
+            for which in 0..2 {
+                ui.allocate_ui(Vec2::new(width, ui.available_height()), |ui| {
+                    ui.vertical(|ui| {
+                        ui.set_width(width);
+                        if let Some(view) = card(app, ui, &family, which) {
+                            family.choose(&app.session.site, camera, which, view);
+                        }
+                        let view = family.shown[which].view;
+                        if ui.button(format!("Use {view:.0}\u{b0}")).clicked() {
+                            chosen = Some(family.shown[which].solution.focal_px);
+                        }
+                    });
+                });
+            }
+        });
+    });
+    app.family = Some((camera, family));
+    if let Some(focal) = chosen {
+        // A belief that can be seen and unlocked, not a hidden choice.
+        app.with_lens("use another field of view", |lens| {
+            lens.focal_px = Some(Known::prior(focal, 0.05 * focal));
+        });
+    }
+}
+
+/// One camera: its numbers, its image with the grid, its floor. The field of view it is to have instead.
+fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
+    let palette = theme::palette(ui.ctx());
+    let Fit { view, solution, pose } = &family.shown[which];
+    let entry = app.session.entry()?;
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(format!("{view:.0}\u{b0}")).font(theme::medium(12.0)));
+        let pitch = number(solution.pitch_deg.unwrap_or_default(), 1);
+        let text = format!("focal {:.0} px, pitch {pitch}\u{b0}", solution.focal_px);
+        ui.label(RichText::new(text).color(palette.text2));
+        if let Some([low, high]) = family.range {
+            let mut slid = *view;
+            let slider = Slider::new(&mut slid, low..=high).show_value(false);
+            let response = ui.add(slider).on_hover_text("Horizontal view: every place fits the lines");
+            let label = format!("Horizontal view {}", which + 1);
+            response.widget_info(|| WidgetInfo::slider(true, slid, &label));
+            wanted = response.changed().then_some(slid);
+        }
+        let rms = format!("rms {:.1} px", solution.rms_px.unwrap_or_default());
+        ui.label(RichText::new(rms).color(palette.text3));
+    });
+    let size = Vec2::new(ui.available_width(), (ui.available_height() - 28.0).max(40.0));
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let label = format!("Camera with a view of {view:.0}\u{b0}");
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
+    let (left, right) = rect.split_left_right_at_fraction(0.6);
+    let (left, right) = (left.with_max_x(left.right() - 4.0), right.with_min_x(right.left() + 4.0));
+    let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
+    let clip = |rect: Rect| {
+        let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+        painter.rect_filled(rect, 0.0, theme::DARK.canvas);
+        painter
+    };
+    let painter = clip(left);
+    let mapping = Mapping::new(View::of([0.0, 0.0], entry.size(), left, false, true), left);
+    if let Some(picture) = picture {
+        let whole = Piece { low: [0.0, 0.0], size: entry.size(), texture: picture.overview.id() };
+        whole.paint(&painter, &mapping, Color32::WHITE);
+    }
+    grid(app, &painter, &mapping, &family.shown[which]);
+    above::paint(&clip(right), right, entry, pose, picture, app.session.units);
+    wanted
+}
+
+fn grid(app: &App, painter: &Painter, mapping: &Mapping, fit: &Fit) {
+    let step = grid_step(&fit.solution.efov_m, app.session.units);
+    for points in floor_grid(&fit.solution.efov_m, step) {
+        for piece in on_image(&fit.pose, &points) {
+            let piece: Vec<egui::Pos2> =
+                piece.into_iter().map(|pixel| mapping.screen(pixel.into())).collect();
+            line(painter, &piece, Pen::new(Color32::from_white_alpha(150), 1.0).faint());
+        }
+    }
+}

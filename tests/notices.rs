@@ -1,0 +1,49 @@
+//! Everything that is linked into the programs is named in the notices that they carry.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use calib_tests::{Scratch, root};
+
+/// Name and version of the crates of others that a program is linked from, on any system.
+fn linked(package: &str) -> BTreeSet<String> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--package", package, "--target", "all"])
+        .args(["--edges", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe", "--format", "{p}"])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    // Crates of this workspace are shown with their folder.
+    let others = text.lines().filter(|line| !line.is_empty() && !line.contains("(/"));
+    others.map(|line| line.replacen(" v", " ", 1).trim_end_matches(" (*)").to_owned()).collect()
+}
+
+fn missing(package: &str, notices: &str) -> Vec<String> {
+    let named: BTreeSet<&str> = notices.lines().filter_map(|line| line.strip_prefix("  ")).collect();
+    let linked = linked(package);
+    assert!(linked.len() > 50, "{package}: {} crates", linked.len());
+    linked.into_iter().filter(|crate_| !named.contains(crate_.as_str())).collect()
+}
+
+#[test]
+fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
+    for (package, path) in [
+        ("calib-cli", "crates/calib-cli/THIRD-PARTY.txt"),
+        ("calib-app", "crates/calib-app/assets/THIRD-PARTY.txt"),
+    ] {
+        let notices = std::fs::read_to_string(root().join(path)).unwrap();
+        let missing = missing(package, &notices);
+        assert!(missing.is_empty(), "`cargo xtask notices` adds to {path}: {}", missing.join(", "));
+        assert!(!self::missing(package, &notices.replace("\n  serde ", "\n  gone ")).is_empty());
+    }
+}
+
+#[test]
+fn calib_licenses_prints_them() {
+    let told = Scratch::new().calib(&["licenses"]).expect_code(0).stdout;
+    assert!(told.contains("MIT or Apache-2.0") && told.contains("\n  resvg "), "{}", &told[..200]);
+}
