@@ -98,3 +98,11 @@ fn no_source_file_has_grown_beyond_one_thought() {
         .collect();
     assert!(long.is_empty(), "{}", long.join("\n"));
 }
+
+#[test]
+fn every_importer_has_a_fuzz_target() {
+    for format in calib_formats::FORMATS.iter().filter(|format| format.imports()) {
+        let target = root().join(format!("crates/calib-formats/fuzz/fuzz_targets/{}.rs", format.name));
+        assert!(target.exists(), "{}", target.display());
+    }
+}

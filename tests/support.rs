@@ -128,7 +128,11 @@ impl Scratch {
 }
 
 /// The program, built once in the profile of the tests.
-fn program() -> &'static Path {
+///
+/// # Panics
+/// When it does not build.
+#[must_use]
+pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let mut command = Command::new(env!("CARGO"));
@@ -176,6 +180,17 @@ pub fn peers_python() -> Option<PathBuf> {
         return Some(python);
     }
     skip("target/peers-venv is absent; `cargo xtask test --install` makes it", false);
+    None
+}
+
+/// The Python that has the engines (`DuckDB`, Spark); says so and gives `None` when there is none.
+#[must_use]
+pub fn engines_python() -> Option<PathBuf> {
+    let python = root().join("target/engines-venv/bin/python");
+    if python.exists() {
+        return Some(python);
+    }
+    skip("target/engines-venv is absent; `cargo xtask test --install` makes it", false);
     None
 }
 

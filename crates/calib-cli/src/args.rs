@@ -20,6 +20,11 @@ impl SiteArgs {
     pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
         SiteFile::read_at(&self.site, self.at.as_deref())
     }
+
+    /// Whether the site comes from stdin.
+    pub(crate) fn is_stdin(&self) -> bool {
+        self.site == "-"
+    }
 }
 
 /// The file that a command writes.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, Covariance, Options, Sigmas, Site, SiteCamera, Stage};
-use calib_demo::DemoSite;
+use calib_core::{Camera, Covariance, Options, Pixel, Sigmas, Site, SiteCamera, Stage};
+use calib_demo::{DemoSite, Walk};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};
@@ -65,11 +65,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     files::write_atomically(&site, demo.site.to_json().as_bytes())?;
     let solved = demo.site.calibrate(&Options::default()).write_into(&demo.site);
     files::write_atomically(&folder.join("solved.json"), solved.to_json().as_bytes())?;
+    files::write_atomically(&folder.join("detections.csv"), detections(&demo).as_bytes())?;
     draw(folder, &progress)?;
     progress.finish_and_clear();
     files::print(&comparison(&demo, &solved, args.format))?;
     say(format_args!(
-        "\nWrote {}: site.json (as drawn), solved.json, and overlay-*.png, sigma-*.png and overlay-plan.png to look at.",
+        "\nWrote {}: site.json (as drawn), solved.json, detections.csv (feet of people who walk through the shop), and overlay-*.png, sigma-*.png and overlay-plan.png to look at.",
         folder.display()
     ));
     let cameras: Vec<&SiteCamera> = solved.cameras.iter().collect();
@@ -87,6 +88,23 @@ fn claim(folder: &Path, force: bool) -> Result<(), Stop> {
     }
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     files::write_atomically(&ours, b"This folder was written by `calib demo`, which overwrites it.\n")
+}
+
+/// Feet of people who walk through the site, as a detector finds them in every camera.
+fn detections(demo: &DemoSite) -> String {
+    let cameras: Vec<(Camera, [u32; 2])> = demo
+        .truth
+        .iter()
+        .zip(&demo.site.cameras)
+        .map(|((_, camera), entry)| (*camera, entry.size_px))
+        .collect();
+    let row = |seen: calib_demo::Seen| {
+        let (at_s, id, Pixel { u, v }) =
+            (seen.moment as f64 * Walk::STEP, &demo.truth[seen.camera].0, seen.pixel);
+        format!("{at_s:.1},{id},{u:.1},{v:.1}\n")
+    };
+    let rows: String = calib_demo::walk(&cameras, 1).seen.into_iter().map(row).collect();
+    format!("at_s,camera,u,v\n{rows}")
 }
 
 /// Overlays of every camera and of the plan, and the floor shaded by its error.
@@ -225,9 +243,8 @@ fn floor_error(entry: &SiteCamera, found: &Camera, truth: &Camera) -> Option<f64
     let squares: Vec<f64> = corners
         .iter()
         .flat_map(|p| {
-            [0.2, 0.5, 0.9].map(|t| {
-                calib_core::Pixel::new(centre[0] + t * (p.u - centre[0]), centre[1] + t * (p.v - centre[1]))
-            })
+            [0.2, 0.5, 0.9]
+                .map(|t| Pixel::new(centre[0] + t * (p.u - centre[0]), centre[1] + t * (p.v - centre[1])))
         })
         .filter_map(|p| Some(found.pixel_to_floor(p, 0.0)?.distance(truth.pixel_to_floor(p, 0.0)?).powi(2)))
         .collect();

@@ -8,7 +8,9 @@ use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
 use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
+use sha2::{Digest as _, Sha256};
 
+use crate::part::Part;
 use crate::stop::Stop;
 
 /// Most memory that decoding one image may take, in bytes.
@@ -19,6 +21,8 @@ pub(crate) struct SiteFile {
     pub(crate) site: Site,
     pub(crate) path: String,
     folder: PathBuf,
+    /// SHA-256 of the file, in hexadecimal digits.
+    pub(crate) sha256: String,
 }
 
 impl SiteFile {
@@ -30,12 +34,13 @@ impl SiteFile {
             let file = File::open(path).map_err(|error| Stop::invalid(path, error))?;
             read_limited(file, path)?
         };
+        let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let text = String::from_utf8(bytes)
             .map_err(|_| Stop::invalid(path, "not text; a site file (JSON) is expected here"))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let site = Site::from_json(text).map_err(|error| Stop::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
-        Ok(Self { site, path: path.to_owned(), folder })
+        Ok(Self { site, path: path.to_owned(), folder, sha256 })
     }
 
     /// As [`Self::read`], with only the cameras whose calibration holds at a time.
@@ -51,15 +56,21 @@ impl SiteFile {
         Ok(file)
     }
 
+    /// Refuses an id that no camera has.
+    pub(crate) fn has_camera(&self, id: &str) -> Result<(), Stop> {
+        if self.site.cameras.iter().any(|camera| camera.id == id) {
+            return Ok(());
+        }
+        let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
+        Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
+    }
+
     /// The one camera of this id.
     pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, Stop> {
+        self.has_camera(id)?;
         let found: Vec<&SiteCamera> = self.site.cameras.iter().filter(|camera| camera.id == id).collect();
         match found[..] {
             [camera] => Ok(camera),
-            [] => {
-                let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
-                Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
-            }
             _ => Err(Stop::Usage(format!(
                 "--camera {id}: several periods have this id; choose one with --at TIME"
             ))),
@@ -251,7 +262,7 @@ pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Writes beside the file, then renames over it: a killed run leaves the old one or the new one.
+/// Writes out of sight, then puts the file in its place: a killed run leaves the old one or the new one.
 pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
     write_through(path, |mut file| Ok(file.write_all(bytes)?))
 }
@@ -260,23 +271,10 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
 pub(crate) fn write_through(path: &Path, fill: impl FnOnce(&File) -> Result<(), Stop>) -> Result<(), Stop> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let writing = || format!("writing {}", path.display());
-    let part = tempfile::NamedTempFile::new_in(folder).with_context(writing)?;
-    fill(part.as_file())?;
-    open_to_others(part.path());
+    let part = Part::new_in(folder).with_context(writing)?;
+    fill(part.file())?;
     part.persist(path).with_context(writing)?;
     Ok(())
-}
-
-/// Temporary files are for their owner's eyes only; what they become is an ordinary file.
-fn open_to_others(path: &Path) {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // Where the file system refuses, the file stays private: no reason to lose it.
-        let _ = std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644));
-    }
-    #[cfg(not(unix))]
-    let _ = path;
 }
 
 /// Prints data to stdout.

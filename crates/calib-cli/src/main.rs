@@ -4,17 +4,22 @@
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
 mod agreement;
+mod archive;
 mod args;
+mod calibrations;
 mod check;
 mod demo;
 mod export;
 mod files;
 mod import;
 mod lens_grid;
+mod mapping;
 mod overlay;
 mod overlay_links;
+mod part;
 mod plan_quality;
 mod plan_view;
+mod progress;
 mod project;
 mod render;
 mod report;
@@ -50,7 +55,7 @@ enum Command {
     Demo(demo::Args),
     /// Calibrate a site: text report, or the solutions as JSON
     Solve(solve::Args),
-    /// Map pixels to the floor, or points of space to pixels (CSV)
+    /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
     Project(project::Args),
     /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),

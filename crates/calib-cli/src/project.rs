@@ -1,218 +1,180 @@
-//! `calib project`: pixels to the floor and points of space to pixels, as CSV, row by row.
+//! `calib project`: tables of pixels to the floor, and of points of space to pixels, of any size.
 
-use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use calib_core::{Camera, FloorPoint, Pixel, SiteCamera, WorldPoint, default_efov, efov_on_floor};
-use clap::ValueEnum;
-use csv::StringRecord;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 
+use crate::archive::{FORMATS, Format, Input, Output, Sink, Source};
 use crate::args::SiteArgs;
+use crate::calibrations::{ByCamera, Calibrations};
 use crate::files;
+use crate::mapping::{Columns, Mapping, PixelOrigin, To};
+use crate::progress::Progress;
 use crate::stop::Stop;
 
-/// Which way to map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum To {
-    /// Columns `u,v` to `x_m,y_m,status`
-    Floor,
-    /// Columns `x_m,y_m,z_m` to `u,v,status`
-    Pixel,
-}
+/// What the help says last.
+const METADATA: &str = "Parquet and Arrow say in their metadata what they were mapped with: calib.site_sha256 (of \
+the site file), calib.version, calib.camera, calib.valid_from, calib.valid_to, and where there are several, all of \
+them in calib.calibrations (JSON). CSV and NDJSON have no place for that.";
 
 /// Arguments of `calib project`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = METADATA)]
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
     /// Which camera
-    #[arg(long, value_name = "ID")]
-    camera: String,
+    #[arg(long, value_name = "ID", required_unless_present = "camera_column")]
+    camera: Option<String>,
+    /// Column that names the camera of every row; rows of cameras that are not calibrated get the status no-calibration
+    #[arg(long, value_name = "NAME", conflicts_with = "camera")]
+    camera_column: Option<String>,
+    /// Column of times (timestamps, or RFC 3339 text; without an offset they count as UTC): every row is mapped by the calibration that held then
+    #[arg(long, value_name = "NAME", conflicts_with = "at")]
+    at_column: Option<String>,
     /// Which way to map
     #[arg(long, value_enum)]
     to: To,
+    /// Whether pixels are points or boxes
+    #[arg(long, value_enum, default_value_t = Columns::Auto)]
+    columns: Columns,
+    /// Where pixels are counted from
+    #[arg(long, value_enum, default_value_t = PixelOrigin::Corner)]
+    pixel_origin: PixelOrigin,
     /// Height of the plane above the floor, in metres; with --to pixel, where there is no `z_m`
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
-    /// Input CSV with a header; - is stdin
+    /// Input table; - is stdin
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     input: String,
-    /// Output CSV; - is stdout
+    /// Format of the input; by default that of its name, or what its first bytes look like
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    from: Option<String>,
+    /// Output table; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
+    /// Format of the output; by default that of its name, or that of the input
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    format: Option<String>,
     /// Overwrite the output file
     #[arg(long)]
     force: bool,
 }
 
-/// Maps every row of a CSV table.
+fn formats() -> PossibleValuesParser {
+    PossibleValuesParser::new(FORMATS.iter().map(|f| PossibleValue::new(f.name).help(f.about)))
+}
+
+/// Maps every row of a table.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if !args.height_m.is_finite() {
         return Err(Stop::Usage("--height-m: expected a number of metres".into()));
     }
-    let file = args.site.read()?;
-    file.camera(&args.camera)?;
-    let file = file.solved();
-    let view = View::of(file.camera(&args.camera)?)?;
-    let input: Box<dyn Read> = match args.input.as_str() {
-        "-" => Box::new(std::io::stdin().lock()),
-        path => Box::new(BufReader::new(File::open(path).map_err(|error| Stop::invalid(path, error))?)),
-    };
-    let name = if args.input == "-" { "stdin" } else { &args.input };
-    if args.output == "-" {
-        return table(&view, args, name, input, BufWriter::new(std::io::stdout().lock()));
+    if args.to == To::Pixel && args.columns == Columns::Boxes {
+        return Err(Stop::Usage("--columns boxes: goes with --to floor".into()));
+    }
+    if args.site.is_stdin() && args.input == "-" {
+        return Err(Stop::Usage(
+            "the site and the table cannot both come from stdin; give --input FILE".into(),
+        ));
     }
     files::check_free(&args.output, args.force)?;
-    files::write_through(Path::new(&args.output), |file| {
-        table(&view, args, name, input, BufWriter::new(file))
-    })
-}
-
-/// A solved camera with what tells the status of a pixel.
-struct View {
-    camera: Camera,
-    size: [f64; 2],
-    efov: Vec<FloorPoint>,
-}
-
-impl View {
-    fn of(entry: &SiteCamera) -> Result<Self, Stop> {
-        let camera = entry.camera().ok_or_else(|| {
-            let why =
-                entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
-            Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
-        })?;
-        // A solution from elsewhere may come without its polygon on the floor.
-        let efov = match (&entry.solution, &entry.efov_px) {
-            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
-            (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
-            _ => default_efov(&camera, entry.size()).polygon,
-        };
-        Ok(Self { camera, size: entry.size(), efov })
-    }
-
-    fn shows(&self, pixel: Pixel) -> bool {
-        let [w, h] = self.size;
-        pixel.u >= 0.0 && pixel.v >= 0.0 && pixel.u <= w && pixel.v <= h
-    }
-
-    fn to_floor(&self, pixel: Pixel, height: f64) -> (Option<FloorPoint>, &'static str) {
-        if self.camera.undistort(pixel).is_none() {
-            return (None, "outside-lens");
-        }
-        let Some(point) = self.camera.pixel_to_floor(pixel, height) else { return (None, "above-horizon") };
-        let on_floor = if height == 0.0 { Some(point) } else { self.camera.pixel_to_floor(pixel, 0.0) };
-        let status = match on_floor {
-            _ if !self.shows(pixel) => "outside-image",
-            Some(floor) if contains(&self.efov, floor) => "ok",
-            _ => "outside-efov",
-        };
-        (Some(point), status)
-    }
-
-    fn to_pixel(&self, point: WorldPoint) -> (Option<Pixel>, &'static str) {
-        let Some(straight) = self.camera.world_to_undistorted(point) else { return (None, "behind-camera") };
-        match self.camera.distort(straight) {
-            None => (None, "outside-lens"),
-            Some(pixel) if self.shows(pixel) => (Some(pixel), "ok"),
-            Some(pixel) => (Some(pixel), "outside-image"),
-        }
-    }
-}
-
-/// Whether a point lies inside a polygon (even-odd rule).
-fn contains(polygon: &[FloorPoint], point: FloorPoint) -> bool {
-    (0..polygon.len()).fold(false, |inside, i| {
-        let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
-        let crosses =
-            (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x);
-        inside != crosses
-    })
-}
-
-/// Where the columns are that are read and written.
-struct Columns {
-    header: StringRecord,
-    read: [Option<usize>; 3],
-    write: [usize; 3],
-}
-
-impl Columns {
-    fn new(header: &StringRecord, to: To, name: &str) -> Result<Self, Stop> {
-        let (inputs, needed, outputs): (&[&str], usize, [&str; 3]) = match to {
-            To::Floor => (&["u", "v"], 2, ["x_m", "y_m", "status"]),
-            To::Pixel => (&["x_m", "y_m", "z_m"], 2, ["u", "v", "status"]),
-        };
-        let position = |wanted: &str| header.iter().position(|column| column.trim() == wanted);
-        let mut read = [None; 3];
-        for (i, column) in inputs.iter().enumerate() {
-            read[i] = position(column);
-            if read[i].is_none() && i < needed {
-                let found: Vec<&str> = header.iter().collect();
-                let what = format!(
-                    "line 1: found the columns \"{}\", expected {}",
-                    found.join(","),
-                    inputs.join(",")
-                );
-                return Err(Stop::invalid(name, what));
-            }
-        }
-        // A column that is there already is written anew in its place.
-        let mut header = header.clone();
-        let write = outputs.map(|column| {
-            position(column).unwrap_or_else(|| {
-                header.push_field(column);
-                header.len() - 1
-            })
-        });
-        Ok(Self { header, read, write })
-    }
-}
-
-fn table(view: &View, args: &Args, name: &str, input: impl Read, output: impl Write) -> Result<(), Stop> {
-    let mut reader = csv::ReaderBuilder::new().from_reader(input);
-    let mut writer = csv::Writer::from_writer(output);
-    let broken = |error: csv::Error| match error.kind() {
-        csv::ErrorKind::Io(_) => Stop::from(error),
-        _ => Stop::invalid(name, error),
+    let mut calibrations = calibrations(args)?;
+    let mut input = Input::open(&args.input)?;
+    let from = match (&args.from, Format::of_path(&args.input)) {
+        (Some(name), _) => Format::named(name)?,
+        (None, Some(format)) => format,
+        (None, None) => input.format()?,
     };
-    let columns = Columns::new(reader.headers().map_err(broken)?, args.to, name)?;
-    writer.write_record(&columns.header)?;
-    let mut record = StringRecord::new();
-    let mut fields: Vec<String> = Vec::new();
-    while reader.read_record(&mut record).map_err(broken)? {
-        fields.clear();
-        fields.extend(record.iter().map(str::to_owned));
-        fields.resize(columns.header.len(), String::new());
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |column: usize| {
-            let text = record.get(column).unwrap_or_default().trim();
-            text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| {
-                let title = columns.header.get(column).unwrap_or_default();
-                Stop::invalid(
-                    name,
-                    format!("line {line}, column {title}: found \"{text}\", expected a number"),
-                )
-            })
-        };
-        let value = |i: usize| columns.read[i].map_or(Ok(args.height_m), number);
-        let (mapped, status) = match args.to {
-            To::Floor => {
-                let (point, status) = view.to_floor(Pixel { u: value(0)?, v: value(1)? }, args.height_m);
-                (point.map(<[f64; 2]>::from), status)
-            }
-            To::Pixel => {
-                let (pixel, status) = view.to_pixel(WorldPoint { x: value(0)?, y: value(1)?, z: value(2)? });
-                (pixel.map(<[f64; 2]>::from), status)
-            }
-        };
-        for i in 0..2 {
-            fields[columns.write[i]] = mapped.map_or_else(String::new, |point| point[i].to_string());
-        }
-        status.clone_into(&mut fields[columns.write[2]]);
-        writer.write_record(&fields)?;
+    let to = match (&args.format, Format::of_path(&args.output)) {
+        (Some(name), _) => Format::named(name)?,
+        (None, Some(format)) => format,
+        (None, None) => from,
+    };
+    let (bytes, read) = (input.bytes, input.counter());
+    let mut table = Table { name: input.name.clone(), source: from.open(input, to)?, mapping: mapping(args) };
+    let mut progress = Progress::new(table.source.rows(), bytes, read);
+    let mut pass = |output: Output<'_>| table.pass(&mut calibrations, to, output, &mut progress);
+    if args.output == "-" {
+        pass(Box::new(BufWriter::new(std::io::stdout())))?;
+    } else {
+        let path = Path::new(&args.output);
+        files::write_through(path, |file| pass(Box::new(BufWriter::with_capacity(1 << 20, file))))?;
     }
-    writer.flush()?;
+    drop(progress);
+    calibrations.tell_lost();
     Ok(())
+}
+
+fn mapping(args: &Args) -> Mapping {
+    Mapping { to: args.to, columns: args.columns, origin: args.pixel_origin, height: args.height_m }
+}
+
+fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
+    let mut file = args.site.read()?;
+    let by = match (&args.camera, &args.camera_column) {
+        (Some(id), _) => {
+            if args.at_column.is_some() {
+                file.has_camera(id)?;
+            } else {
+                file.camera(id)?;
+            }
+            ByCamera::Only(id.clone())
+        }
+        (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
+    };
+    file = file.solved();
+    Calibrations::of(&file, by, args.at_column.clone(), args.height_m)
+}
+
+/// A table on its way from one format to another.
+struct Table {
+    /// For messages.
+    name: String,
+    source: Box<dyn Source>,
+    mapping: Mapping,
+}
+
+impl Table {
+    fn pass(
+        &mut self,
+        calibrations: &mut Calibrations,
+        to: &Format,
+        output: Output<'_>,
+        progress: &mut Progress,
+    ) -> Result<(), Stop> {
+        let mut output = Some(output);
+        let mut sink: Option<Box<dyn Sink + '_>> = None;
+        while let Some(batch) = self.source.next() {
+            let batch = batch?;
+            let mapped = self.map(&batch, calibrations)?;
+            if let Some(output) = output.take() {
+                sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+            }
+            if let Some(sink) = &mut sink {
+                sink.write(&mapped)?;
+            }
+            progress.step(batch.num_rows());
+        }
+        if let Some(mut output) = output {
+            // No row: a header, where there is one.
+            let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
+            let mapped = self.map(&arrow::array::RecordBatch::new_empty(schema), calibrations)?;
+            sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+        }
+        sink.map_or(Ok(()), Sink::finish)
+    }
+
+    fn map(
+        &self,
+        batch: &arrow::array::RecordBatch,
+        calibrations: &mut Calibrations,
+    ) -> Result<arrow::array::RecordBatch, Stop> {
+        let place = |row: usize| self.source.place(row);
+        self.mapping.map(batch, calibrations, &place).map_err(|stop| match stop {
+            Stop::Invalid(what) => Stop::invalid(&self.name, what),
+            stop => stop,
+        })
+    }
 }

@@ -68,6 +68,8 @@ struct Settled<'a> {
     state: Vec<f64>,
     chi2: f64,
     dof: i64,
+    /// Where something had to be asked of it already.
+    covariance: Option<BlockCovariance>,
 }
 
 /// Everything that is known together: cameras, lenses, ties and distances, and the noise.
@@ -141,16 +143,18 @@ impl Network<'_> {
             .filter(|&view| believed[view].is_some())
             .filter_map(|view| Some((view, alone.joint.slots(view)[Covariance::FOCAL]?)))
             .collect();
-        let slots: Vec<(usize, usize)> = asked.iter().map(|(_, slot)| *slot).collect();
-        let normal = alone.joint.normal(&alone.state)?;
-        let variances = alone.joint.blocks.variances(&normal, OPEN, &slots);
+        let covariance = alone.covariance();
         let mut open = vec![false; self.views.len()];
-        for (i, (view, _)) in asked.iter().enumerate() {
+        for (view, (block, place)) in asked {
+            let own = covariance.as_ref().map(|known| known.block(&alone.joint.blocks, block, block));
             // A focal is as sure as the variance of its log; not a number is not sure.
-            let sure = variances.as_ref().is_some_and(|v| v[i] < OPEN_FOCAL * OPEN_FOCAL);
-            open[*view] = !sure;
+            open[view] = !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL);
         }
-        if open.contains(&true) { settled(with(&|view| open[view])) } else { Some(alone) }
+        if open.contains(&true) {
+            settled(with(&|view| open[view]))
+        } else {
+            Some(Settled { covariance, ..alone })
+        }
     }
 
     /// What the rest agrees best without, with the minimum there.
@@ -170,8 +174,9 @@ impl Network<'_> {
         })
     }
 
-    fn finish(&self, settled: Settled, aside: Vec<Suspect>) -> Adjusted {
-        let Settled { joint, state, chi2, dof } = settled;
+    fn finish(&self, mut settled: Settled, aside: Vec<Suspect>) -> Adjusted {
+        let covariance = settled.covariance.take().or_else(|| settled.covariance());
+        let Settled { joint, state, chi2, dof, .. } = settled;
         let misfit = is_misfit(chi2, dof);
         let inflation = if self.noise_is_known() { 1.0 } else { inflation(chi2, dof) };
         let mut residuals = Vec::new();
@@ -184,8 +189,6 @@ impl Network<'_> {
                 Camera { yaw, covariance: Covariance::EXACT, ..camera }
             })
             .collect();
-        let normal = joint.normal(&state);
-        let covariance = normal.as_ref().and_then(|normal| joint.blocks.covariance(normal, OPEN));
         // Noise that was given is used as it is.
         let inflated = |views: [usize; 2]| -> f64 {
             views.iter().map(|&view| if self.noise_is_given[view] { 1.0 } else { inflation.sqrt() }).product()
@@ -236,10 +239,14 @@ fn wrapped(angle: f64) -> f64 {
 fn settled(joint: Joint<'_>) -> Option<Settled<'_>> {
     let (state, chi2, _) = least_squares(&joint, joint.start(), ROUNDS)?;
     let dof = joint.dof(&state)?;
-    Some(Settled { joint, state, chi2, dof })
+    Some(Settled { joint, state, chi2, dof, covariance: None })
 }
 
 impl Settled<'_> {
+    fn covariance(&self) -> Option<BlockCovariance> {
+        self.joint.blocks.covariance(self.joint.normal(&self.state)?, OPEN)
+    }
+
     /// What may be set aside with its chi-square and its spare residuals, the worst first.
     fn scores(&self) -> Vec<(Suspect, f64)> {
         let mut ties = vec![0.0; self.joint.ties.len()];
@@ -290,7 +297,7 @@ fn across(
             let (Some((p, row)), Some((q, column))) = (from, to) else { continue };
             let known = cache.iter().position(|(pair, _)| *pair == [*p, *q]);
             let at = known.unwrap_or_else(|| {
-                cache.push(([*p, *q], covariance.block(*p, *q)));
+                cache.push(([*p, *q], covariance.block(&joint.blocks, *p, *q)));
                 cache.len() - 1
             });
             let focal = |index: usize, view: usize| {
@@ -310,7 +317,7 @@ fn place_covariance(
 ) -> [[f64; PLACE]; PLACE] {
     let mut found = [[0.0; PLACE]; PLACE];
     let Some(block) = joint.tie_block(tie) else { return found };
-    let own = covariance.block(block, block);
+    let own = covariance.block(&joint.blocks, block, block);
     let free: Vec<usize> = (0..PLACE).filter(|&k| joint.ties[tie].free[k]).collect();
     for (i, &k) in free.iter().enumerate() {
         for (j, &l) in free.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use nalgebra::DMatrix;
 
-use crate::sparse::{Factor, Inverse, Sparse};
+use crate::sparse::{Inverse, Sparse};
 
 /// Which unknowns stand together, and which blocks have common residuals.
 #[derive(Clone, Debug)]
@@ -251,40 +251,12 @@ impl Blocks {
         &values[self.offsets[block]..][..self.sizes[block]]
     }
 
-    /// The covariance of the kept blocks that have residuals in common.
+    /// The covariance of blocks that have residuals in common.
     ///
     /// What the residuals leave open has a large variance, not an infinite one: its own information is
     /// raised by a share of `open` of the best that any residual gives it.
-    pub(crate) fn covariance<'a>(
-        &'a self,
-        normal: &'a BlockNormal,
-        open: f64,
-    ) -> Option<BlockCovariance<'a>> {
-        let (factor, own) = self.information(normal, open)?;
-        Some(BlockCovariance { blocks: self, normal, own, inverse: factor.inverse() })
-    }
-
-    /// Variances of a few kept unknowns, each a block and a place in it.
-    pub(crate) fn variances(
-        &self,
-        normal: &BlockNormal,
-        open: f64,
-        unknowns: &[(usize, usize)],
-    ) -> Option<Vec<f64>> {
-        let (factor, _) = self.information(normal, open)?;
-        let starts = self.starts();
-        let variance = |&(block, place): &(usize, usize)| {
-            let Place::Kept(kept) = self.places[block] else { return f64::NAN };
-            let mut unit = vec![0.0; self.kept.iter().map(|&b| self.sizes[b]).sum()];
-            unit[starts[kept] + place] = 1.0;
-            factor.solve(&unit)[starts[kept] + place]
-        };
-        Some(unknowns.iter().map(variance).collect())
-    }
-
-    /// The factor of the information about the kept blocks, and the inverses of the eliminated ones.
-    fn information(&self, normal: &BlockNormal, open: f64) -> Option<(Factor<'_>, Vec<Vec<f64>>)> {
-        let (mut values, _, own) = self.reduced(normal, 0.0);
+    pub(crate) fn covariance(&self, normal: BlockNormal, open: f64) -> Option<BlockCovariance> {
+        let (mut values, _, own) = self.reduced(&normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {
             let size = self.sizes[block];
             let Some(&at) = self.pair_of.get(&[i, i]) else { continue };
@@ -294,7 +266,8 @@ impl Blocks {
             }
             self.sparse.add(&mut values, [i, i], &raised, 1.0);
         }
-        Some((self.sparse.factor(&values)?, own))
+        let inverse = self.sparse.factor(&values)?.inverse();
+        Some(BlockCovariance { normal, own, inverse })
     }
 
     /// First row of every kept block in the reduced system.
@@ -309,31 +282,32 @@ impl Blocks {
 
 /// Covariance of blocks, as far as they have residuals in common.
 #[derive(Debug)]
-pub(crate) struct BlockCovariance<'a> {
-    blocks: &'a Blocks,
-    normal: &'a BlockNormal,
+pub(crate) struct BlockCovariance {
+    normal: BlockNormal,
     own: Vec<Vec<f64>>,
-    inverse: Inverse<'a>,
+    inverse: Inverse,
 }
 
-impl BlockCovariance<'_> {
+impl BlockCovariance {
     /// Of two blocks that are coupled and kept, or of one.
     ///
     /// Of an eliminated block with own matrix D and neighbours' cross matrices C:
     /// `D^-1 + D^-1 C Z C' D^-1`, and with a neighbour `-D^-1 C Z`.
-    pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
-        match (self.blocks.places[a], self.blocks.places[b]) {
+    pub(crate) fn block(&self, blocks: &Blocks, a: usize, b: usize) -> DMatrix<f64> {
+        match (blocks.places[a], blocks.places[b]) {
             (Place::Kept(i), Place::Kept(j)) => self.inverse.block(i, j),
-            (Place::Eliminated(e), Place::Kept(i)) => -self.gain(e) * self.toward(e, i),
-            (Place::Kept(i), Place::Eliminated(e)) => -(self.gain(e) * self.toward(e, i)).transpose(),
+            (Place::Eliminated(e), Place::Kept(i)) => -self.gain(blocks, e) * self.toward(blocks, e, i),
+            (Place::Kept(i), Place::Eliminated(e)) => {
+                -(self.gain(blocks, e) * self.toward(blocks, e, i)).transpose()
+            }
             (Place::Eliminated(e), Place::Eliminated(other)) => {
-                let size = self.blocks.sizes[a];
+                let size = blocks.sizes[a];
                 if e != other {
-                    return DMatrix::zeros(size, self.blocks.sizes[b]);
+                    return DMatrix::zeros(size, blocks.sizes[b]);
                 }
-                let gain = self.gain(e);
-                let near = &self.blocks.eliminated[e].neighbours;
-                let columns: Vec<DMatrix<f64>> = near.iter().map(|&n| self.toward(e, n)).collect();
+                let gain = self.gain(blocks, e);
+                let near = &blocks.eliminated[e].neighbours;
+                let columns: Vec<DMatrix<f64>> = near.iter().map(|&n| self.toward(blocks, e, n)).collect();
                 let mut found = DMatrix::from_row_slice(size, size, &self.own[e]);
                 let mut at = 0;
                 for column in columns {
@@ -347,8 +321,8 @@ impl BlockCovariance<'_> {
     }
 
     /// `D^-1 C` over all neighbours.
-    fn gain(&self, e: usize) -> DMatrix<f64> {
-        let size = self.blocks.sizes[self.blocks.eliminated[e].block];
+    fn gain(&self, blocks: &Blocks, e: usize) -> DMatrix<f64> {
+        let size = blocks.sizes[blocks.eliminated[e].block];
         let own = DMatrix::from_row_slice(size, size, &self.own[e]);
         let parts = self.normal.cross[e].iter().map(|c| DMatrix::from_row_slice(size, c.len() / size, c));
         let parts: Vec<DMatrix<f64>> = parts.collect();
@@ -363,11 +337,11 @@ impl BlockCovariance<'_> {
     }
 
     /// Covariance of all neighbours of an eliminated block with one kept block.
-    fn toward(&self, e: usize, kept: usize) -> DMatrix<f64> {
-        let near = &self.blocks.eliminated[e].neighbours;
+    fn toward(&self, blocks: &Blocks, e: usize, kept: usize) -> DMatrix<f64> {
+        let near = &blocks.eliminated[e].neighbours;
         let parts: Vec<DMatrix<f64>> = near.iter().map(|&n| self.inverse.block(n, kept)).collect();
         let height = parts.iter().map(DMatrix::nrows).sum();
-        let width = self.blocks.sizes[self.blocks.kept[kept]];
+        let width = blocks.sizes[blocks.kept[kept]];
         let mut all = DMatrix::zeros(height, width);
         let mut at = 0;
         for part in parts {
@@ -509,11 +483,11 @@ mod tests {
                 prop_assert!((found - exact).abs() < 1e-9, "{found} not {exact}");
             }
             let exact = square.cholesky().unwrap().inverse();
-            let covariance = blocks.covariance(&normal, 0.0).unwrap();
+            let covariance = blocks.covariance(normal.clone(), 0.0).unwrap();
             for group in &common {
                 for &a in group {
                     for &b in group {
-                        let found = covariance.block(a, b);
+                        let found = covariance.block(&blocks, a, b);
                         let exact = exact.view((blocks.offsets[a], blocks.offsets[b]), (sizes[a], sizes[b]));
                         prop_assert!((found - exact).amax() < 1e-9);
                     }

@@ -223,6 +223,16 @@ impl Camera {
     /// `None` where there is no floor point.
     #[must_use]
     pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
+        self.plane_covariance(pixel, pixel_sigma, 0.0)
+    }
+
+    /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
+    pub(crate) fn plane_covariance(
+        &self,
+        pixel: Pixel,
+        pixel_sigma: f64,
+        height: f64,
+    ) -> Option<FloorCovariance> {
         /// Of a pixel: small against what bends, large against rounding.
         const STEP: f64 = 1e-4;
         let difference = |ahead: Option<FloorPoint>, behind: Option<FloorPoint>, step: f64| {
@@ -232,7 +242,7 @@ impl Camera {
         let by_pixel = |du: f64, dv: f64| {
             let at = |sign: f64| {
                 let nudged = Pixel { u: pixel.u + sign * STEP * du, v: pixel.v + sign * STEP * dv };
-                self.pixel_to_floor(nudged, 0.0)
+                self.pixel_to_floor(nudged, height)
             };
             difference(at(1.0), at(-1.0), STEP)
         };
@@ -240,21 +250,26 @@ impl Camera {
         let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
         let pixel_part =
             std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
-        let slopes = self.floor_slopes(pixel)?;
+        let slopes = self.plane_slopes(pixel, height)?;
         Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
     }
 
     /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
     ///
     /// `None` where there is no floor point.
-    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+    #[must_use]
+    pub fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        self.plane_slopes(pixel, 0.0)
+    }
+
+    fn plane_slopes(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
         /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
         const STEP: f64 = 1e-4;
         let mut slopes = [[0.0; 2]; Covariance::SIZE];
         for (index, slope) in slopes.iter_mut().enumerate() {
             if self.covariance.0[index][index] > 0.0 {
                 let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
-                let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, 0.0);
+                let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, height);
                 let (a, b) = (at(1.0)?, at(-1.0)?);
                 *slope = [(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)];
             }

@@ -480,4 +480,21 @@ impl SiteCamera {
         let to = instant(&at, self.valid_to.as_ref(), Timestamp::MAX)?;
         Ok(from <= when && when < to)
     }
+
+    /// When this calibration holds: from the first to before the second, in nanoseconds since 1970 (UTC).
+    ///
+    /// What is open, or more than 292 years from 1970, is the least or the largest number.
+    ///
+    /// # Errors
+    /// When `valid_from` or `valid_to` is not a time.
+    pub fn period_ns(&self) -> Result<[i64; 2], SiteError> {
+        let at = At::root();
+        let nanoseconds = |time: Timestamp| {
+            let open = if time < Timestamp::UNIX_EPOCH { i64::MIN } else { i64::MAX };
+            i64::try_from(time.as_nanosecond()).unwrap_or(open)
+        };
+        let from = instant(&at.key("valid_from"), self.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at.key("valid_to"), self.valid_to.as_ref(), Timestamp::MAX)?;
+        Ok([from, to].map(nanoseconds))
+    }
 }

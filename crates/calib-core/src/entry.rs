@@ -3,13 +3,14 @@
 use crate::camera::Camera;
 use crate::covariance::Covariance;
 use crate::criterion::Held;
+use crate::efov::{default_efov, efov_on_floor};
 use crate::lens::{BrownConrady, Distortion, Lens};
 use crate::likelihood::{Prior, Priors};
 use crate::placement::{ControlPoint, Placement};
 use crate::scene::Shape3;
 use crate::site::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
 use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution};
-use crate::space::{Pixel, PlanScale, WorldPoint};
+use crate::space::{FloorPoint, Pixel, PlanScale, WorldPoint};
 
 impl Plan {
     /// How the plan's picture lies in the base system.
@@ -211,6 +212,19 @@ impl SiteCamera {
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {
         self.solution.as_ref()?.camera()
+    }
+
+    /// Corners of the EFOV on the floor, in metres: as solved, or what the polygon drawn covers, or the
+    /// default one. Empty without a calibration.
+    #[must_use]
+    pub fn floor_polygon(&self) -> Vec<FloorPoint> {
+        let Some(camera) = self.camera() else { return Vec::new() };
+        // A solution from elsewhere may come without its polygon on the floor.
+        match (&self.solution, &self.efov_px) {
+            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
+            (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
+            _ => default_efov(&camera, self.size()).polygon,
+        }
     }
 }
 

@@ -43,6 +43,58 @@
 //! assert_eq!(camera.pixel_to_floor(Pixel::new(960.0, -600.0), 0.0), None, "above the horizon");
 //! ```
 
+//! # In a tracker
+//!
+//! Load a site, map detections to the floor with what became of each and how uncertain it is, and show
+//! a box of space in an image:
+//!
+//! ```
+//! # #[cfg(feature = "serde")]
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use calib_core::{
+//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, Shape3, Site, Status, WorldPoint, on_image,
+//! };
+//!
+//! let site = Site::from_json(
+//!     r#"{"format": "calib-site", "version": 1, "cameras": [{
+//!         "id": "door", "size_px": [1920, 1080],
+//!         "solution": {"method": "given", "stage": "placed", "position_m": [1.2, -0.4, 4.5], "yaw_deg": 12,
+//!             "pitch_deg": 31, "roll_deg": -1.5, "focal_px": 1486.2, "principal_point_px": [960, 540]}}]}"#,
+//! )?;
+//! let entry = site.camera("door").ok_or("no such camera")?;
+//! let camera = entry.camera().ok_or("not calibrated")?;
+//!
+//! // Pixels to the floor: slices, without allocating.
+//! let projector = FloorProjector::new(&camera, 0.0);
+//! let efov = entry.floor_polygon();
+//! let extent = Extent { size: entry.size(), efov: &efov };
+//! let (u, v) = ([960.0, 960.0], [800.0, -900.0]);
+//! let (mut x, mut y, mut status) = ([0.0; 2], [0.0; 2], [Status::Ok; 2]);
+//! projector.pixels_to_floor_within(&extent, [&u, &v], [&mut x, &mut y], &mut status);
+//! assert_eq!(status, [Status::Ok, Status::AboveHorizon]);
+//! assert!(x[1].is_nan());
+//!
+//! // With covariance: the pixel's part is independent from detection to detection, the calibration's is not.
+//! let covariance: FloorCovariance =
+//!     camera.floor_covariance(Pixel::new(u[0], v[0]), 2.0).ok_or("above the horizon")?;
+//! assert!(covariance.worst_sigma() > 0.005);
+//!
+//! // A box of space to its lines in the image.
+//! let at = WorldPoint::new(x[0], y[0], 0.0);
+//! let pallet = Shape3 { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
+//! let lines: Vec<Vec<Pixel>> = pallet.polylines().iter().flat_map(|line| on_image(&camera, line)).collect();
+//! assert!(!lines.is_empty());
+//! # Ok(())
+//! # }
+//! # #[cfg(not(feature = "serde"))]
+//! # fn main() {}
+//! ```
+//!
+//! # Features
+//!
+//! `serde` (on by default): the site document. `schema`: its JSON Schema. `mint`, `nalgebra`, `cam-geom`:
+//! conversions to and from those libraries.
+
 #![cfg_attr(not(feature = "serde"), expect(dead_code, reason = "only the site document uses all of it"))]
 
 // A module uses only those above it; a test holds this order.
@@ -51,6 +103,7 @@ mod sparse;
 mod blocks;
 mod report;
 mod space;
+mod polynomial;
 mod lens;
 mod covariance;
 mod camera;
@@ -79,8 +132,16 @@ mod slots;
 mod refine;
 mod adjustment;
 mod scene;
+mod status;
+mod extent;
 mod projector;
 mod remap;
+#[cfg(feature = "mint")]
+mod as_mint;
+#[cfg(feature = "nalgebra")]
+mod as_nalgebra;
+#[cfg(feature = "cam-geom")]
+mod as_cam_geom;
 #[cfg(feature = "serde")]
 mod solution;
 #[cfg(feature = "serde")]
@@ -120,6 +181,7 @@ pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
 pub use distortion::{Fitted, LensFit, LensOptions};
 pub use efov::{Efov, default_efov, efov_on_floor};
 pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
+pub use extent::Extent;
 pub use fit::{Fit, FitOptions, Solved};
 pub use lens::{BrownConrady, Distortion, Lens};
 pub use likelihood::{Prior, Priors};
@@ -134,6 +196,7 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use status::Status;
 pub use straightness::{Edge, straightness_rms};
 
 #[cfg(feature = "serde")]

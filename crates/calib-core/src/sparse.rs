@@ -32,8 +32,9 @@ pub(crate) struct Factor<'a> {
 
 /// The inverse where the factor has entries.
 #[derive(Debug)]
-pub(crate) struct Inverse<'a> {
-    sparse: &'a Sparse,
+pub(crate) struct Inverse {
+    sizes: Vec<usize>,
+    starts: Vec<usize>,
     pattern: SparsityPattern,
     values: Vec<f64>,
 }
@@ -118,7 +119,7 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
-impl<'a> Factor<'a> {
+impl Factor<'_> {
     /// The solution for a right-hand side with the blocks one after the other as they are numbered.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
         let Sparse { sizes, starts, .. } = self.sparse;
@@ -137,8 +138,8 @@ impl<'a> Factor<'a> {
     ///
     /// With `Z L = L^-T` and column `j` of `L`: `Z_ij = -sum_k>j L_kj Z_ik / L_jj` and
     /// `Z_jj = (1 / L_jj - sum_k>j L_kj Z_kj) / L_jj`, from the last column to the first.
-    pub(crate) fn inverse(self) -> Inverse<'a> {
-        let sparse = self.sparse;
+    pub(crate) fn inverse(self) -> Inverse {
+        let Sparse { sizes, starts, .. } = self.sparse;
         let factor = self.cholesky.take_l();
         let (pattern, lower) = factor.into_pattern_and_values();
         let size = pattern.major_dim();
@@ -172,14 +173,14 @@ impl<'a> Factor<'a> {
                 *value = -sum / diagonal;
             }
         }
-        Inverse { sparse, pattern, values }
+        Inverse { sizes: sizes.clone(), starts: starts.clone(), pattern, values }
     }
 }
 
-impl Inverse<'_> {
+impl Inverse {
     /// A block, row by row; zeros for two blocks that nothing couples.
     pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
-        let Sparse { sizes, starts, .. } = self.sparse;
+        let Self { sizes, starts, .. } = self;
         DMatrix::from_fn(sizes[a], sizes[b], |i, j| self.at(starts[a] + i, starts[b] + j))
     }
 

@@ -43,9 +43,11 @@ mod landmark;
 mod element;
 mod unplanned;
 mod site;
+mod walk;
 #[cfg(test)]
 mod checks;
 
 pub use picture::render;
 pub use site::{DemoSite, KnownLens, demo_site, demo_site_with, demo_site_without_plan};
+pub use walk::{Seen, Walk, walk};
 pub use world::visible;

@@ -47,7 +47,7 @@ pub(crate) struct Scene<'a> {
 }
 
 /// Pixels by which a lens in other terms may be off without a word.
-const UNSEEN: f64 = 0.05;
+pub(crate) const UNSEEN: f64 = 0.05;
 
 impl Export {
     pub(crate) fn push(&mut self, name: impl Into<String>, text: impl Into<String>) {

@@ -34,6 +34,7 @@ mod blender;
 mod kalibr;
 mod caliscope;
 mod fspy;
+mod worldfile;
 
 use calib_core::Site;
 
@@ -159,7 +160,7 @@ pub const FORMATS: &[Format] = &[
         name: "sql",
         about: "SQL views that map detections to the floor",
         extensions: &["sql"],
-        holds: "pinhole or division lens, floor homography",
+        holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
         lacks: "EFOV, heights above the floor, standard deviations",
         write: Some(sql::write),
         read: None,
@@ -235,6 +236,15 @@ pub const FORMATS: &[Format] = &[
         lacks: "distortion",
         write: None,
         read: Some(fspy::read),
+    },
+    Format {
+        name: "worldfile",
+        about: "world file of a floor plan: the plan's scale and place",
+        extensions: &["pgw", "jgw", "wld"],
+        holds: "plan",
+        lacks: "cameras",
+        write: None,
+        read: Some(worldfile::read),
     },
 ];
 

@@ -1,37 +1,144 @@
 //! SQL views: a table of coefficients and the expression that maps detections to the floor, as every
 //! engine with doubles evaluates it. Pixels count from the corner, as ours.
 //!
-//! Exact without distortion and for the division model, whose inverse is a quotient.
+//! With (a, b) = ((u - cx) / fx, (v - cy) / fy) and r^2 = a^2 + b^2 the lens is
+//! q = 1 + d1 r^2 + d2 r^4 + d3 r^6, its undistorted point (a / q, b / q), and the floor
+//! G (a, b, q), homogeneous. Without distortion (q = 1) and for the division model (d1) that is exact;
+//! d1, d2 and d3 of other lenses are fitted, and how far they are off is said.
 
-use calib_core::Distortion;
+use calib_core::{Distortion, Extent};
 
-use crate::export::{Export, Scene};
+use crate::export::{Export, Scene, UNSEEN};
 use crate::tree::digits;
-use crate::view::View;
+use crate::view::{View, solved};
 
-const COLUMNS: &str = "camera_id, h11, h12, h13, h21, h22, h23, h31, h32, h33, cx, cy, fx, fy, division";
-
-pub(crate) fn write(scene: &Scene, export: &mut Export) {
-    let mut rows = Vec::new();
-    for view in &scene.views {
-        let lambda = match view.camera.lens.distortion {
-            Distortion::Division { lambda } => lambda,
-            _ => {
-                export.lose_distortion(view);
-                0.0
-            }
-        };
-        rows.push(row(view, lambda));
-    }
-    export.push("floor.sql", text(&rows.join(",\n")));
-    export.notes.push("floor.sql expects a table or view detections(camera_id, u, v)".into());
+/// A camera's row of the table.
+struct Row<'a> {
+    view: &'a View,
+    /// fx, fy, in pixels of the stream.
+    focal: [f64; 2],
+    /// d1, d2, d3.
+    straighten: [f64; 3],
+    /// Largest error of the fit over the image, in undistorted pixels, and over the EFOV, in metres.
+    off: [f64; 2],
 }
 
-fn row(view: &View, lambda: f64) -> String {
-    let focal = view.scale.map(|scale| scale * view.camera.lens.focal);
-    let numbers = [&view.floor_from_pixel().concat()[..], &view.centre(), &focal, &[lambda]].concat();
-    let cells: Vec<String> = numbers.iter().map(|&value| double(value)).collect();
-    format!("  ('{}', {})", view.id.replace('\'', "''"), cells.join(", "))
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let rows: Vec<Row<'_>> = scene.views.iter().map(Row::of).collect();
+    for row in &rows {
+        let [pixels, metres] = row.off;
+        let what = format!(
+            "its lens, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
+        );
+        if pixels > UNSEEN {
+            export.lose(row.view, what);
+        } else if pixels > 0.0 {
+            export.notes.push(format!("camera {:?}: {what}", row.view.id));
+        }
+    }
+    let terms = (0..3).rev().find(|&i| rows.iter().any(|row| row.straighten[i] != 0.0)).map_or(0, |i| i + 1);
+    let has_periods = scene.views.iter().any(|view| view.valid_from.is_some() || view.valid_to.is_some());
+    let seen_at = if has_periods { ", seen_at" } else { "" };
+    export.push("floor.sql", text(&rows, terms, has_periods));
+    export.notes.push(format!("floor.sql expects a table or view detections(camera_id, u, v{seen_at})"));
+}
+
+impl<'a> Row<'a> {
+    fn of(view: &'a View) -> Self {
+        let own = view.scale.map(|scale| scale * view.camera.lens.focal);
+        match view.camera.lens.distortion {
+            Distortion::Division { lambda } => {
+                Self { view, focal: own, straighten: [lambda, 0.0, 0.0], off: [0.0; 2] }
+            }
+            _ if !view.is_distorted() => {
+                Self { view, focal: view.focal(), straighten: [0.0; 3], off: [0.0; 2] }
+            }
+            _ => {
+                let straighten = fitted(view);
+                let row = Self { view, focal: view.focal(), straighten, off: [0.0; 2] };
+                Self { off: row.error(), ..row }
+            }
+        }
+    }
+
+    /// G: the floor, homogeneous, from (a, b, q).
+    fn floor_from_lens(&self) -> [[f64; 3]; 3] {
+        let ([cx, cy], [fx, fy]) = (self.view.centre(), self.focal);
+        self.view.floor_from_pixel().map(|[h0, h1, h2]| [h0 * fx, h1 * fy, h0 * cx + h1 * cy + h2])
+    }
+
+    fn floor(&self, [a, b]: [f64; 2]) -> Option<[f64; 2]> {
+        let q = quotient(self.straighten, a * a + b * b);
+        let [x, y, w] = self.floor_from_lens().map(|row| row[0] * a + row[1] * b + row[2] * q);
+        (q > 0.0 && w > 0.0).then_some([x / w, y / w])
+    }
+
+    /// What is [`Self::off`].
+    fn error(&self) -> [f64; 2] {
+        let view = self.view;
+        let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_m };
+        let mut off = [0.0_f64; 2];
+        for (straight, raw) in view.samples() {
+            let q = quotient(self.straighten, raw[0] * raw[0] + raw[1] * raw[1]);
+            let (du, dv) = (raw[0] / q - straight[0], raw[1] / q - straight[1]);
+            let pixels = if q > 0.0 { (du * self.focal[0]).hypot(dv * self.focal[1]) } else { f64::INFINITY };
+            off[0] = off[0].max(pixels);
+            let exact = view.floor_of_straight(straight).filter(|&floor| extent.contains(floor));
+            let Some(exact) = exact else { continue };
+            let metres = self.floor(raw).map_or(f64::INFINITY, |[x, y]| (x - exact.x).hypot(y - exact.y));
+            off[1] = off[1].max(metres);
+        }
+        off
+    }
+
+    fn text(&self, has_periods: bool) -> String {
+        let time = |time: &Option<String>| match time {
+            // Engines do not know the name of a zone behind the offset.
+            Some(time) => {
+                format!(", TIMESTAMP '{}'", time.split('[').next().unwrap_or_default().replace('\'', "''"))
+            }
+            None => ", CAST(NULL AS TIMESTAMP)".into(),
+        };
+        let period = if has_periods {
+            time(&self.view.valid_from) + &time(&self.view.valid_to)
+        } else {
+            String::new()
+        };
+        let g = self.floor_from_lens().concat();
+        let numbers = [&self.view.centre()[..], &self.focal, &self.straighten, &g].concat();
+        let cells: Vec<String> = numbers.iter().map(|&value| double(value)).collect();
+        format!("  ('{}'{period}, {})", self.view.id.replace('\'', "''"), cells.join(", "))
+    }
+}
+
+/// q of a square radius.
+fn quotient([d1, d2, d3]: [f64; 3], square: f64) -> f64 {
+    1.0 + square * (d1 + square * (d2 + square * d3))
+}
+
+/// d1, d2 and d3 that come nearest to the lens over the image: the least squares of the error in
+/// undistorted pixels, `r_raw (1 / q - 1 / q_exact)`, to first order in q.
+fn fitted(view: &View) -> [f64; 3] {
+    let samples = view.samples();
+    let most = samples.iter().map(|(_, raw)| raw[0].hypot(raw[1])).fold(1e-9, f64::max);
+    let mut normal = [[0.0; 4]; 3];
+    for (straight, raw) in &samples {
+        let (raw_radius, radius) = (raw[0].hypot(raw[1]), straight[0].hypot(straight[1]));
+        if radius < 1e-9 * most {
+            continue;
+        }
+        let exact = raw_radius / radius;
+        let weight = raw_radius / (exact * exact);
+        let square = (raw_radius / most).powi(2);
+        let row = [square, square.powi(2), square.powi(3), exact - 1.0].map(|value| value * weight);
+        for i in 0..3 {
+            for j in 0..4 {
+                normal[i][j] += row[i] * row[j];
+            }
+        }
+    }
+    let [a, b, c] = solved(normal);
+    [a / most.powi(2), b / most.powi(4), c / most.powi(6)]
 }
 
 /// A plain literal may be a decimal of few digits; one with an exponent is a double in every engine.
@@ -40,17 +147,55 @@ fn double(value: f64) -> String {
     if text.contains('e') { text } else { text + "e0" }
 }
 
-fn text(rows: &str) -> String {
+/// The views; `terms` of the lens are not zero throughout.
+fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
+    let (a, b) = ("((d.u - c.cx) / c.fx)", "((d.v - c.cy) / c.fy)");
+    let square = format!("({a} * {a} + {b} * {b})");
+    // Horner's scheme, from the last term.
+    let series = (1..=terms).rev().fold(String::new(), |inner, i| match inner.as_str() {
+        "" => format!("{square} * c.d{i}"),
+        inner => format!("{square} * (c.d{i} + {inner})"),
+    });
+    let quotient = if terms == 0 { "1e0".into() } else { format!("(1e0 + {series})") };
+    let row = |i: usize| format!("(c.g{i}1 * {a} + c.g{i}2 * {b} + c.g{i}3 * {quotient})");
+    let (x, y, w) = (row(1), row(2), row(3));
+    // A pincushion of the division model turns back where q is 2.
+    let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
+    let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
+    let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
+    let (columns, seen_at, during) = if has_periods {
+        (
+            "valid_from, valid_to, ",
+            ", seen_at",
+            "\n  AND (c.valid_from IS NULL OR d.seen_at >= c.valid_from) AND (c.valid_to IS NULL OR d.seen_at < c.valid_to)",
+        )
+    } else {
+        ("", "", "")
+    };
+    let cameras: Vec<String> = rows.iter().map(|row| row.text(has_periods)).collect();
     format!(
-        "-- Pixels (u, v) count from the corner of the image. No row: above the horizon, or outside the lens.\n\
-         CREATE VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{rows}\n) AS c({COLUMNS});\n\n\
-         CREATE VIEW calib_straight AS\nSELECT d.*, c.h11, c.h12, c.h13, c.h21, c.h22, c.h23, c.h31, c.h32, c.h33,\n  \
-         c.cx + (d.u - c.cx) / {divisor} AS su,\n  c.cy + (d.v - c.cy) / {divisor} AS sv\n\
-         FROM detections AS d JOIN calib_cameras AS c ON d.camera_id = c.camera_id\nWHERE {divisor} > 0;\n\n\
-         CREATE VIEW calib_floor AS\nSELECT s.*,\n  \
-         (s.h11 * s.su + s.h12 * s.sv + s.h13) / (s.h31 * s.su + s.h32 * s.sv + s.h33) AS x_m,\n  \
-         (s.h21 * s.su + s.h22 * s.sv + s.h23) / (s.h31 * s.su + s.h32 * s.sv + s.h33) AS y_m\n\
-         FROM calib_straight AS s\nWHERE s.h31 * s.su + s.h32 * s.sv + s.h33 > 0;\n",
-        divisor = "(1.0 + c.division * (((d.u - c.cx) / c.fx) * ((d.u - c.cx) / c.fx) + ((d.v - c.cy) / c.fy) * ((d.v - c.cy) / c.fy)))",
+        "-- From a table or view detections(camera_id, u, v{seen_at}), pixels counted from the corner of the image.\n\
+         -- x_m and y_m are null above the horizon, outside the lens, and without a calibration.\n\
+         {errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
+         (camera_id, {columns}cx, cy, fx, fy, d1, d2, d3, g11, g12, g13, g21, g22, g23, g31, g32, g33);\n\n\
+         CREATE OR REPLACE TEMPORARY VIEW calib_floor AS\nSELECT d.*,\n  \
+         CASE WHEN {shown} THEN {x} / {w} END AS x_m,\n  CASE WHEN {shown} THEN {y} / {w} END AS y_m\n\
+         FROM detections AS d LEFT JOIN calib_cameras AS c ON d.camera_id = c.camera_id{during};\n",
+        errors = rows.iter().map(Row::comment).collect::<String>(),
+        cameras = cameras.join(",\n"),
     )
+}
+
+impl Row<'_> {
+    fn comment(&self) -> String {
+        let [pixels, metres] = self.off;
+        // A comment ends with its line.
+        let id = self.view.id.replace(|c: char| c.is_control(), " ");
+        match pixels > 0.0 {
+            true => format!(
+                "-- {id}: its lens is fitted, at most {pixels:.3} px off, {metres:.4} m in the EFOV.\n"
+            ),
+            false => String::new(),
+        }
+    }
 }

@@ -3,8 +3,7 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel,
-    WorldPoint, default_efov, efov_on_floor,
+    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel, WorldPoint,
 };
 
 use crate::file::file_name;
@@ -75,11 +74,7 @@ impl View {
         if options.rectified {
             camera.lens = Lens::pinhole(calibrated.lens.principal_point);
         }
-        let efov_m = match (&entry.solution, &entry.efov_px) {
-            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
-            (_, Some(corners)) => efov_on_floor(&calibrated, corners).polygon,
-            _ => default_efov(&calibrated, entry.size()).polygon,
-        };
+        let efov_m = entry.floor_polygon();
         let shown = |pixel: Pixel| {
             let straight = calibrated.undistort(pixel)?;
             Some(if options.rectified { Pixel { u: straight.u, v: straight.v } } else { pixel })
@@ -159,6 +154,13 @@ impl View {
         Some(UndistortedPixel { u: u * self.scale[0], v: v * self.scale[1] })
     }
 
+    /// The floor at an undistorted position relative to the principal point, over the focal.
+    pub(crate) fn floor_of_straight(&self, [a, b]: [f64; 2]) -> Option<FloorPoint> {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let f = self.camera.focal;
+        self.camera.undistorted_to_floor(UndistortedPixel { u: cu + f * a, v: cv + f * b }, 0.0)
+    }
+
     pub(crate) fn is_distorted(&self) -> bool {
         self.camera.lens.distortion.coefficients() != [0.0; Distortion::MOST]
             || matches!(self.camera.lens.distortion, Distortion::KannalaBrandt { .. })
@@ -219,7 +221,7 @@ impl View {
     }
 
     /// Undistorted and raw positions over the image, relative to the principal point, over the focal.
-    fn samples(&self) -> Vec<([f64; 2], [f64; 2])> {
+    pub(crate) fn samples(&self) -> Vec<([f64; 2], [f64; 2])> {
         const COLUMNS: usize = 33;
         const ROWS: usize = 25;
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -238,7 +240,7 @@ impl View {
 }
 
 /// Cramer's rule for three unknowns; zeros where there is no answer.
-fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
+pub(crate) fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
     let determinant = |c: [usize; 3]| {
         let at = |i: usize, j: usize| m[i][c[j]];
         at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1))

@@ -16,7 +16,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use crate::accuracy;
+use crate::{accuracy, archives};
 
 /// The key that is printed, and what measures it.
 type Bench = (&'static str, fn() -> f64);
@@ -33,6 +33,9 @@ const BENCHES: [Bench; 8] = [
     ("refine_1000_cameras_ms", || 1e3 * refine([40, 25])),
 ];
 
+/// What `archives` measures in one run: ratios.
+const ARCHIVES: [&str; 3] =
+    ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
 /// What the app's own program measures: it is not linked here, so that every other command of this one
 /// is built without a window.
 const OF_THE_APP: [&str; 3] =
@@ -43,6 +46,15 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     let chosen = BENCHES.iter().filter(|(key, _)| key.contains(filter));
     let mut results: Map<String, Value> =
         chosen.map(|(key, bench)| ((*key).to_owned(), json!(bench()))).collect();
+    if ARCHIVES.iter().any(|key| key.contains(filter)) {
+        match archives::measure() {
+            Ok(ratios) => {
+                let values = [ratios.time, ratios.processor, ratios.projection];
+                results.extend(ARCHIVES.map(str::to_owned).into_iter().zip(values.map(|value| json!(value))));
+            }
+            Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVES.join(", ")),
+        }
+    }
     if OF_THE_APP.iter().any(|key| key.contains(filter)) {
         let measured = of_the_app()?;
         results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter)));

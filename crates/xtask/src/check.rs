@@ -43,6 +43,27 @@ const PEERS: Tool = Tool {
     ],
 };
 
+/// `DuckDB` and Spark, for the tests and the benchmark of archives.
+const ENGINES: Tool = Tool {
+    name: "the engines' Python packages, and Java",
+    is_there: || root().join("target/engines-venv/ready").exists() && has_java(),
+    install: &[
+        &["python3", "-m", "venv", "target/engines-venv"],
+        &[
+            "target/engines-venv/bin/python",
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "duckdb==2.0.0",
+            "pandas==3.1.1",
+            "pyarrow==26.0.1",
+            "pyspark==4.3.0",
+        ],
+        &["touch", "target/engines-venv/ready"],
+    ],
+};
+
 const TYPOS: Tool = Tool {
     name: "typos",
     is_there: || runs("target/tools-venv/bin/typos", &["--version"]),
@@ -98,7 +119,7 @@ const CHECKS: &[Check] = &[
         command: &["cargo", "check", "--package", "calib-core", "--no-default-features"],
         ..PLAIN
     },
-    Check { name: "core for wasm32", command: &["wasm32"], tools: &[&WEB], ..PLAIN },
+    Check { name: "core and formats for wasm32", command: &["wasm32"], tools: &[&WEB], ..PLAIN },
     Check {
         name: "site parser under fuzzing",
         command: &[
@@ -122,10 +143,24 @@ const CHECKS: &[Check] = &[
         folders: &["crates/calib-core/fuzz/corpus/site"],
         tools: &[&FUZZ],
     },
+    Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
+    Check {
+        name: "the function of DataFusion",
+        command: &[
+            "cargo",
+            "test",
+            "--quiet",
+            "--manifest-path",
+            "crates/calib-datafusion/Cargo.toml",
+            "--target-dir",
+            "target/datafusion",
+        ],
+        ..PLAIN
+    },
     Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features"],
-        tools: &[&PEERS],
+        tools: &[&PEERS, &ENGINES],
         ..PLAIN
     },
 ];
@@ -145,7 +180,11 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         }
         let start = Instant::now();
         println!("\n== {}", check.name);
-        let passed = if check.command == ["wasm32"] { build_for_wasm()? } else { run_check(check, &skips)? };
+        let passed = match check.command {
+            ["wasm32"] => build_for_wasm()?,
+            ["fuzz-formats"] => fuzz_formats(&skips)?,
+            _ => run_check(check, &skips)?,
+        };
         println!(
             "== {}: {} in {:.0} s",
             check.name,
@@ -187,15 +226,48 @@ fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
     for folder in check.folders {
         std::fs::create_dir_all(root().join(folder))?;
     }
+    let mut command = tool_command(program, skips)?;
+    command.args(arguments).envs(check.environment.iter().copied());
+    Ok(command.status().with_context(|| check.name)?.success())
+}
+
+/// Every importer has a target of its name; the folder is the list.
+fn fuzz_formats(skips: &Path) -> anyhow::Result<bool> {
+    const FUZZ_DIR: &str = "crates/calib-formats/fuzz";
+    let mut targets = Vec::new();
+    for entry in std::fs::read_dir(root().join(FUZZ_DIR).join("fuzz_targets"))? {
+        targets.push(entry?.path().file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    }
+    targets.sort();
+    for target in &targets {
+        let corpus = format!("{FUZZ_DIR}/corpus/{target}");
+        let seeds = format!("{FUZZ_DIR}/seeds/{target}");
+        for folder in [&corpus, &seeds] {
+            std::fs::create_dir_all(root().join(folder))?;
+        }
+        let command = ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, &corpus, &seeds];
+        // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
+        let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
+        let mut cargo = tool_command("cargo", skips)?;
+        cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1");
+        if !cargo.status()?.success() {
+            println!("== the importer of {target}");
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// A command that finds the tools that were installed for the checks.
+fn tool_command(program: &str, skips: &Path) -> anyhow::Result<Command> {
     let mut command = Command::new(program);
-    command.args(arguments).current_dir(root()).env("CALIB_SKIPPED_LIST", skips);
-    command.envs(check.environment.iter().copied());
+    command.current_dir(root()).env("CALIB_SKIPPED_LIST", skips);
     let tools = root().join("target/tools/bin");
     if let Some(path) = std::env::var_os("PATH") {
         let paths = std::iter::once(tools).chain(std::env::split_paths(&path));
         command.env("PATH", std::env::join_paths(paths)?);
     }
-    Ok(command.status().with_context(|| check.name)?.success())
+    Ok(command)
 }
 
 /// Whether a tool is there, after installing it if that is wanted.
@@ -223,6 +295,10 @@ pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     output.is_ok_and(|output| output.status.success())
 }
 
+fn has_java() -> bool {
+    Command::new("java").arg("-version").output().is_ok_and(|output| output.status.success())
+}
+
 const WASM: &str = "wasm32-unknown-unknown";
 
 fn has_wasm_target() -> bool {
@@ -245,9 +321,9 @@ fn debian_rustc() -> Option<PathBuf> {
     (candidate.exists() && sources).then_some(candidate)
 }
 
-/// Checks the core for the browser, with the installed target or with Debian's toolchain.
+/// Builds what the browser shares, with the installed target or with Debian's toolchain.
 fn build_for_wasm() -> anyhow::Result<bool> {
-    let arguments = ["build", "--package", "calib-core", "--target", WASM];
+    let arguments = ["build", "--package", "calib-core", "--package", "calib-formats", "--target", WASM];
     if has_wasm_target() {
         return Ok(Command::new("cargo").args(arguments).current_dir(root()).status()?.success());
     }

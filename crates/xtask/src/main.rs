@@ -1,6 +1,7 @@
 //! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`.
 
 mod accuracy;
+mod archives;
 mod bench;
 mod check;
 mod notices;

@@ -1,0 +1,130 @@
+//! Apache Parquet: row groups are read and written page by page.
+
+use std::sync::Arc;
+
+use ::arrow::array::RecordBatch;
+use ::arrow::datatypes::{DataType, Schema, SchemaRef};
+use ::parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
+use ::parquet::arrow::{ARROW_SCHEMA_META_KEY, ArrowWriter};
+use ::parquet::basic::{Compression, Encoding, ZstdLevel};
+use ::parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData};
+use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
+use ::parquet::schema::types::ColumnPath;
+
+use super::{BATCH_ROWS, Format, Input, Output, Sink, Source};
+use crate::stop::Stop;
+
+/// Rows of a group that is written: it is in memory, encoded, until it is whole.
+const GROUP_ROWS: usize = 1 << 18;
+
+/// How a Parquet file is packed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Packing {
+    codec: Option<Compression>,
+    /// Columns without a dictionary: they have shown that it is built in vain.
+    plain: Vec<ColumnPath>,
+}
+
+impl Packing {
+    /// As the first row group is.
+    fn of(about: &ParquetMetaData) -> Self {
+        let Some(group) = about.row_groups().first() else { return Self::default() };
+        let has_dictionary = |column: &ColumnChunkMetaData| {
+            column.encodings().any(|e| matches!(e, Encoding::RLE_DICTIONARY | Encoding::PLAIN_DICTIONARY))
+        };
+        let plain = group.columns().iter().filter(|column| !has_dictionary(column));
+        let plain = plain.map(|column| column.column_path().clone()).collect();
+        Self { codec: group.columns().first().map(ColumnChunkMetaData::compression), plain }
+    }
+}
+
+struct Pages {
+    name: String,
+    reader: ParquetRecordBatchReader,
+    schema: SchemaRef,
+    packing: Packing,
+    all: u64,
+    /// Rows before the last batch, and in it.
+    before: usize,
+    rows: usize,
+}
+
+pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+    let name = input.name.clone();
+    let broken = |error| Stop::invalid(&name, format!("not a whole Parquet file: {error}"));
+    let file = input.into_file()?;
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(broken)?;
+    let about = builder.metadata();
+    let all = u64::try_from(about.file_metadata().num_rows()).unwrap_or_default();
+    let packing = Packing::of(about);
+    let schema = Arc::clone(builder.schema());
+    let reader = builder.with_batch_size(BATCH_ROWS).build().map_err(broken)?;
+    Ok(Box::new(Pages { name, reader, schema, packing, all, before: 0, rows: 0 }))
+}
+
+impl Source for Pages {
+    fn schema(&self) -> Option<SchemaRef> {
+        Some(Arc::clone(&self.schema))
+    }
+
+    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+        let batch = self.reader.next()?;
+        self.before += self.rows;
+        self.rows = batch.as_ref().map_or(0, RecordBatch::num_rows);
+        Some(batch.map_err(|error| {
+            let place = self.place(0);
+            Stop::invalid(&self.name, format!("{place} or soon after: not a whole Parquet file: {error}"))
+        }))
+    }
+
+    fn place(&self, row: usize) -> String {
+        format!("row {}", self.before + row + 1)
+    }
+
+    fn rows(&self) -> Option<u64> {
+        Some(self.all)
+    }
+
+    fn packing(&self) -> Packing {
+        self.packing.clone()
+    }
+}
+
+pub(super) fn create<'a>(
+    output: Output<'a>,
+    schema: &Schema,
+    packing: Packing,
+) -> Result<Box<dyn Sink + 'a>, Stop> {
+    // What the input has and cannot be written (LZO) is written as what is read everywhere.
+    let codec = match packing.codec {
+        None | Some(Compression::LZO | Compression::BROTLI(_)) => Compression::ZSTD(ZstdLevel::default()),
+        Some(Compression::LZ4) => Compression::LZ4_RAW,
+        Some(codec) => codec,
+    };
+    let about = schema.metadata().iter().filter(|(key, _)| *key != ARROW_SCHEMA_META_KEY);
+    let about = about.map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
+    let mut properties = WriterProperties::builder()
+        .set_compression(codec)
+        .set_max_row_group_row_count(Some(GROUP_ROWS))
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        .set_key_value_metadata(Some(about));
+    // Doubles hardly repeat.
+    let doubles = schema.fields().iter().filter(|field| field.data_type() == &DataType::Float64);
+    let doubles = doubles.map(|field| ColumnPath::from(field.name().as_str()));
+    for path in doubles.chain(packing.plain) {
+        properties = properties.set_column_dictionary_enabled(path, false);
+    }
+    let schema = Arc::new(schema.clone());
+    Ok(Box::new(ArrowWriter::try_new(output, schema, Some(properties.build()))?))
+}
+
+impl Sink for ArrowWriter<Output<'_>> {
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
+        Ok(Self::write(self, batch)?)
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), Stop> {
+        use std::io::Write as _;
+        Ok(self.into_inner()?.flush()?)
+    }
+}

@@ -1,0 +1,265 @@
+//! The calibrations of a site, ready to project with, and which of them holds for a row.
+
+use std::collections::{BTreeMap, HashMap};
+
+use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
+use arrow::compute::cast;
+use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
+use arrow::datatypes::{DataType, Schema, TimeUnit, TimestampNanosecondType};
+use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
+use serde_json::json;
+
+use crate::archive::{is_json, plain};
+use crate::files::{SiteFile, say};
+use crate::stop::Stop;
+
+/// One calibrated camera, for the time that it holds.
+pub(crate) struct Calibration {
+    pub(crate) projector: FloorProjector,
+    size: [f64; 2],
+    efov: Vec<FloorPoint>,
+    entry: Entry,
+}
+
+/// What is said of a calibration.
+struct Entry {
+    camera: String,
+    from: Option<String>,
+    to: Option<String>,
+    /// The same as nanoseconds since 1970.
+    period: [i64; 2],
+}
+
+/// The calibrations that a table is projected with.
+pub(crate) struct Calibrations {
+    pub(crate) list: Vec<Calibration>,
+    /// Indices of every camera's.
+    of_camera: HashMap<String, Vec<u32>>,
+    camera: ByCamera,
+    at_column: Option<String>,
+    /// SHA-256 of the site file.
+    sha256: String,
+    /// Rows without a calibration, by camera.
+    lost: BTreeMap<String, u64>,
+}
+
+/// Whose rows there are.
+pub(crate) enum ByCamera {
+    /// All of one camera.
+    Only(String),
+    /// Of the camera that this column names.
+    Column(String),
+}
+
+/// Which calibration every row has; the number of calibrations is none of them.
+pub(crate) enum Choice {
+    All(u32),
+    Rows(Vec<u32>),
+}
+
+impl Calibration {
+    fn of(entry: &SiteCamera, height: f64) -> Result<Self, Stop> {
+        let camera = entry.camera().ok_or_else(|| {
+            let why =
+                entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
+            Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
+        })?;
+        let period = entry.period_ns().map_err(|error| Stop::Invalid(error.to_string()))?;
+        let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
+        Ok(Self {
+            projector: FloorProjector::new(&camera, height),
+            size: entry.size(),
+            efov: entry.floor_polygon(),
+            entry: Entry { camera: entry.id.clone(), from, to, period },
+        })
+    }
+
+    pub(crate) fn extent(&self) -> Extent<'_> {
+        Extent { size: self.size, efov: &self.efov }
+    }
+}
+
+impl Calibrations {
+    /// The calibrations of one camera or of all; a camera that is not calibrated among them is told.
+    pub(crate) fn of(
+        file: &SiteFile,
+        camera: ByCamera,
+        at_column: Option<String>,
+        height: f64,
+    ) -> Result<Self, Stop> {
+        let wanted = |entry: &&SiteCamera| match &camera {
+            ByCamera::Only(id) => entry.id == *id,
+            ByCamera::Column(_) => true,
+        };
+        let (mut list, mut refused) = (Vec::new(), None);
+        for entry in file.site.cameras.iter().filter(wanted) {
+            match Calibration::of(entry, height) {
+                Ok(calibration) => list.push(calibration),
+                Err(Stop::Unsolved(why)) => {
+                    if let Some(why) = refused.replace(why) {
+                        say(format_args!("calib: {why}"));
+                    }
+                }
+                Err(stop) => return Err(stop),
+            }
+        }
+        if let Some(why) = refused {
+            if list.is_empty() {
+                return Err(Stop::Unsolved(why));
+            }
+            say(format_args!("calib: {why}"));
+        }
+        let mut of_camera: HashMap<String, Vec<u32>> = HashMap::new();
+        for (index, calibration) in (0..).zip(&list) {
+            of_camera.entry(calibration.entry.camera.clone()).or_default().push(index);
+        }
+        if at_column.is_none()
+            && let Some((id, _)) = of_camera.iter().find(|(_, periods)| periods.len() > 1)
+        {
+            let what = format!(
+                "camera \"{id}\": several periods have this id; choose one with --at TIME, or name the column of times with --at-column NAME"
+            );
+            return Err(Stop::Usage(what));
+        }
+        let sha256 = file.sha256.clone();
+        Ok(Self { list, of_camera, camera, at_column, sha256, lost: BTreeMap::new() })
+    }
+
+    /// What the output says of them, beside what the input said.
+    pub(crate) fn describe(&self, schema: &Schema) -> HashMap<String, String> {
+        let mut about = schema.metadata().clone();
+        let mut put = |key: &str, value: String| about.insert(format!("calib.{key}"), value);
+        put("version", env!("CARGO_PKG_VERSION").into());
+        put("site_sha256", self.sha256.clone());
+        let list: Vec<_> = self.list.iter().map(|calibration| &calibration.entry).collect();
+        if let [only] = list[..] {
+            put("camera", only.camera.clone());
+            put("valid_from", only.from.clone().unwrap_or_default());
+            put("valid_to", only.to.clone().unwrap_or_default());
+        }
+        let list = list.into_iter();
+        let list = list.map(|e| json!({"camera": e.camera, "valid_from": e.from, "valid_to": e.to}));
+        put("calibrations", serde_json::Value::from_iter(list).to_string());
+        about
+    }
+
+    /// Which calibration every row of a batch has.
+    pub(crate) fn choose(
+        &mut self,
+        batch: &RecordBatch,
+        place: &dyn Fn(usize) -> String,
+    ) -> Result<Choice, Stop> {
+        let times = match &self.at_column {
+            Some(name) => Some(times(&column(batch, name, "--at-column")?, name, place)?),
+            None => None,
+        };
+        if let (ByCamera::Only(_), None) = (&self.camera, &times) {
+            return Ok(Choice::All(0));
+        }
+        let ids = match &self.camera {
+            ByCamera::Only(_) => None,
+            ByCamera::Column(name) => Some(text(&column(batch, name, "--camera-column")?, name)?),
+        };
+        let only = match &self.camera {
+            ByCamera::Only(id) => id.clone(),
+            ByCamera::Column(_) => String::new(),
+        };
+        let none = self.list.len() as u32;
+        let mut rows = Vec::with_capacity(batch.num_rows());
+        // Rows of a camera often follow each other.
+        let mut last: Option<(&str, &[u32])> = None;
+        for row in 0..batch.num_rows() {
+            let id = match &ids {
+                Some(ids) if ids.is_null(row) => "",
+                Some(ids) => ids.as_string::<i32>().value(row),
+                None => &only,
+            };
+            let periods = match last {
+                Some((before, periods)) if before == id => periods,
+                _ => self.of_camera.get(id).map_or(&[][..], Vec::as_slice),
+            };
+            last = Some((id, periods));
+            let found = match &times {
+                None => periods.first(),
+                Some(times) => periods.iter().find(|&&index| {
+                    let [from, to] = self.list[index as usize].entry.period;
+                    times[row].is_some_and(|time| from <= time && time < to)
+                }),
+            };
+            if found.is_none() {
+                match self.lost.get_mut(id) {
+                    Some(count) => *count += 1,
+                    None => drop(self.lost.insert(id.to_owned(), 1)),
+                }
+            }
+            rows.push(found.copied().unwrap_or(none));
+        }
+        Ok(Choice::Rows(rows))
+    }
+
+    /// Tells of the rows that had no calibration.
+    pub(crate) fn tell_lost(&self) {
+        const MOST: usize = 5;
+        for (id, count) in self.lost.iter().take(MOST) {
+            let why = if self.of_camera.contains_key(id) {
+                "are at times at which no calibration holds"
+            } else {
+                "are of a camera that has no calibration"
+            };
+            say(format_args!("calib: {count} rows of camera \"{id}\" {why}: status no-calibration"));
+        }
+        if self.lost.len() > MOST {
+            say(format_args!("calib: and of {} more cameras", self.lost.len() - MOST));
+        }
+    }
+}
+
+fn column(batch: &RecordBatch, name: &str, asked: &str) -> Result<ArrayRef, Stop> {
+    let schema = batch.schema();
+    let Some((index, field)) = schema.column_with_name(name) else {
+        let found: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
+        let what = format!("{asked} {name}: the table has the columns \"{}\"", found.join(","));
+        return Err(Stop::Invalid(what));
+    };
+    let column = batch.column(index);
+    Ok(if is_json(field) { plain(column) } else { column.clone() })
+}
+
+/// A column as text: ids are text, numbers, or a dictionary of either.
+fn text(column: &ArrayRef, name: &str) -> Result<ArrayRef, Stop> {
+    cast(column, &DataType::Utf8).map_err(|error| {
+        Stop::Invalid(format!("--camera-column {name}: expected ids as text or numbers: {error}"))
+    })
+}
+
+/// A column of times as nanoseconds since 1970; times without an offset count as UTC.
+fn times(column: &ArrayRef, name: &str, place: &dyn Fn(usize) -> String) -> Result<Vec<Option<i64>>, Stop> {
+    let exact = match column.data_type() {
+        DataType::Timestamp(_, zone) => {
+            cast(column, &DataType::Timestamp(TimeUnit::Nanosecond, zone.clone()))?
+        }
+        DataType::Date32 | DataType::Date64 => {
+            cast(column, &DataType::Timestamp(TimeUnit::Nanosecond, None))?
+        }
+        DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..) => {
+            let texts = text(column, name)?;
+            let texts = texts.as_string::<i32>();
+            let parsed = texts.iter().enumerate().map(|(row, text)| match text.map(str::trim) {
+                None | Some("") => Ok(None),
+                Some(text) => string_to_timestamp_nanos(text).map(Some).map_err(|_| {
+                    let place = place(row);
+                    Stop::Invalid(format!(
+                        "{place}, column {name}: found \"{text}\", expected a time such as 2026-05-01T08:00:00Z"
+                    ))
+                }),
+            });
+            return parsed.collect();
+        }
+        other => {
+            return Err(Stop::Invalid(format!(
+                "--at-column {name}: found {other}, expected timestamps, or text such as 2026-05-01T08:00:00Z"
+            )));
+        }
+    };
+    Ok(exact.as_primitive::<TimestampNanosecondType>().iter().collect())
+}

@@ -1,0 +1,62 @@
+//! A bar for work over a second, on a terminal.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How long nothing is shown: most work is done by then.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// How far a table is read.
+pub(crate) struct Progress {
+    start: Instant,
+    /// What counts: bytes read, or else rows.
+    bytes: Option<Rc<Cell<u64>>>,
+    all: Option<u64>,
+    rows: u64,
+    bar: Option<ProgressBar>,
+}
+
+impl Progress {
+    /// Of a table of so many rows, if that is known, or else of so many bytes.
+    pub(crate) fn new(rows: Option<u64>, bytes: Option<u64>, read: Rc<Cell<u64>>) -> Self {
+        let by_bytes = rows.is_none();
+        let bytes_read = by_bytes.then_some(read);
+        let all = rows.or(bytes);
+        Self { start: Instant::now(), bytes: bytes_read, all, rows: 0, bar: None }
+    }
+
+    /// So many rows more are done.
+    pub(crate) fn step(&mut self, rows: usize) {
+        self.rows += rows as u64;
+        if self.bar.is_none() && self.start.elapsed() > QUIET {
+            self.bar = Some(self.bar());
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_position(self.bytes.as_ref().map_or(self.rows, |bytes| bytes.get()));
+            bar.set_message(format!("{} rows", self.rows));
+        }
+    }
+
+    /// Draws nothing where stderr is no terminal.
+    fn bar(&self) -> ProgressBar {
+        let (bar, template) = match self.all {
+            Some(all) => (ProgressBar::new(all), "{bar:30} {percent} %, {msg}, {eta} left"),
+            None => (ProgressBar::new_spinner(), "{spinner} {msg}"),
+        };
+        match ProgressStyle::with_template(template) {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Polynomials of one variable: where they turn, where they have a value, and their roots.
+
+/// `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)`: what a radial lens does to a radius or an angle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OddPolynomial(pub(crate) [f64; 4]);
+
+impl OddPolynomial {
+    pub(crate) fn value(&self, r: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        let s = r * r;
+        r * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+    }
+
+    fn slope(&self, r: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        let s = r * r;
+        1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
+    }
+
+    /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.
+    pub(crate) fn first_turn(&self) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        if k3 == 0.0 && k4 == 0.0 {
+            return first_turn_of_two(3.0 * k1, 5.0 * k2);
+        }
+        let roots = positive_roots(&[1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4]);
+        roots.first().map_or(f64::INFINITY, |s| s.sqrt())
+    }
+
+    /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method
+    /// kept inside a bracket, so that it always ends.
+    pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
+        let turn = self.first_turn();
+        let mut high = if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? };
+        if value.is_nan() || value > self.value(high) {
+            return None;
+        }
+        let mut low = 0.0;
+        let mut r = value.min(0.5 * (low + high) + 0.5 * value.min(high)).min(high);
+        // Every round halves the bracket or doubles the digits.
+        for _ in 0..200 {
+            let error = self.value(r) - value;
+            if error > 0.0 {
+                high = r;
+            } else {
+                low = r;
+            }
+            let newton = r - error / self.slope(r);
+            if (newton - r).abs() <= 2.0 * f64::EPSILON * (1.0 + r) {
+                return Some(newton.clamp(low.min(r), high.max(r)));
+            }
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            r = next;
+        }
+        Some(r)
+    }
+}
+
+/// The smallest positive `r` with `1 + a r^2 + b r^4 = 0`; infinite if there is none.
+fn first_turn_of_two(a: f64, b: f64) -> f64 {
+    let discriminant = a * a - 4.0 * b;
+    if discriminant < 0.0 {
+        return f64::INFINITY;
+    }
+    // 2 c / (-b -+ sqrt(...)) form: no cancellation, and right for b = 0.
+    let divisor = -a + discriminant.sqrt();
+    if divisor > 0.0 { (2.0 / divisor).sqrt() } else { f64::INFINITY }
+}
+
+/// A radius at which a growing function exceeds `value`; `None` if there is none below a million.
+fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
+    let mut radius = value.abs().max(1.0);
+    while radius < 1e6 {
+        if function(radius) >= value {
+            return Some(radius);
+        }
+        radius *= 2.0;
+    }
+    None
+}
+
+/// The positive roots of a polynomial, ascending; coefficients from the constant upwards.
+///
+/// Between two neighbouring roots of the derivative there is at most one root: bisect there.
+pub(crate) fn positive_roots(coefficients: &[f64]) -> Vec<f64> {
+    let degree = coefficients.iter().rposition(|&c| c != 0.0).unwrap_or(0);
+    if degree == 0 {
+        return Vec::new();
+    }
+    let coefficients = &coefficients[..=degree];
+    let value = |s: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * s + c);
+    let derivative: Vec<f64> = coefficients.iter().enumerate().skip(1).map(|(i, c)| i as f64 * c).collect();
+    let leading = coefficients[degree];
+    let bound = 1.0 + coefficients.iter().fold(0.0_f64, |most, c| most.max((c / leading).abs()));
+    let mut knots = vec![0.0];
+    knots.extend(positive_roots(&derivative).into_iter().filter(|&s| s < bound));
+    knots.push(bound);
+    let mut roots = Vec::new();
+    for pair in knots.windows(2) {
+        let (mut low, mut high) = (pair[0], pair[1]);
+        let positive_at_low = value(low) > 0.0;
+        if positive_at_low == (value(high) > 0.0) {
+            continue;
+        }
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high {
+                break;
+            }
+            if (value(middle) > 0.0) == positive_at_low { low = middle } else { high = middle }
+        }
+        roots.push(low);
+    }
+    roots
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_first_turn_is_where_the_slope_vanishes_first(
+            k in [-0.5..0.5_f64, -0.3..0.3_f64, -0.1..0.1_f64, -0.05..0.05_f64],
+        ) {
+            let polynomial = OddPolynomial(k);
+            let turn = polynomial.first_turn();
+            for i in 1..200 {
+                let r = f64::from(i) / 200.0 * turn.min(20.0) * 0.9999;
+                prop_assert!(polynomial.slope(r) > 0.0, "slope {} at {r} before {turn}", polynomial.slope(r));
+            }
+            if turn.is_finite() {
+                prop_assert!(polynomial.slope(turn * 1.0001) < 1e-6 * (1.0 + turn.powi(8)));
+            }
+        }
+    }
+}

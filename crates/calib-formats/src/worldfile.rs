@@ -1,0 +1,105 @@
+//! World files of floor plans (`.pgw`, `.jgw`, `.wld`): six numbers, one a line, that say where the picture
+//! lies. They have no units and no coordinate system: metres are taken for granted.
+//!
+//! In their order A, D, B, E, C, F: x = A i + B j + C and y = D i + E j + F, where i and j count pixels to
+//! the right and down from the centre of the first one.
+
+use calib_core::{Plan, PlanPixel, Site};
+
+use crate::error::{FormatError, quoted};
+use crate::file::File;
+use crate::given::Imported;
+
+/// Pixels of ordinary pictures, by the extension of the world file.
+const PICTURES: [(&str, &str); 2] = [("pgw", "png"), ("jgw", "jpg")];
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let [file] = files else {
+        return Err(FormatError::expected(
+            "worldfile",
+            format!("{} files", files.len()),
+            "one: a site has one plan",
+        ));
+    };
+    let [a, d, b, e, c, f] = numbers(file)?;
+    // Turned and scaled, right is (a, d) and down is (d, -a).
+    let (right, up) = (0.5 * (a - e), 0.5 * (d + b));
+    let metres_per_px = right.hypot(up);
+    let skew = (a + e).hypot(d - b);
+    if !(metres_per_px > 1e-9 && metres_per_px < 1e9) || skew > 1e-3 * metres_per_px {
+        let found = format!("pixels of ({a}, {d}) and ({b}, {e})");
+        let wanted =
+            "square ones of metres, the second down (a picture that is skewed or mirrored must be resampled)";
+        return Err(FormatError::expected(&file.name, found, wanted));
+    }
+    let square = metres_per_px * metres_per_px;
+    let origin_px =
+        PlanPixel { x: 0.5 - (right * c + up * f) / square, y: 0.5 - (up * c - right * f) / square };
+    let extension = file.extension();
+    let picture = PICTURES.iter().find(|(world, _)| *world == extension);
+    let image = picture.map(|(_, picture)| format!("{}.{picture}", file.stem()));
+    let mut notes = vec![format!("{}: taken as metres, {metres_per_px} a pixel", file.name)];
+    if let Some(image) = &image {
+        notes.push(format!("the plan's picture is taken to be {image}, beside the site file"));
+    }
+    let x_axis_deg = (-up).atan2(right).to_degrees();
+    let plan = Plan { image, metres_per_px, origin_px, x_axis_deg, georeference: None };
+    let site = Site { plan: Some(plan), ..Site::new() };
+    site.check().map_err(|error| FormatError::new(&file.name, format!("as a site, {error}")))?;
+    Ok(Imported { site, notes })
+}
+
+fn numbers(file: &File) -> Result<[f64; 6], FormatError> {
+    let lines: Vec<&str> = file.as_text()?.split_whitespace().take(7).collect();
+    let number = |(index, text): (usize, &&str)| {
+        text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| {
+            FormatError::expected(format!("{}: line {}", file.name, index + 1), quoted(text), "a number")
+        })
+    };
+    let found = lines.iter().enumerate().map(number).collect::<Result<Vec<f64>, _>>()?;
+    found.try_into().map_err(|found: Vec<f64>| {
+        FormatError::expected(&file.name, format!("{} numbers", found.len()), "the six of a world file")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::FloorPoint;
+    use proptest::prelude::*;
+
+    fn file(text: String) -> File {
+        File { name: "hall.pgw".into(), bytes: text.into_bytes() }
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_lies_where_the_six_numbers_say(
+            size in 0.001..0.2_f64, turn in -3.1..3.1_f64, c in -1e3..1e3_f64, f in -1e3..1e3_f64,
+            i in 0.0..4000.0_f64, j in 0.0..4000.0_f64,
+        ) {
+            let (a, d) = (size * turn.cos(), size * turn.sin());
+            let (b, e) = (d, -a);
+            let read = read(&[file(format!("{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n"))]).unwrap();
+            let plan = read.site.plan.unwrap();
+            prop_assert_eq!(plan.image.as_deref(), Some("hall.png"));
+            let floor = plan.scale().floor_from_plan(PlanPixel { x: i + 0.5, y: j + 0.5 });
+            let expected = FloorPoint { x: a * i + b * j + c, y: d * i + e * j + f };
+            prop_assert!(floor.distance(expected) < 1e-8, "{floor:?}, not {expected:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_plan_is_refused() {
+        for text in [
+            "1\n2\n3",
+            "0.1\n0\n0\n0.1\n0\n0",
+            "0.1 0 0.05 -0.1 0 0",
+            "0 0 0 0 0 0",
+            "a b c d e f",
+            "1 0 0 -1 0 0 0",
+        ] {
+            assert!(read(&[file(text.into())]).is_err(), "{text}");
+        }
+    }
+}

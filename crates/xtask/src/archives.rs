@@ -1,0 +1,113 @@
+//! `calib project` beside `DuckDB`: the same archive, the same codec, one thread each, in one run.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::{Context as _, ensure};
+use calib_core::{
+    Camera, Covariance, Distortion, DistortionEntry, Extent, FloorProjector, Lens, Pixel, Site, SiteCamera,
+    Status, WorldPoint,
+};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+use crate::check::root;
+
+const PYTHON: &str = "target/engines-venv/bin/python";
+const ROWS: usize = 5_000_000;
+
+/// What came out, each over the other.
+pub(crate) struct Ratios {
+    /// Elapsed time of calib over `DuckDB`'s.
+    pub(crate) time: f64,
+    /// Processor time of calib over `DuckDB`'s.
+    pub(crate) processor: f64,
+    /// Processor time of the projection alone over all of calib's.
+    pub(crate) projection: f64,
+}
+
+/// Measures; a message says what is missing.
+pub(crate) fn measure() -> anyhow::Result<Ratios> {
+    let python = root().join(PYTHON);
+    ensure!(python.exists(), "{PYTHON} is absent; `cargo xtask test --install` makes it");
+    let build = ["build", "--quiet", "--release", "--package", "calib-cli"];
+    ensure!(
+        Command::new("cargo").args(build).current_dir(root()).status()?.success(),
+        "calib does not build"
+    );
+    // This program lies beside it.
+    let calib =
+        std::env::current_exe()?.with_file_name("calib").with_extension(std::env::consts::EXE_EXTENSION);
+    let folder = root().join("target/bench-archives");
+    std::fs::create_dir_all(&folder)?;
+    let entries: Vec<(Camera, SiteCamera)> = (0..3).map(entry).collect::<anyhow::Result<_>>()?;
+    let cameras = entries.iter().map(|(_, entry)| entry.clone()).collect();
+    std::fs::write(folder.join("site.json"), Site { cameras, ..Site::new() }.to_json())?;
+    let export = ["export", "sql", "site.json", "-o", "floor.sql", "--force"];
+    let export = Command::new(&calib).args(export).current_dir(&folder).stderr(Stdio::null()).status()?;
+    ensure!(export.success(), "the view is not exact");
+    let found = compare(&python, &calib, &folder)?;
+    let seconds = |key: &str| found[key].as_f64().with_context(|| key.to_owned());
+    Ok(Ratios {
+        time: seconds("calib_s")? / seconds("duckdb_s")?,
+        processor: seconds("calib_cpu_s")? / seconds("duckdb_cpu_s")?,
+        projection: project(&entries) / seconds("calib_cpu_s")?,
+    })
+}
+
+fn compare(python: &Path, calib: &Path, folder: &Path) -> anyhow::Result<Value> {
+    let script = root().join("crates/xtask/project_peer.py");
+    let output = Command::new(python).arg(script).arg(calib).arg(folder).arg(ROWS.to_string()).output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Ok(serde_json::from_slice(&output.stdout)?)
+}
+
+/// Two cameras with lenses of the division model, one without distortion: what SQL maps exactly.
+fn entry(index: u32) -> anyhow::Result<(Camera, SiteCamera)> {
+    let distortion =
+        if index == 0 { Distortion::None } else { Distortion::Division { lambda: -0.06 * f64::from(index) } };
+    let focal = 1250.0;
+    let camera = Camera {
+        position: WorldPoint::new(3.0 * f64::from(index), -4.0, 5.0),
+        yaw: 0.3,
+        pitch: 0.5,
+        roll: 0.05,
+        focal,
+        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion },
+        covariance: Covariance::EXACT,
+    };
+    let solution = serde_json::from_value(json!({
+        "method": "given", "stage": "placed", "position_m": camera.position,
+        "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
+        "roll_deg": camera.roll.to_degrees(), "focal_px": focal,
+        "principal_point_px": camera.lens.principal_point,
+        "distortion": DistortionEntry::of(&camera.lens, focal),
+    }))?;
+    let entry =
+        SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera {index}"), [1920, 1080]) };
+    Ok((camera, entry))
+}
+
+/// Seconds of the projection of as many rows, batch by batch, with what became of every pixel.
+fn project(entries: &[(Camera, SiteCamera)]) -> f64 {
+    const BATCH: usize = 8192;
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut pixels = |most: f64| -> Vec<f64> { (0..BATCH).map(|_| random.random_range(0.0..most)).collect() };
+    let (u, v) = (pixels(1920.0), pixels(1080.0));
+    let (mut x, mut y, mut status) = (vec![0.0; BATCH], vec![0.0; BATCH], vec![Status::Ok; BATCH]);
+    let start = Instant::now();
+    for (camera, entry) in entries {
+        let efov = entry.floor_polygon();
+        let extent = Extent { size: entry.size(), efov: &efov };
+        let projector = FloorProjector::new(camera, 0.0);
+        for _ in 0..ROWS / BATCH / entries.len() {
+            let pixels = [black_box(&u[..]), black_box(&v[..])];
+            projector.pixels_to_floor_within(&extent, pixels, [&mut x, &mut y], &mut status);
+            black_box((&x, &y, &status));
+        }
+    }
+    start.elapsed().as_secs_f64()
+}

@@ -1,0 +1,186 @@
+//! Engines that exist map an archive as the program does: the SQL view in `DuckDB` and in Spark, and Spark
+//! through the program itself, a worker of which is killed.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::fs::File;
+use std::process::Command;
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Lens, Pixel, Site, SiteCamera, Solution,
+    WorldPoint,
+};
+use calib_tests::{Scratch, engines_python, program, root};
+use parquet::arrow::ArrowWriter;
+use parquet::file::properties::WriterProperties;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::{Value, json};
+
+/// Camera a with five coefficients, b without distortion, c with the division model.
+fn site() -> Site {
+    let brown = BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 };
+    let lenses = [Distortion::BrownConrady(brown), Distortion::None, Distortion::Division { lambda: -0.12 }];
+    let cameras = ["a", "b", "c"].into_iter().zip(lenses).map(|(id, distortion)| {
+        let lens = Lens { principal_point: Pixel::new(957.0, 548.0), focal: 1250.0, distortion };
+        let camera = Camera {
+            position: WorldPoint::new(3.0, -4.0, 5.0),
+            yaw: 0.3,
+            pitch: 0.5,
+            roll: 0.05,
+            focal: 1250.0,
+            lens,
+            covariance: Covariance::EXACT,
+        };
+        let solution = json!({
+            "method": "given", "stage": "placed", "position_m": camera.position,
+            "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
+            "roll_deg": camera.roll.to_degrees(), "focal_px": camera.focal,
+            "principal_point_px": camera.lens.principal_point,
+            "distortion": DistortionEntry::of(&camera.lens, camera.focal),
+        });
+        let solution: Solution = serde_json::from_value(solution).unwrap();
+        SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) }
+    });
+    Site { cameras: cameras.collect(), ..Site::new() }
+}
+
+/// Detections of all cameras, in row groups small enough that several tasks share them.
+fn write_detections(scratch: &Scratch, groups: usize, rows: usize) {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let mut writer: Option<ArrowWriter<File>> = None;
+    for group in 0..groups {
+        let first = i64::try_from(group * rows).unwrap();
+        let ids = first..first + i64::try_from(rows).unwrap();
+        let mut number =
+            |most: f64| (0..rows).map(|_| Some(random.random_range(0.0..most))).collect::<Float64Array>();
+        let columns: Vec<(&str, ArrayRef)> = vec![
+            ("id", Arc::new(Int64Array::from_iter_values(ids.clone()))),
+            ("u", Arc::new(number(1920.0))),
+            ("v", Arc::new(number(1080.0))),
+            (
+                "camera_id",
+                Arc::new(
+                    ids.clone().map(|i| Some(["a", "b", "c"][(i % 3) as usize])).collect::<StringArray>(),
+                ),
+            ),
+            (
+                "seen_at",
+                Arc::new(
+                    TimestampMicrosecondArray::from_iter_values(
+                        ids.map(|i| 1_780_000_000_000_000 + 40_000 * i),
+                    )
+                    .with_timezone("UTC"),
+                ),
+            ),
+        ];
+        let batch = RecordBatch::try_from_iter(columns).unwrap();
+        let properties = WriterProperties::builder().set_max_row_group_row_count(Some(rows)).build();
+        let writer = writer.get_or_insert_with(|| {
+            let file = File::create(scratch.path("detections.parquet")).unwrap();
+            ArrowWriter::try_new(file, batch.schema(), Some(properties)).unwrap()
+        });
+        writer.write(&batch).unwrap();
+    }
+    writer.unwrap().close().unwrap();
+}
+
+/// The site, its SQL view, detections, and what the program makes of them.
+fn prepared(site: &Site, more: &[&str], groups: usize, rows: usize) -> (Scratch, String) {
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    let run =
+        scratch.calib(&["export", "sql", "site.json", "-o", "floor.sql", "--allow-lossy"]).expect_code(0);
+    write_detections(&scratch, groups, rows);
+    let args = [
+        "project",
+        "site.json",
+        "--to",
+        "floor",
+        "--camera-column",
+        "camera_id",
+        "-i",
+        "detections.parquet",
+        "-o",
+        "single.parquet",
+    ];
+    scratch.calib(&[&args[..], more].concat()).expect_code(0);
+    (scratch, run.stderr)
+}
+
+fn python(script: &str, arguments: &[&str]) -> Option<Value> {
+    let python = engines_python()?;
+    let output =
+        Command::new(python).arg(root().join("tests").join(script)).args(arguments).output().unwrap();
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{script}: {log}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    Some(
+        serde_json::from_str(text.lines().last().unwrap_or_default())
+            .unwrap_or_else(|_| panic!("{text}\n{log}")),
+    )
+}
+
+/// The two numbers that an export says of a lens that is fitted: pixels, and metres in the EFOV.
+fn told_error(stderr: &str) -> [f64; 2] {
+    let line = stderr.lines().find(|line| line.contains("px off")).unwrap();
+    let before = |unit: &str| line.split(unit).next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    [before(" px off"), before(" m")]
+}
+
+#[test]
+fn the_view_in_duckdb_is_exact_or_as_far_off_as_it_says() {
+    let (scratch, told) = prepared(&site(), &[], 2, 100_000);
+    let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
+    for camera in ["b", "c"] {
+        let row = &found[camera];
+        assert_eq!(row["one_sided"], 0, "{row}");
+        assert!(row["mapped"].as_u64().unwrap() > 50_000, "{row}");
+        assert!(row["relative"].as_f64().unwrap() < 1e-9, "{row}");
+    }
+    // Between the points of the grid on which the error was looked for it may be a little more.
+    let ([pixels, metres], row) = (told_error(&told), &found["a"]);
+    assert!(pixels > 1.0 && pixels < 20.0 && metres < 0.5, "{told}");
+    let off = row["in_efov_m"].as_f64().unwrap();
+    assert!(off < 1.2 * metres && off > 0.2 * metres, "{off} m, and {metres} m was said");
+}
+
+#[test]
+fn the_view_takes_the_calibration_of_the_time() {
+    let mut site = site();
+    let mut after = site.cameras[1].clone();
+    after.solution.as_mut().unwrap().yaw_deg = Some(70.0);
+    site.cameras[1].valid_to = Some("2026-05-28T21:30:00+01:00".into());
+    after.valid_from.clone_from(&site.cameras[1].valid_to);
+    site.cameras.push(after);
+    // 3000 seconds, from 20:26:40 on.
+    let (scratch, _) = prepared(&site, &["--at-column", "seen_at"], 1, 75_000);
+    let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
+    assert_eq!(found["b"]["rows"], 25_000);
+    assert!(found["b"]["relative"].as_f64().unwrap() < 1e-9, "{found}");
+}
+
+#[test]
+fn spark_maps_an_archive_as_one_machine_does_even_when_a_worker_dies() {
+    if engines_python().is_none() {
+        return;
+    }
+    let (scratch, _) = prepared(&site(), &[], 12, 250_000);
+    let examples = root().join("crates/calib-cli/examples");
+    let arguments = [
+        program().to_string_lossy(),
+        examples.to_string_lossy(),
+        scratch.path("").to_string_lossy().into_owned().into(),
+    ];
+    let Some(found) = python("engines_spark.py", &arguments.each_ref().map(|text| &**text)) else { return };
+    println!("{found}");
+    assert_eq!((&found["rows"], &found["different"]), (&json!(3_000_000), &json!(0)), "{found}");
+    assert_eq!(found["killed"], true, "{found}");
+    assert_eq!(found["view_rows"], found["view_expected"], "{found}");
+    assert!(
+        found["view_rows"].as_u64().unwrap() > 1_000_000 && found["view_off"].as_f64().unwrap() < 1e-9,
+        "{found}"
+    );
+}
