@@ -29,10 +29,7 @@ fn sixteen() -> (Site, Images) {
         .map(|i| {
             let mut camera = shop[i % 3].clone();
             let [w, h] = camera.size_px;
-            let still = image::RgbImage::from_pixel(w, h, image::Rgb([10 * i as u8; 3]));
-            let mut bytes = std::io::Cursor::new(Vec::new());
-            still.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-            camera.image = Some(images.store(bytes.into_inner().into(), "image/png"));
+            camera.image = Some(still(&mut images, [w, h], 10 * i as u8));
             camera.id = format!("{}-{i}", camera.id);
             camera
         })
@@ -41,11 +38,18 @@ fn sixteen() -> (Site, Images) {
     (site, images)
 }
 
+/// A still of one grey in the store.
+fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
+    let picture = image::RgbImage::from_pixel(w, h, image::Rgb([grey; 3]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    images.store(bytes.into_inner().into(), "image/png")
+}
+
 /// A desk where every still has arrived.
-fn all_views() -> Desk {
-    let (site, images) = sixteen();
+fn arrived(site: Site, images: Images, view: Key) -> Desk {
     let mut desk = Desk::with(site, images);
-    desk.key(Key::Num3);
+    desk.key(view);
     let patience = Instant::now();
     while desk.app().pictures.loading() > 0 {
         desk.harness.step();
@@ -58,7 +62,8 @@ fn all_views() -> Desk {
 
 /// Milliseconds of every frame while a mark is dragged in one view and shown in all.
 fn frames() -> Vec<f64> {
-    let mut desk = all_views();
+    let (site, images) = sixteen();
+    let mut desk = arrived(site, images, Key::Num3);
     desk.take("Select");
     let foot = desk.site().marks[0].at_m;
     let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(foot).unwrap();
@@ -99,15 +104,46 @@ fn solves() -> Vec<f64> {
     (0..COUNT).map(solve).collect()
 }
 
+/// Milliseconds of every frame while a photograph of twelve megapixels is panned at four times its fit.
+fn pans() -> Vec<f64> {
+    let (mut site, mut images) = (demo(), Images::default());
+    site.cameras.truncate(1);
+    (site.links, site.distances) = (Vec::new(), Vec::new());
+    site.cameras[0].size_px = [4000, 3000];
+    site.cameras[0].image = Some(still(&mut images, [4000, 3000], 90));
+    let mut desk = arrived(site, images, Key::Num1);
+    for _ in 0..6 {
+        desk.key(Key::Plus);
+    }
+    let at = desk.screen(Pane::Image(0), [2000.0, 1500.0]);
+    let (button, modifiers) = (PointerButton::Middle, Modifiers::NONE);
+    desk.harness.event(Event::PointerMoved(at));
+    desk.harness.event(Event::PointerButton { pos: at, button, pressed: true, modifiers });
+    desk.harness.step();
+    let frame = |i: usize| {
+        let angle = i as f32 * 0.05;
+        let to = Pos2::new(at.x + 200.0 * angle.cos(), at.y + 150.0 * angle.sin());
+        desk.harness.event(Event::PointerMoved(to));
+        let start = Instant::now();
+        desk.harness.step();
+        1e3 * start.elapsed().as_secs_f64()
+    };
+    let took = (0..COUNT).map(frame).collect();
+    assert!(desk.screen(Pane::Image(0), [2000.0, 1500.0]).distance(at) > 10.0, "the image was not panned");
+    took
+}
+
 fn main() {
-    let (mut frames, mut solves) = (frames(), solves());
+    let (mut frames, mut solves, mut pans) = (frames(), solves(), pans());
     frames.sort_by(f64::total_cmp);
     solves.sort_by(f64::total_cmp);
+    pans.sort_by(f64::total_cmp);
     let mut out = std::io::stdout().lock();
     let (median, worst, solve) = (frames[COUNT / 2], frames[COUNT - 1], solves[COUNT / 2]);
+    let pan = pans[COUNT / 2];
     writeln!(
         out,
-        r#"{{"app_frame_16_cameras_ms":{median:.3},"app_frame_16_cameras_worst_ms":{worst:.3},"app_drag_solve_ms":{solve:.4}}}"#
+        r#"{{"app_frame_16_cameras_ms":{median:.3},"app_frame_16_cameras_worst_ms":{worst:.3},"app_drag_solve_ms":{solve:.4},"app_pan_12_megapixels_ms":{pan:.3}}}"#
     )
     .unwrap();
 }

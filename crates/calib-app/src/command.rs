@@ -195,8 +195,7 @@ fn fits(keys: KeyboardShortcut, key: Key, modifiers: Modifiers) -> bool {
     let same_key = keys.logical_key == key
         || keys.logical_key == Key::Plus && key == Key::Equals
         || keys.logical_key == Key::CloseBracket && key == Key::CloseCurlyBracket
-        || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket
-        || keys.logical_key == Key::Delete && key == Key::Delete;
+        || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket;
     same_key
         && modifiers.command == keys.modifiers.command
         && !modifiers.alt

@@ -10,7 +10,6 @@ use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
-use egui_kittest::kittest::{NodeT as _, Queryable as _};
 
 /// The demonstration site before anything was drawn.
 fn blank() -> Site {
@@ -113,7 +112,9 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         }
         desk.key(Key::Num1);
         let focal = told[id]["focal_px"].as_f64().unwrap();
-        let shown = desk.harness.get_by_label_contains("Focal ").accesskit_node().label().unwrap();
+        let words = desk.words();
+        let is_focal = |text: &&String| text.starts_with("Focal ") && text.ends_with(" px");
+        let shown = words.iter().find(is_focal).expect("the focal on the panel");
         let number = shown.split_whitespace().nth(1).unwrap();
         let digits = number.split_once('.').map_or(0, |(_, digits)| digits.len());
         assert_eq!(number, format!("{focal:.digits$}"), "{id}: {shown}");

@@ -13,7 +13,7 @@ use calib_core::{Kind, Pixel};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2, Vec2};
-use egui_kittest::kittest::{NodeT as _, Queryable as _};
+use egui_kittest::kittest::Queryable as _;
 
 fn tell(desk: &mut Desk, command: Command) {
     let ctx = desk.harness.ctx.clone();
@@ -21,10 +21,9 @@ fn tell(desk: &mut Desk, command: Command) {
     desk.harness.run_steps(3);
 }
 
-/// Every label on screen.
+/// Everything that is on screen.
 fn words(desk: &Desk) -> String {
-    let labels = desk.harness.query_all_by(|_| true).filter_map(|node| node.accesskit_node().label());
-    labels.collect::<Vec<_>>().join("\n")
+    desk.words().join("\n")
 }
 
 #[test]

@@ -12,6 +12,7 @@ use calib_app::tools::{Pane, TOOLS};
 use calib_core::{Pixel, Site};
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 
 thread_local! {
     static ANSWER: std::cell::Cell<Option<PathBuf>> = const { std::cell::Cell::new(None) };
@@ -98,6 +99,16 @@ impl Desk {
             Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers },
             modifiers,
         );
+    }
+
+    /// Every text on screen, as screen readers have it.
+    pub(crate) fn words(&self) -> Vec<String> {
+        let nodes = self.harness.query_all_by(|_| true);
+        let said = nodes.flat_map(|node| {
+            let node = node.accesskit_node();
+            [node.label(), node.value()]
+        });
+        said.flatten().collect()
     }
 
     /// The button goes down and stays down.
