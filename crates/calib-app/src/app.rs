@@ -7,7 +7,7 @@ use egui::{Color32, Context, Painter, Rect, Ui};
 
 use crate::canvas::{Mapping, View};
 use crate::command;
-use crate::dialog::{Dialog, Purpose};
+use crate::dialog::{Chosen, Dialog, Purpose};
 use crate::edges::{self, Edge, Edges};
 use crate::files::{Autosave, Found, Images};
 use crate::hit::Part;
@@ -17,6 +17,7 @@ use crate::panels;
 use crate::picture::{Pictures, Piece};
 use crate::scene3d::Orbit;
 use crate::session::Session;
+use crate::shelf::{Shelf, Work};
 use crate::task::Task;
 use crate::theme;
 use crate::tools::{Pane, TOOLS, Tool};
@@ -99,6 +100,9 @@ pub struct App {
     pub compared: Option<Site>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
+    /// Where a browser keeps sites.
+    pub shelf: Option<Box<dyn Shelf>>,
+    pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) autosave: Option<Autosave>,
     pub(crate) kept: u64,
     pub(crate) dialog: Option<Dialog>,
@@ -154,6 +158,8 @@ impl App {
             old_still: None,
             compared: None,
             chooser: Dialog::open,
+            shelf: None,
+            arriving: Vec::new(),
             autosave,
             kept: 0,
             dialog: None,
@@ -167,6 +173,9 @@ impl App {
     /// Opens a site in place of the one that is open.
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
         self.session = Session::new(site, images, path);
+        if let Some(shelf) = &mut self.shelf {
+            shelf.begin();
+        }
         self.pictures.clear();
         self.edges.clear();
         self.panes = Panes::default();
@@ -351,7 +360,8 @@ impl App {
         self.pictures.begin_frame(ctx);
         self.poll_dialog(ctx);
         self.poll_stills();
-        self.take_dropped(ctx);
+        self.poll_arrivals(ctx);
+        self.poll_shelf();
         self.poll_picture();
         for (command, modifiers) in command::pressed(ctx) {
             command::run(self, ctx, command, modifiers);
@@ -387,6 +397,11 @@ impl App {
             return;
         }
         self.kept = self.session.generation;
+        if let Some(shelf) = &mut self.shelf {
+            let (site, session) = (self.session.history.site(), &self.session);
+            let last = session.history.undo_name().unwrap_or_default();
+            shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
+        }
         let Some(autosave) = &self.autosave else { return };
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
         let site = self.session.history.site();

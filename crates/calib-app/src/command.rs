@@ -17,6 +17,7 @@ pub enum Command {
     Open,
     Save,
     SaveAs,
+    SavePlain,
     AddImages,
     LoadPlan,
     ReplaceStill,
@@ -112,6 +113,7 @@ pub const COMMANDS: &[Row] = {
         row(C::Open, "Open a site\u{2026}", CTRL, Key::O),
         row(C::SaveAs, "Save the site as\u{2026}", CTRL_SHIFT, Key::S),
         row(C::Save, "Save the site", CTRL, Key::S),
+        bare(C::SavePlain, "Save the site without its images\u{2026}"),
         row(C::AddImages, "Add images\u{2026}", CTRL, Key::I),
         bare(C::LoadPlan, "Load a floor plan\u{2026}"),
         bare(C::ReplaceStill, "Replace the still of this camera\u{2026}"),
@@ -279,6 +281,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         | C::Open
         | C::Save
         | C::SaveAs
+        | C::SavePlain
         | C::AddImages
         | C::LoadPlan
         | C::ReplaceStill

@@ -12,6 +12,8 @@ pub enum Purpose {
     OpenSite,
     /// Where to save the site.
     SaveSite,
+    /// Where to save the site without its images.
+    SavePlain,
     /// Stills of new cameras.
     AddImages,
     /// The floor plan.
@@ -50,32 +52,7 @@ impl Dialog {
     /// Opens a chooser.
     #[must_use]
     pub fn open(purpose: Purpose) -> Self {
-        let dialog = rfd::AsyncFileDialog::new();
-        let images: &[&str] = &["png", "jpg", "jpeg"];
-        let site: &[&str] = &["json"];
-        let answer: Pin<Box<dyn Future<Output = Vec<Chosen>>>> = match purpose {
-            Purpose::AddImages => {
-                let files = dialog.set_title("Add images").add_filter("Images", images).pick_files();
-                Box::pin(async move { chosen(files.await.unwrap_or_default()).await })
-            }
-            Purpose::SaveSite => {
-                let file = dialog
-                    .set_title("Save site")
-                    .add_filter("Site", site)
-                    .set_file_name("site.json")
-                    .save_file();
-                Box::pin(async move { saved(file.await).await })
-            }
-            Purpose::OpenSite | Purpose::Compare => {
-                let file = dialog.set_title("Open site").add_filter("Site", site).pick_file();
-                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
-            }
-            Purpose::LoadPlan | Purpose::ReplaceStill => {
-                let file = dialog.set_title("Choose an image").add_filter("Images", images).pick_file();
-                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
-            }
-        };
-        Self { purpose, answer }
+        Self { purpose, answer: Box::pin(ask(purpose)) }
     }
 
     /// A chooser that was answered before it was opened: for tests and scripts.
@@ -94,33 +71,51 @@ impl Dialog {
     }
 }
 
+const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
+const SITE: &[&str] = &["json"];
+
 #[cfg(not(target_arch = "wasm32"))]
-async fn chosen(files: Vec<rfd::FileHandle>) -> Vec<Chosen> {
+fn ask(purpose: Purpose) -> impl Future<Output = Vec<Chosen>> {
+    let dialog = rfd::AsyncFileDialog::new();
     let one = |file: rfd::FileHandle| Chosen {
         name: file.file_name(),
         path: Some(file.path().to_path_buf()),
         bytes: None,
     };
-    files.into_iter().map(one).collect()
+    let site = |title: &str| dialog.clone().set_title(title).add_filter("Site", SITE);
+    let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
+    let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
+        Purpose::AddImages => {
+            let files = images("Add images").pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::SaveSite | Purpose::SavePlain => {
+            let file = site("Save site").set_file_name("site.json").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::OpenSite | Purpose::Compare => {
+            let file = site("Open site").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::LoadPlan | Purpose::ReplaceStill => {
+            let file = images("Choose an image").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+    };
+    async move { answer.await.into_iter().map(one).collect() }
 }
 
+/// A file that is saved is a download: there is nothing to ask.
 #[cfg(target_arch = "wasm32")]
-async fn chosen(files: Vec<rfd::FileHandle>) -> Vec<Chosen> {
-    let mut list = Vec::new();
-    for file in files {
-        list.push(Chosen { name: file.file_name(), path: None, bytes: Some(file.read().await) });
-    }
-    list
-}
-
-async fn saved(file: Option<rfd::FileHandle>) -> Vec<Chosen> {
-    #[cfg(not(target_arch = "wasm32"))]
-    {
-        chosen(file.into_iter().collect()).await
-    }
-    #[cfg(target_arch = "wasm32")]
-    {
-        // Nothing is read from where one writes to.
-        file.into_iter().map(|file| Chosen { name: file.file_name(), path: None, bytes: None }).collect()
+async fn ask(purpose: Purpose) -> Vec<Chosen> {
+    match purpose {
+        Purpose::SaveSite | Purpose::SavePlain => {
+            vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
+        }
+        // A site comes together with its images.
+        Purpose::OpenSite => crate::web::pick(&[SITE, IMAGES].concat(), true).await,
+        Purpose::Compare => crate::web::pick(SITE, false).await,
+        Purpose::AddImages => crate::web::pick(IMAGES, true).await,
+        Purpose::LoadPlan | Purpose::ReplaceStill => crate::web::pick(IMAGES, false).await,
     }
 }

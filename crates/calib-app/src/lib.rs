@@ -10,6 +10,7 @@ pub mod paint;
 pub mod task;
 pub mod picture;
 pub mod files;
+pub mod shelf;
 pub mod demo;
 pub mod dialog;
 pub mod canvas;
@@ -31,6 +32,9 @@ pub mod pane;
 pub mod panels;
 pub mod app;
 mod document;
+mod arrivals;
 mod stills;
+#[cfg(target_arch = "wasm32")]
+pub mod web;
 
 pub use app::App;

@@ -16,27 +16,22 @@ impl App {
     pub(crate) fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
         match (purpose, file.path.clone()) {
             (Purpose::OpenSite, Some(path)) => self.open_path(&path),
-            (Purpose::OpenSite, None) => {
-                let text = file.bytes.and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
-                match files::parse(&text, None) {
-                    Ok((site, images)) => self.open_site(site, images, None),
-                    Err(error) => self.error = Some(format!("{}: {error}", file.name)),
-                }
-            }
+            (Purpose::OpenSite, None) => self.take_together(ctx, vec![file]),
             (Purpose::SaveSite, Some(path)) => {
                 self.session.path = Some(path);
                 self.save();
             }
-            (Purpose::Compare, Some(path)) => match files::open(&path) {
+            (Purpose::SavePlain, Some(path)) => self.save_plain(&path),
+            (Purpose::Compare, _) => match file.read().and_then(|text| files::parse(&text, None)) {
                 Ok((site, _)) => self.compared = Some(site),
-                Err(error) => self.error = Some(error),
+                Err(error) => self.error = Some(format!("{}: {error}", file.name)),
             },
             (Purpose::AddImages, _) => self.add_still(ctx, file),
             (Purpose::LoadPlan, _) => self.planning = Some(self.read_still(ctx, file)),
             (Purpose::ReplaceStill, _) => {
                 self.replacing = Some((self.session.camera, self.read_still(ctx, file)));
             }
-            (Purpose::SaveSite | Purpose::Compare, None) => {}
+            (Purpose::SaveSite | Purpose::SavePlain, None) => {}
         }
     }
 
@@ -55,7 +50,7 @@ impl App {
             (None, Some(bytes)) => {
                 let mime =
                     if file.name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" };
-                self.session.images.store(bytes.into(), mime)
+                self.session.images.store(bytes.into(), mime, Some(&file.name))
             }
             (None, None) => file.name.clone(),
         };
@@ -154,13 +149,6 @@ impl App {
         self.take_tool(measure);
     }
 
-    pub(crate) fn take_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
-        for file in dropped {
-            self.take_path(ctx, file.path().to_path_buf());
-        }
-    }
-
     /// Takes what was dropped or named: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
         let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
@@ -214,6 +202,10 @@ impl App {
         };
         let purpose = dialog.purpose;
         self.dialog = None;
+        if purpose == Purpose::OpenSite && chosen.iter().all(|file| file.path.is_none()) {
+            self.take_together(ctx, chosen);
+            return;
+        }
         for file in chosen {
             self.take_file(ctx, purpose, file);
         }

@@ -6,7 +6,7 @@ pub struct Task<T> {
     #[cfg(not(target_arch = "wasm32"))]
     result: std::sync::mpsc::Receiver<T>,
     #[cfg(target_arch = "wasm32")]
-    result: std::cell::Cell<Option<T>>,
+    result: std::rc::Rc<std::cell::RefCell<Option<T>>>,
 }
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -33,13 +33,44 @@ impl<T: Send + 'static> Task<T> {
     }
 }
 
+impl<T> Task<T> {
+    /// Work that is done already.
+    #[must_use]
+    pub fn done(result: T) -> Self {
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let (sender, receiver) = std::sync::mpsc::channel();
+            // The receiver is there.
+            let _ = sender.send(result);
+            Self { result: receiver }
+        }
+        #[cfg(target_arch = "wasm32")]
+        Self { result: std::rc::Rc::new(std::cell::RefCell::new(Some(result))) }
+    }
+}
+
 #[cfg(target_arch = "wasm32")]
 impl<T: 'static> Task<T> {
-    /// Does the work; there is one thread.
+    /// Does the work between two frames; there is one thread.
     #[must_use]
     pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
-        ctx.request_repaint();
-        Self { result: std::cell::Cell::new(Some(work())) }
+        Self::wait(ctx, async {
+            crate::web::turn().await;
+            work()
+        })
+    }
+
+    /// Waits for what the browser does; `ctx` is asked for a frame when it is done.
+    #[must_use]
+    pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {
+        let (result, ctx) = (std::rc::Rc::new(std::cell::RefCell::new(None)), ctx.clone());
+        let out = std::rc::Rc::clone(&result);
+        wasm_bindgen_futures::spawn_local(async move {
+            let done = work.await;
+            out.replace(Some(done));
+            ctx.request_repaint();
+        });
+        Self { result }
     }
 
     /// The result, once.

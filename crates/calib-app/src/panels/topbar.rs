@@ -9,7 +9,15 @@ use crate::theme;
 
 /// The commands of the menu, in its order; a gap between groups.
 const MENU: &[&[Command]] = &[
-    &[Command::NewSite, Command::Demo, Command::Tour, Command::Open, Command::Save, Command::SaveAs],
+    &[
+        Command::NewSite,
+        Command::Demo,
+        Command::Tour,
+        Command::Open,
+        Command::Save,
+        Command::SaveAs,
+        Command::SavePlain,
+    ],
     &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
     &[Command::SavePicture, Command::Theme, Command::Feet],
     &[Command::Shortcuts, Command::About],
