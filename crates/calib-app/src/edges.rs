@@ -9,6 +9,7 @@ use image::RgbImage;
 
 use crate::hit::to_segment;
 use crate::task::Task;
+use crate::work;
 
 /// A straight edge, in raw pixels.
 pub type Edge = [Pixel; 2];
@@ -57,10 +58,10 @@ pub fn find(image: &RgbImage) -> Vec<Edge> {
 impl Edges {
     /// The edges of a still; the first question starts the search.
     pub fn of(&mut self, ctx: &Context, name: &str, image: &Arc<RgbImage>) -> &[Edge] {
-        let state = self.stills.entry(name.to_owned()).or_insert_with(|| {
-            let image = Arc::clone(image);
-            State::Looking(Task::spawn(ctx, move || find(&image)))
-        });
+        let state = self
+            .stills
+            .entry(name.to_owned())
+            .or_insert_with(|| State::Looking(work::find_edges(ctx, image)));
         if let State::Looking(task) = state
             && let Some(edges) = task.poll()
         {

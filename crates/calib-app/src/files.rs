@@ -59,7 +59,9 @@ impl Images {
 
     /// Whatever is stored: id, type, name of the file, bytes.
     pub fn stored(&self) -> impl Iterator<Item = (&str, &str, Option<&str>, &[u8])> {
-        self.stored.iter().map(|(id, stored)| (id.as_str(), stored.mime.as_str(), stored.name.as_deref(), &*stored.bytes))
+        self.stored
+            .iter()
+            .map(|(id, stored)| (id.as_str(), stored.mime.as_str(), stored.name.as_deref(), &*stored.bytes))
     }
 
     /// Whether bytes are stored under this name.
@@ -84,7 +86,7 @@ impl Images {
             if let Some(stored) = self.stored.get(image.as_str()) {
                 *image = data_uri(&stored.mime, &stored.bytes);
             } else if self.folder.is_none()
-                && let Some(Ok(bytes)) = self.missing.map(|make| self.make(make, image))
+                && let Some(Ok(bytes)) = self.missing.map(|make| self.reader(image).make(make))
             {
                 *image = data_uri("image/png", &bytes);
             }
@@ -106,23 +108,6 @@ impl Images {
         site
     }
 
-    /// These images without those that are stored: enough to make the others.
-    fn clone_maker(&self) -> Self {
-        Self { stored: BTreeMap::new(), ..self.clone() }
-    }
-
-    /// Makes an image, once.
-    fn make(&self, make: Make, name: &str) -> FileResult<Arc<[u8]>> {
-        let known = self.made.lock().unwrap_or_else(PoisonError::into_inner).get(name).cloned();
-        if let Some(known) = known {
-            return Ok(known);
-        }
-        let bytes: Arc<[u8]> = make(name)?.into();
-        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        made.insert(name.to_owned(), Arc::clone(&bytes));
-        Ok(bytes)
-    }
-
     /// The site with the paths of its images as seen from another folder.
     #[must_use]
     pub fn rebased(&self, site: &Site, folder: &Path) -> Site {
@@ -135,16 +120,65 @@ impl Images {
         site
     }
 
-    /// A closure that reads an image, to be called off the frame's path.
-    pub fn reader(&self, name: &str) -> impl FnOnce() -> Result<Arc<[u8]>, String> + Send + use<> {
-        let stored = self.stored.get(name).map(|stored| Arc::clone(&stored.bytes));
-        let path = self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
-        let (maker, missing, name) = (self.clone_maker(), self.missing, name.to_owned());
-        move || match (stored, missing) {
-            (Some(bytes), _) => Ok(bytes),
-            (None, Some(make)) => read(&path).map(Into::into).or_else(|_| maker.make(make, &name)),
-            (None, None) => read(&path).map(Into::into),
+    /// Where an image comes from, to be read off the frame's path.
+    #[must_use]
+    pub fn reader(&self, name: &str) -> Source {
+        Source {
+            stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
+            path: self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name)),
+            missing: self.missing,
+            name: name.to_owned(),
+            made: Arc::clone(&self.made),
         }
+    }
+}
+
+/// Where an image comes from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    stored: Option<Arc<[u8]>>,
+    path: PathBuf,
+    missing: Option<Make>,
+    name: String,
+    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+}
+
+impl Source {
+    /// Its bytes.
+    ///
+    /// # Errors
+    /// When it is not there and cannot be made.
+    pub fn read(self) -> FileResult<Arc<[u8]>> {
+        match (&self.stored, self.missing) {
+            (Some(bytes), _) => Ok(Arc::clone(bytes)),
+            (None, Some(make)) => read(&self.path).map(Into::into).or_else(|_| self.make(make)),
+            (None, None) => read(&self.path).map(Into::into),
+        }
+    }
+
+    /// The name of an image that has to be made, and was not made yet.
+    #[must_use]
+    pub fn made_by_name(&self) -> Option<&str> {
+        let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.known().is_none();
+        is_to_be_made.then_some(self.name.as_str())
+    }
+
+    fn known(&self) -> Option<Arc<[u8]>> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
+    }
+
+    /// Keeps what was made, so that it is made once.
+    pub fn keep(&self, bytes: Arc<[u8]>) {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
+    }
+
+    fn make(&self, make: Make) -> FileResult<Arc<[u8]>> {
+        if let Some(known) = self.known() {
+            return Ok(known);
+        }
+        let bytes: Arc<[u8]> = make(&self.name)?.into();
+        self.keep(Arc::clone(&bytes));
+        Ok(bytes)
     }
 }
 

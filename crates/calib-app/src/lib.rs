@@ -10,6 +10,7 @@ pub mod paint;
 pub mod task;
 pub mod picture;
 pub mod files;
+pub mod work;
 pub mod shelf;
 pub mod demo;
 pub mod dialog;

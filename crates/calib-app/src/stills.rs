@@ -55,10 +55,7 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.session.images.reader(&name);
-        Task::spawn(ctx, move || {
-            let size = crate::picture::decode(&read()?)?.dimensions().into();
-            Ok((name, title, size))
-        })
+        crate::work::decode(ctx, read, |image| (name, title, image.dimensions().into()))
     }
 
     pub(crate) fn poll_stills(&mut self) {

@@ -1,4 +1,4 @@
-//! Work off the frame's path: a thread natively, in the browser the next frame that asks.
+//! Work off the frame's path: a thread natively, in the browser what it does by itself.
 
 /// Work that is under way, and then its result.
 #[derive(Debug)]
@@ -51,15 +51,6 @@ impl<T> Task<T> {
 
 #[cfg(target_arch = "wasm32")]
 impl<T: 'static> Task<T> {
-    /// Does the work between two frames; there is one thread.
-    #[must_use]
-    pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
-        Self::wait(ctx, async {
-            crate::web::turn().await;
-            work()
-        })
-    }
-
     /// Waits for what the browser does; `ctx` is asked for a frame when it is done.
     #[must_use]
     pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {

@@ -122,6 +122,11 @@
     if (tree.spoken && at("spoken").textContent !== tree.spoken) at("spoken").textContent = tree.spoken;
   };
 
+  // Keys that mean something here, and that the browser would take for its own.
+  addEventListener("keydown", (event) => {
+    if ((event.ctrlKey || event.metaKey) && !event.altKey && /^[adikosz]$/i.test(event.key) && at("trouble").hidden) event.preventDefault();
+  });
+  addEventListener("contextmenu", (event) => { if (event.target === canvas()) event.preventDefault(); });
   addEventListener("beforeunload", (event) => { if (calib.unkept && !calib.broken) event.preventDefault(); });
   // A file dropped before the app is there must not replace the page.
   addEventListener("dragover", (event) => event.preventDefault());
@@ -154,6 +159,49 @@
     return counted(response.body, size);
   };
 
+  /** Work that would hold up frames, one piece after the other in a worker of the same program. */
+  let worker = null;
+  const asked = new Map();
+  const hire = () => {
+    const glue = at("glue");
+    const source = glue.src ? `importScripts(${JSON.stringify(glue.src)});` : glue.textContent;
+    const listen = `
+      let ready;
+      onmessage = async ({ data: { id, module, kind, name, width, bytes } }) => {
+        if (module) { ready = wasm_bindgen({ module_or_path: module }); return; }
+        try {
+          await ready;
+          const result = calibWork(kind, name, width, bytes);
+          postMessage({ id, result }, result.filter((part) => part.buffer).map((part) => part.buffer));
+        } catch (error) { postMessage({ id, error: String(error?.message ?? error), fatal: error instanceof WebAssembly.RuntimeError }); }
+      };`;
+    const url = URL.createObjectURL(new Blob([source, listen], { type: "text/javascript" }));
+    const hired = new Worker(url);
+    hired.postMessage({ module: calib.module });
+    // A worker that broke is replaced with the next piece of work; what waited for it is told.
+    const dismiss = (why) => {
+      hired.terminate();
+      worker = null;
+      for (const [, reject] of asked.values()) reject(why);
+      asked.clear();
+    };
+    hired.onmessage = ({ data: { id, result, error, fatal } }) => {
+      const [resolve, reject] = asked.get(id);
+      asked.delete(id);
+      if (error) reject(error); else resolve(result);
+      if (fatal) dismiss(error);
+    };
+    hired.onerror = (event) => dismiss(event.message || "the worker stopped");
+    return hired;
+  };
+  let last = 0;
+  calib.work = (kind, name, width, bytes) => new Promise((resolve, reject) => {
+    worker ??= hire();
+    last += 1;
+    asked.set(last, [resolve, reject]);
+    worker.postMessage({ id: last, kind, name, width, bytes }, [bytes.buffer]);
+  });
+
   const offline = async () => {
     if (!("serviceWorker" in navigator) || !location.protocol.startsWith("http")) return;
     await navigator.serviceWorker.register("sw.js").catch(() => {});
@@ -163,8 +211,9 @@
     if (typeof WebAssembly !== "object") return cannot("has no WebAssembly");
     if (!document.createElement("canvas").getContext("webgl2")) return cannot("has no WebGL 2");
     try {
-      await wasm_bindgen({ module_or_path: fetched() });
-      calib.loaded = true;
+      calib.module = await WebAssembly.compileStreaming(fetched());
+      const { memory } = await wasm_bindgen({ module_or_path: calib.module });
+      calib.memory = () => memory.buffer.byteLength;
     } catch (error) {
       if (calib.broken) return;
       trouble("Calib could not be loaded", "The program did not arrive whole.", [reload], String(error?.stack ?? error));

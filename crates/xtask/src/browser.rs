@@ -9,14 +9,9 @@ use crate::check::root;
 use crate::{serve, web};
 
 /// Where what drives the browser is installed.
-pub(crate) const FOLDER: &str = "target/browser";
+const FOLDER: &str = "target/browser";
 /// What drives it.
 const SOURCES: &str = "crates/calib-app/tests/browser";
-
-/// Whether the browser and what drives it are there.
-pub(crate) fn is_there() -> bool {
-    chromium().is_some() && root().join(FOLDER).join("node_modules/playwright-core/package.json").exists()
-}
 
 fn chromium() -> Option<PathBuf> {
     ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"]
@@ -32,7 +27,7 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>) -> anyhow::
     }
     let browser = chromium().context("no Chromium: apt-get install chromium")?;
     let site = serve::Site::new(out, 0)?;
-    let address = format!("http://{}/", site.address());
+    let address = format!("http://{}/", site.address()?);
     std::thread::spawn(move || site.serve());
     let mut node = Command::new("node");
     node.arg(root().join(SOURCES).join(script)).arg(&address).arg(out.join("calib.html"));

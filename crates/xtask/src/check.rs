@@ -69,6 +69,28 @@ const WEB: Tool = Tool {
     ],
 };
 
+const BROWSER: Tool = Tool {
+    name: "Chromium, Node and what drives a browser",
+    is_there: || {
+        let driver = root().join("target/browser/node_modules/playwright-core/package.json");
+        runs("/usr/bin/chromium", &["--version"]) && runs("/usr/bin/node", &["--version"]) && driver.exists()
+    },
+    install: &[
+        &["apt-get", "update", "--quiet"],
+        // Whoever has a newer Node from elsewhere keeps it.
+        &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
+        &["apt-get", "install", "--quiet", "--yes", "chromium"],
+        &["mkdir", "-p", "target/browser"],
+        &[
+            "cp",
+            "crates/calib-app/tests/browser/package.json",
+            "crates/calib-app/tests/browser/package-lock.json",
+            "target/browser",
+        ],
+        &["npm", "ci", "--prefix", "target/browser", "--no-fund", "--no-audit"],
+    ],
+};
+
 const PLAIN: Check = Check { name: "", command: &[], environment: &[], folders: &[], tools: &[] };
 
 /// The list is the registry.
@@ -128,6 +150,13 @@ const CHECKS: &[Check] = &[
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features"],
         tools: &[&PEERS],
+        ..PLAIN
+    },
+    Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
+    Check {
+        name: "the app in Chromium",
+        command: &["cargo", "xtask", "browser"],
+        tools: &[&WEB, &BROWSER],
         ..PLAIN
     },
 ];

@@ -99,9 +99,11 @@ fn main() -> anyhow::Result<()> {
             check::rerun(&["--features", "web"], &arguments)
         }
         #[cfg(feature = "web")]
-        Command::Browser { out, script, pictures } => {
-            browser::run(&check::root().join(out), &script, pictures.map(|p| check::root().join(p)).as_deref())
-        }
+        Command::Browser { out, script, pictures } => browser::run(
+            &check::root().join(out),
+            &script,
+            pictures.map(|p| check::root().join(p)).as_deref(),
+        ),
         #[cfg(not(feature = "web"))]
         Command::Browser { .. } => {
             let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -109,7 +111,7 @@ fn main() -> anyhow::Result<()> {
         }
         Command::Serve { folder, port } => {
             let site = serve::Site::new(&check::root().join(folder), port)?;
-            println!("http://{}/", site.address());
+            println!("http://{}/", site.address()?);
             site.serve();
             Ok(())
         }

@@ -1,10 +1,9 @@
 //! `cargo xtask serve`: a folder on loopback, for trying what a web host would serve.
 
 use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Component, Path, PathBuf};
-
-use anyhow::anyhow;
-use tiny_http::{Header, Request, Response, Server};
 
 /// Endings and what they are.
 const TYPES: [(&str, &str); 7] = [
@@ -17,59 +16,67 @@ const TYPES: [(&str, &str); 7] = [
     ("webmanifest", "application/manifest+json"),
 ];
 
-/// As many as a browser opens connections.
-const THREADS: usize = 8;
+/// A request is at most so long, in bytes.
+const LONGEST: u64 = 16 << 10;
 
 /// A folder that is served.
+#[derive(Debug)]
 pub(crate) struct Site {
     folder: PathBuf,
-    server: Server,
+    listener: TcpListener,
 }
 
 impl Site {
     /// A server for a folder; port 0 takes a free one.
     pub(crate) fn new(folder: &Path, port: u16) -> anyhow::Result<Self> {
-        let server = Server::http(("127.0.0.1", port)).map_err(|error| anyhow!("port {port}: {error}"))?;
-        Ok(Self { folder: folder.to_path_buf(), server })
+        let listener = TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, port))?;
+        Ok(Self { folder: folder.to_path_buf(), listener })
     }
 
     /// Where it answers.
-    pub(crate) fn address(&self) -> String {
-        self.server.server_addr().to_string()
+    pub(crate) fn address(&self) -> anyhow::Result<SocketAddr> {
+        Ok(self.listener.local_addr()?)
     }
 
-    /// Serves until it is stopped.
+    /// Serves until it is stopped: a thread a request, so that a slow reader holds up nobody.
     pub(crate) fn serve(&self) {
-        // A browser that reads one answer slowly still asks for the others.
         std::thread::scope(|scope| {
-            for _ in 0..THREADS {
-                scope.spawn(|| {
-                    for request in self.server.incoming_requests() {
-                        // Whoever asked may have gone away.
-                        let _ = answer(&self.folder, request);
-                    }
-                });
+            for stream in self.listener.incoming().flatten() {
+                // Whoever asked may have gone away.
+                scope.spawn(|| answer(&self.folder, stream).unwrap_or_default());
             }
         });
     }
 }
 
-fn answer(folder: &Path, request: Request) -> std::io::Result<()> {
-    let path = request.url().split(['?', '#']).next().unwrap_or_default().trim_start_matches('/').to_owned();
-    let path = Path::new(if path.is_empty() { "index.html" } else { &path });
-    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
-    match fs::read(folder.join(path)) {
-        Ok(bytes) if is_inside => {
-            let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default();
-            let mime = TYPES.iter().find(|(known, _)| *known == end).map_or("application/octet-stream", |t| t.1);
-            let mut response = Response::from_data(bytes);
-            for (name, value) in [("Content-Type", mime), ("Cache-Control", "no-cache"), ("Connection", "close")] {
-                if let Ok(header) = Header::from_bytes(name, value) {
-                    response.add_header(header);
-                }
-            }
-            request.respond(response)
+/// Reads the first line of a request and answers it.
+fn answer(folder: &Path, mut stream: TcpStream) -> std::io::Result<()> {
+    let mut lines = BufReader::new(stream.try_clone()?.take(LONGEST)).lines();
+    let request = lines.next().transpose()?.unwrap_or_default();
+    // The rest of the head says nothing that matters here.
+    for line in lines {
+        if line?.is_empty() {
+            break;
         }
-        _ => request.respond(Response::from_string("not there").with_status_code(404)),
     }
+    let url = request.split(' ').nth(1).unwrap_or_default();
+    let path = url.split(['?', '#']).next().unwrap_or_default().trim_start_matches('/');
+    let path = Path::new(if path.is_empty() { "index.html" } else { path });
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
+    let (status, mime, bytes) = match fs::read(folder.join(path)) {
+        Ok(bytes) if is_inside && request.starts_with("GET ") => {
+            let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default();
+            let known = TYPES.iter().find(|(known, _)| *known == end);
+            ("200 OK", known.map_or("application/octet-stream", |known| known.1), bytes)
+        }
+        _ => ("404 Not Found", "text/plain", b"not there".to_vec()),
+    };
+    let length = bytes.len();
+    write!(
+        stream,
+        "HTTP/1.1 {status}\r\nContent-Type: {mime}\r\nContent-Length: {length}\r\n\
+         Cache-Control: no-cache\r\nConnection: close\r\n\r\n"
+    )?;
+    stream.write_all(&bytes)?;
+    stream.flush()
 }

@@ -37,7 +37,8 @@ fn debian_rustc() -> Option<PathBuf> {
 /// Builds what the arguments say; returns the folder that holds a folder of each profile.
 pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
     // Beside what is built for this machine: two compilers in one folder would undo each other's work.
-    let folder = std::env::var_os("CALIB_WEB_TARGET").map_or_else(|| root().join("target/web-build"), PathBuf::from);
+    let folder =
+        std::env::var_os("CALIB_WEB_TARGET").map_or_else(|| root().join("target/web-build"), PathBuf::from);
     let mut command = if has_target() {
         Command::new("cargo")
     } else {

@@ -32,7 +32,14 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
         fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
     }
     fs::create_dir_all(&glue)?;
-    Bindgen::new().input_path(&built).out_name("app").no_modules(true)?.typescript(false).remove_name_section(true).remove_producers_section(true).generate(&glue)?;
+    Bindgen::new()
+        .input_path(&built)
+        .out_name("app")
+        .no_modules(true)?
+        .typescript(false)
+        .remove_name_section(true)
+        .remove_producers_section(true)
+        .generate(&glue)?;
     let parts = Parts::read(&glue)?;
     fs::remove_dir_all(&glue)?;
     let zipped = gzip(&parts.wasm)?;
@@ -41,7 +48,11 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
         parts.wasm.len() as f64 / 1e6,
         zipped.len() as f64 / 1e6
     );
-    ensure!(zipped.len() <= MOST, "the program is {} bytes gzipped, at most {MOST} are allowed", zipped.len());
+    ensure!(
+        zipped.len() <= MOST,
+        "the program is {} bytes gzipped, at most {MOST} are allowed",
+        zipped.len()
+    );
     folder(&parts, out)?;
     let single = single(&parts, &zipped);
     fs::write(out.join("calib.html"), &single)?;
@@ -93,7 +104,7 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
     let mut tags = String::new();
     for (name, script) in &parts.scripts {
         let file = named(name, "js", script.as_bytes());
-        tags += &format!("<script src=\"{file}\" defer></script>\n");
+        tags += &format!("<script src=\"{file}\"{} defer></script>\n", id(name));
         files.push((file, script.as_bytes()));
     }
     let style = named("page", "css", parts.style.as_bytes());
@@ -123,7 +134,8 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
 fn single(parts: &Parts, zipped: &[u8]) -> String {
     // A script ends where its text says so, even within a string.
     let inline = |text: &str| text.replace("</script", "<\\/script").replace("<!--", "<\\!--");
-    let scripts: Vec<String> = parts.scripts.iter().map(|(_, script)| format!("\n{}", inline(script))).collect();
+    let scripts: Vec<String> =
+        parts.scripts.iter().map(|(_, script)| format!("\n{}", inline(script))).collect();
     let allowed: Vec<String> = scripts.iter().map(|script| allow(script)).collect();
     let policy = policy(&allowed.join(" "), &allow(&parts.style), "'none'");
     let icon = base64(parts.icon.as_bytes());
@@ -131,14 +143,22 @@ fn single(parts: &Parts, zipped: &[u8]) -> String {
         "{policy}\n<link rel=\"icon\" href=\"data:image/svg+xml;base64,{icon}\">\n<style>{}</style>",
         parts.style
     );
-    let program = format!("<script type=\"application/octet-stream\" id=\"wasm\">{}</script>\n", base64(zipped));
-    let tags: String = scripts.iter().map(|script| format!("<script>{script}</script>\n")).collect();
+    let program =
+        format!("<script type=\"application/octet-stream\" id=\"wasm\">{}</script>\n", base64(zipped));
+    let named = parts.scripts.iter().zip(&scripts);
+    let tags: String =
+        named.map(|((name, _), script)| format!("<script{}>{script}</script>\n", id(name))).collect();
     page(&parts.html, &head, &(program + &tags), "", parts.wasm.len())
 }
 
 fn page(html: &str, head: &str, scripts: &str, wasm: &str, size: usize) -> String {
     let root = format!("<html lang=\"en\" data-wasm=\"{wasm}\" data-size=\"{size}\">");
     html.replace("<html lang=\"en\">", &root).replace(HEAD, head).replace(SCRIPTS, scripts)
+}
+
+/// The worker finds by it what the page runs, too.
+fn id(script: &str) -> &'static str {
+    if script == "app" { " id=\"glue\"" } else { "" }
 }
 
 /// Nothing from elsewhere, and nothing to elsewhere.

@@ -13,6 +13,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     let mut recover = None;
     ui.vertical_centered(|ui| {
+        ui.set_max_width(ui.available_width().min(720.0) - 24.0);
         ui.add_space((0.5 * ui.available_height() - 190.0).max(12.0));
         ui.label(RichText::new("Calibrate cameras from their still images").font(theme::medium(22.0)));
         ui.add_space(4.0);
@@ -47,7 +48,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let fill = if is_first { palette.accent } else { palette.raised };
             let colour = if is_first { palette.bg } else { palette.text };
             let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
-            if ui.add(egui::Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
+            if ui.add(Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
                 chosen = Some(command);
             }
             ui.add_space(4.0);
@@ -81,7 +82,11 @@ fn kept(app: &mut App, ui: &mut Ui) {
     let width = ui.available_width().min(560.0);
     ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
         let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
-        super::heading(ui, "Recent sites in this browser", &format!("{} sites, {}", entries.len(), size(bytes)));
+        super::heading(
+            ui,
+            "Recent sites in this browser",
+            &format!("{} sites, {}", entries.len(), size(bytes)),
+        );
         ScrollArea::vertical().max_height(160.0).show(ui, |ui| {
             for entry in &entries {
                 ui.horizontal(|ui| {
@@ -97,7 +102,8 @@ fn kept(app: &mut App, ui: &mut Ui) {
 fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
-    let open = ui.add(Button::new(RichText::new(name).font(theme::medium(12.0))).min_size(Vec2::new(120.0, 28.0)));
+    let open =
+        ui.add(Button::new(RichText::new(name).font(theme::medium(12.0))).min_size(Vec2::new(120.0, 28.0)));
     open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Go on with {name}")));
     if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
         shelf.open(&entry.id);
@@ -106,9 +112,10 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     ui.label(RichText::new(words).color(palette.text2));
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         // What is removed is gone: the second press means it.
-        let id = ui.id().with(("remove", &entry.id));
+        let id = ui.scope_id().with(("remove", &entry.id));
         let armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
-        let text = if armed { RichText::new("Remove for good").color(palette.bad) } else { RichText::new("Remove") };
+        let text =
+            if armed { RichText::new("Remove for good").color(palette.bad) } else { RichText::new("Remove") };
         let button = ui.button(text);
         button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Remove {name}")));
         if button.clicked() && armed {

@@ -56,7 +56,8 @@ impl Plugin for Mirror {
 }
 
 fn tree(update: &TreeUpdate, tells_places: bool) -> Value {
-    let mut nodes: Vec<&(NodeId, Node)> = update.nodes.iter().filter(|(_, node)| says_something(node)).collect();
+    let mut nodes: Vec<&(NodeId, Node)> =
+        update.nodes.iter().filter(|(_, node)| says_something(node)).collect();
     // As one reads: rows from above, in a row from the left.
     nodes.sort_by(|a, b| place(&a.1).total_cmp(&place(&b.1)).then(a.0.cmp(&b.0)));
     let spoken = update.nodes.iter().find(|(id, _)| *id == update.focus).and_then(|(_, node)| node.label());
@@ -79,9 +80,14 @@ fn entry(id: NodeId, node: &Node, tells_places: bool) -> Value {
         Toggled::True => "true",
         Toggled::Mixed => "mixed",
     });
-    let value = node.value().map(str::to_owned).or_else(|| node.numeric_value().map(|value| value.to_string()));
+    let value =
+        node.value().map(str::to_owned).or_else(|| node.numeric_value().map(|value| value.to_string()));
     // A label's words are its value; said once.
-    let (label, value) = if node.role() == Role::Label { (node.value().or(node.label()), None) } else { (node.label(), value) };
+    let (label, value) = if node.role() == Role::Label {
+        (node.value().or(node.label()), None)
+    } else {
+        (node.label(), value)
+    };
     let bounds = node.bounds().filter(|_| tells_places);
     let at = bounds.map(|b| format!("{:.1} {:.1} {:.1} {:.1}", b.x0, b.y0, b.x1, b.y1));
     json!({

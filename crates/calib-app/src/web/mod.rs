@@ -4,6 +4,7 @@ mod mirror;
 mod page;
 mod runner;
 mod shelf;
+pub(crate) mod worker;
 
 use std::path::Path;
 
@@ -12,8 +13,15 @@ use wasm_bindgen::JsCast as _;
 use wasm_bindgen_futures::JsFuture;
 
 use crate::dialog::Chosen;
-pub use runner::start;
-pub(crate) use runner::turn;
+
+/// Starts as the page's app, or as its worker.
+pub fn start() {
+    if web_sys::window().is_some() {
+        runner::start();
+    } else {
+        worker::start();
+    }
+}
 
 /// Hands a file over as a download.
 pub(crate) fn download(path: &Path, bytes: &[u8]) {

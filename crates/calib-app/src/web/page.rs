@@ -52,6 +52,10 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn pick(accept: &str, multiple: bool) -> Promise;
 
+    /// Has the worker do something.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn work(kind: &str, name: &str, width: u32, bytes: &Uint8Array) -> Promise;
+
     /// Shows the tree of widgets to those who do not see the canvas.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn mirror(tree: &str);

@@ -1,9 +1,10 @@
 //! The app on its canvas: started, told what the page was asked, and put on another canvas when a graphics
 //! context is lost.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::rc::Rc;
 
+use calib_core::Options;
 use egui::accesskit::{Action, ActionRequest, NodeId, TreeId};
 use egui::{Context, RawInput, Ui};
 use js_sys::{Array, Reflect};
@@ -40,7 +41,7 @@ struct Stage {
 }
 
 /// Starts the app on the page's canvas.
-pub fn start() {
+pub(super) fn start() {
     // The page says it, and offers the site. What follows on the stack is lost.
     std::panic::set_hook(Box::new(|info| page::panicked(&info.to_string())));
     let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
@@ -72,11 +73,20 @@ impl Stage {
         if self.tested {
             let app = Rc::clone(&self.app);
             let state = Closure::<dyn Fn() -> String>::new(move || {
-                app.try_borrow().ok().and_then(|app| app.as_ref().map(|app| report(app).to_string())).unwrap_or_default()
+                app.try_borrow()
+                    .ok()
+                    .and_then(|app| app.as_ref().map(|app| report(app).to_string()))
+                    .unwrap_or_default()
             });
             // Only tests miss it.
             let _ = Reflect::set(&js_sys::global(), &"calibState".into(), state.as_ref());
             state.forget();
+            let app = Rc::clone(&self.app);
+            let solve = Closure::<dyn Fn(u32) -> f64>::new(move |runs| {
+                app.try_borrow().ok().and_then(|app| Some(solve(app.as_ref()?, runs))).unwrap_or(f64::NAN)
+            });
+            let _ = Reflect::set(&js_sys::global(), &"calibSolve".into(), solve.as_ref());
+            solve.forget();
         }
     }
 
@@ -199,7 +209,9 @@ fn wishes() -> Vec<Wish> {
     let queue = page::PAGE.with(page::Page::queue);
     let taken: Vec<JsValue> = queue.iter().collect();
     queue.set_length(0);
-    let field = |wish: &JsValue, name: &str| Reflect::get(wish, &name.into()).ok().filter(|value| !value.is_undefined());
+    let field = |wish: &JsValue, name: &str| {
+        Reflect::get(wish, &name.into()).ok().filter(|value| !value.is_undefined())
+    };
     let one = |wish: JsValue| {
         if let Some(name) = field(&wish, "command").and_then(|name| name.as_string()) {
             return Some(Wish::Command(name));
@@ -210,6 +222,25 @@ fn wishes() -> Vec<Wish> {
         field(&wish, "click").and_then(|id| id.as_string()).and_then(|id| id.parse().ok()).map(Wish::Press)
     };
     taken.into_iter().filter_map(one).collect()
+}
+
+/// How long the solve of the first camera takes, in milliseconds: the median of some runs.
+fn solve(app: &App, runs: u32) -> f64 {
+    let site = &app.session.site;
+    let options = Options {
+        refine: false,
+        cameras: site.cameras.first().map(|camera| vec![camera.id.clone()]),
+        ..Options::default()
+    };
+    let mut took: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = web_time::Instant::now();
+            std::hint::black_box(std::hint::black_box(site).calibrate(&options));
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    took.sort_by(f64::total_cmp);
+    took.get(took.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// What a test asks about: where canvases are, and the site with its results.
@@ -251,18 +282,4 @@ impl App {
         self.pictures.clear();
         self.panes.forget_pointer();
     }
-}
-
-thread_local! {
-    /// How many pieces of work wait for their turn.
-    static WAITING: Cell<u32> = const { Cell::new(0) };
-}
-
-/// Waits for a turn: frames come between two pieces of work.
-pub(crate) async fn turn() {
-    let ahead = WAITING.with(|waiting| waiting.replace(waiting.get() + 1));
-    for _ in 0..=ahead {
-        super::breath().await;
-    }
-    WAITING.with(|waiting| waiting.set(waiting.get().saturating_sub(1)));
 }

@@ -174,7 +174,9 @@ impl Shelf for Database {
         for (id, mime, name, bytes) in work.images.stored() {
             if state.sent.insert(id.to_owned()) {
                 let name = name.map_or(JsValue::NULL, JsValue::from);
-                images.push(&Array::of4(&id.into(), &mime.into(), &name, &Uint8Array::from(bytes).into()).into());
+                images.push(
+                    &Array::of4(&id.into(), &mime.into(), &name, &Uint8Array::from(bytes).into()).into(),
+                );
             }
         }
         if let Some((_, waiting)) = state.waiting.take() {
@@ -218,7 +220,11 @@ impl Shelf for Database {
     fn open(&mut self, id: &str) {
         let (own, id) = (self.clone(), id.to_owned());
         spawn_local(async move {
-            match JsFuture::from(page::open(&id)).await.map_err(|error| name_of(&error)).and_then(|kept| found(&kept)) {
+            match JsFuture::from(page::open(&id))
+                .await
+                .map_err(|error| name_of(&error))
+                .and_then(|kept| found(&kept))
+            {
                 Ok((record, found)) => {
                     let mut state = own.state.borrow_mut();
                     state.own = Some((record.id, record.revision));
