@@ -43,7 +43,7 @@ fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
     let picture = image::RgbImage::from_pixel(w, h, image::Rgb([grey; 3]));
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
-    images.store(bytes.into_inner().into(), "image/png")
+    images.store(bytes.into_inner().into(), "image/png", None)
 }
 
 /// A desk where every still has arrived.

@@ -8,7 +8,7 @@ use egui::{Color32, Context, Painter, Rect, Ui};
 use crate::canvas::{Mapping, View};
 use crate::claim::Claim;
 use crate::command;
-use crate::dialog::{Dialog, Purpose};
+use crate::dialog::{Chosen, Dialog, Purpose};
 use crate::edges::{self, Edge, Edges};
 use crate::files::{Autosave, Found, Images};
 use crate::hit::Part;
@@ -18,6 +18,7 @@ use crate::panels;
 use crate::picture::{Pictures, Piece};
 use crate::scene3d::Orbit;
 use crate::session::Session;
+use crate::shelf::{Shelf, Work};
 use crate::stills::NewStill;
 use crate::task::Task;
 use crate::theme;
@@ -104,6 +105,9 @@ pub struct App {
     pub compared: Option<Site>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
+    /// Where a browser keeps sites.
+    pub shelf: Option<Box<dyn Shelf>>,
+    pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) autosave: Option<Autosave>,
     /// The autosaves that no other window touches while this one lives.
     _claims: Vec<Claim>,
@@ -167,6 +171,8 @@ impl App {
             old_still: None,
             compared: None,
             chooser: Dialog::open,
+            shelf: None,
+            arriving: Vec::new(),
             autosave,
             _claims: claims,
             kept: 0,
@@ -184,6 +190,9 @@ impl App {
         let (units, snap) = (self.session.units, self.session.snap);
         self.session = Session::new(site, images, path);
         (self.session.units, self.session.snap) = (units, snap);
+        if let Some(shelf) = &mut self.shelf {
+            shelf.begin();
+        }
         self.pictures.clear();
         self.edges.clear();
         self.panes = Panes::default();
@@ -371,7 +380,8 @@ impl App {
         self.pictures.begin_frame(ctx);
         self.poll_dialog(ctx);
         self.poll_stills();
-        self.take_dropped(ctx);
+        self.poll_arrivals(ctx);
+        self.poll_shelf();
         self.poll_picture(ctx);
         for (command, modifiers) in command::pressed(ctx) {
             command::run(self, ctx, command, modifiers);
@@ -407,6 +417,11 @@ impl App {
             return;
         }
         self.kept = self.session.generation;
+        if let Some(shelf) = &mut self.shelf {
+            let (site, session) = (self.session.history.site(), &self.session);
+            let last = session.history.undo_name().unwrap_or_default();
+            shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
+        }
         let Some(autosave) = &self.autosave else { return };
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
         let site = self.session.history.site();

@@ -73,6 +73,7 @@ commands! {
         Open "Open a site\u{2026}" CTRL O;
         SaveAs "Save the site as\u{2026}" CTRL_SHIFT S;
         Save "Save the site" CTRL S;
+        SavePlain "Save the site without its images\u{2026}";
         AddImages "Add images\u{2026}" CTRL I;
         LoadPlan "Load a floor plan\u{2026}";
         ReplaceStill "Replace the still of this camera\u{2026}";

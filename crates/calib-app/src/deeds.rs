@@ -272,6 +272,7 @@ pub(crate) fn on_files(app: &mut App, Told { command, ctx, .. }: Told<'_>) {
         }
         C::Save if app.session.path.is_some() => app.save(),
         C::Save | C::SaveAs => app.ask(Purpose::SaveSite),
+        C::SavePlain => app.ask(Purpose::SavePlain),
         C::Open => app.ask(Purpose::OpenSite),
         C::AddImages => app.ask(Purpose::AddImages),
         C::LoadPlan => app.ask(Purpose::LoadPlan),

@@ -12,6 +12,8 @@ pub enum Purpose {
     OpenSite,
     /// Where to save the site.
     SaveSite,
+    /// Where to save the site without its images.
+    SavePlain,
     /// Stills of new cameras.
     AddImages,
     /// The floor plan.
@@ -43,7 +45,7 @@ pub struct Chosen {
 pub struct Dialog {
     /// What for.
     pub purpose: Purpose,
-    answer: Answer,
+    answer: Pin<Box<dyn Future<Output = Vec<Chosen>>>>,
 }
 
 impl std::fmt::Debug for Dialog {
@@ -56,47 +58,7 @@ impl Dialog {
     /// Opens a chooser.
     #[must_use]
     pub fn open(purpose: Purpose) -> Self {
-        let dialog = rfd::AsyncFileDialog::new();
-        let images: &[&str] = &["png", "jpg", "jpeg"];
-        let site: &[&str] = &["json"];
-        let answer: Answer = match purpose {
-            Purpose::AddImages => {
-                let files = dialog.set_title("Add images").add_filter("Images", images).pick_files();
-                Box::pin(async move { chosen(files.await.unwrap_or_default()).await })
-            }
-            Purpose::SaveSite => {
-                let file = dialog
-                    .set_title("Save site")
-                    .add_filter("Site", site)
-                    .set_file_name("site.json")
-                    .save_file();
-                Box::pin(async move { saved(file.await).await })
-            }
-            Purpose::OpenSite | Purpose::Compare => {
-                let file = dialog.set_title("Open site").add_filter("Site", site).pick_file();
-                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
-            }
-            Purpose::ReplaceStill => {
-                let file = dialog.set_title("Choose an image").add_filter("Images", images).pick_file();
-                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
-            }
-            Purpose::LoadPlan => {
-                let plans = &["png", "jpg", "jpeg", "svg"];
-                let file = dialog.set_title("Choose a floor plan").add_filter("Plans", plans).pick_file();
-                Box::pin(async move { chosen(file.await.into_iter().collect()).await })
-            }
-            Purpose::Import => {
-                let files = dialog.set_title("Import lenses or cameras").pick_files();
-                Box::pin(async move { chosen(files.await.unwrap_or_default()).await })
-            }
-            Purpose::SavePicture => {
-                let picture = dialog.set_title("Save a picture").add_filter("Picture", &["png"]);
-                let file = picture.set_file_name("view.png").save_file();
-                Box::pin(async move { saved(file.await).await })
-            }
-            Purpose::Export => folder(dialog),
-        };
-        Self { purpose, answer }
+        Self { purpose, answer: Box::pin(ask(purpose)) }
     }
 
     /// A chooser that was answered before it was opened: for tests and scripts.
@@ -115,51 +77,76 @@ impl Dialog {
     }
 }
 
-type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
+const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
+const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
+const SITE: &[&str] = &["json"];
 
 #[cfg(not(target_arch = "wasm32"))]
-fn folder(dialog: rfd::AsyncFileDialog) -> Answer {
-    let folder = dialog.set_title("Export into a folder").pick_folder();
-    Box::pin(async move { chosen(folder.await.into_iter().collect()).await })
-}
-
-/// The browser has a folder of its own for what is downloaded.
-#[cfg(target_arch = "wasm32")]
-fn folder(_: rfd::AsyncFileDialog) -> Answer {
-    Box::pin(std::future::ready(vec![Chosen {
-        name: String::new(),
-        path: Some(PathBuf::new()),
-        bytes: None,
-    }]))
-}
-
-#[cfg(not(target_arch = "wasm32"))]
-async fn chosen(files: Vec<rfd::FileHandle>) -> Vec<Chosen> {
+fn ask(purpose: Purpose) -> impl Future<Output = Vec<Chosen>> {
+    let dialog = rfd::AsyncFileDialog::new();
     let one = |file: rfd::FileHandle| Chosen {
         name: file.file_name(),
         path: Some(file.path().to_path_buf()),
         bytes: None,
     };
-    files.into_iter().map(one).collect()
+    let site = |title: &str| dialog.clone().set_title(title).add_filter("Site", SITE);
+    let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
+    let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
+        Purpose::AddImages => {
+            let files = images("Add images").pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::SaveSite | Purpose::SavePlain => {
+            let file = site("Save site").set_file_name("site.json").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::OpenSite | Purpose::Compare => {
+            let file = site("Open site").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::ReplaceStill => {
+            let file = images("Choose an image").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::LoadPlan => {
+            let file = dialog.set_title("Choose a floor plan").add_filter("Plans", PLANS).pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::Import => {
+            let files = dialog.set_title("Import lenses or cameras").pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::SavePicture => {
+            let picture = dialog.set_title("Save a picture").add_filter("Picture", &["png"]);
+            let file = picture.set_file_name("view.png").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::Export => {
+            let folder = dialog.set_title("Export into a folder").pick_folder();
+            Box::pin(async { folder.await.into_iter().collect() })
+        }
+    };
+    async move { answer.await.into_iter().map(one).collect() }
 }
 
+/// A file that is saved is a download: there is nothing to ask.
 #[cfg(target_arch = "wasm32")]
-async fn chosen(files: Vec<rfd::FileHandle>) -> Vec<Chosen> {
-    let mut list = Vec::new();
-    for file in files {
-        list.push(Chosen { name: file.file_name(), path: None, bytes: Some(file.read().await) });
-    }
-    list
-}
-
-async fn saved(file: Option<rfd::FileHandle>) -> Vec<Chosen> {
-    #[cfg(not(target_arch = "wasm32"))]
-    {
-        chosen(file.into_iter().collect()).await
-    }
-    #[cfg(target_arch = "wasm32")]
-    {
-        // Nothing is read from where one writes to.
-        file.into_iter().map(|file| Chosen { name: file.file_name(), path: None, bytes: None }).collect()
+async fn ask(purpose: Purpose) -> Vec<Chosen> {
+    match purpose {
+        Purpose::SaveSite | Purpose::SavePlain => {
+            vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
+        }
+        // A site comes together with its images.
+        Purpose::OpenSite => crate::web::pick(&[SITE, IMAGES].concat(), true).await,
+        Purpose::Compare => crate::web::pick(SITE, false).await,
+        Purpose::AddImages => crate::web::pick(IMAGES, true).await,
+        Purpose::ReplaceStill => crate::web::pick(IMAGES, false).await,
+        Purpose::LoadPlan => crate::web::pick(PLANS, false).await,
+        Purpose::Import => crate::web::pick(&[], true).await,
+        Purpose::SavePicture => {
+            vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
+        }
+        // The browser has a folder of its own for what is downloaded.
+        Purpose::Export => vec![Chosen { name: String::new(), path: Some(PathBuf::new()), bytes: None }],
     }
 }

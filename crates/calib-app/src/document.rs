@@ -6,6 +6,7 @@ use calib_core::{Annotation, LensEntry};
 
 use crate::app::App;
 use crate::files;
+use crate::shelf::News;
 
 impl App {
     /// Goes on with what a crashed session left.
@@ -24,6 +25,33 @@ impl App {
     pub fn discard_found(&mut self, index: usize) {
         if index < self.found.len() {
             self.found.remove(index).0.forget();
+        }
+    }
+
+    /// What the shelf has to tell.
+    pub(crate) fn poll_shelf(&mut self) {
+        while let Some(news) = self.shelf.as_mut().and_then(|shelf| shelf.news()) {
+            match news {
+                News::Opened(found) => {
+                    // It stays the shelf's: what follows is kept in its place.
+                    let shelf = self.shelf.take();
+                    self.open_site(found.site, found.images, found.path);
+                    self.shelf = shelf;
+                    (self.session.generation, self.kept) = (1, 1);
+                }
+                News::Trouble(error) => self.error = Some(error),
+                News::Note(note) => self.session.note = Some(note),
+            }
+        }
+    }
+
+    /// Saves the site without its images: a file to lie beside them.
+    pub(crate) fn save_plain(&mut self, path: &Path) {
+        let solved = self.session.solved.write_into(&self.session.site);
+        let site = self.session.images.name_into(&solved);
+        match files::write(path, site.to_json().as_bytes()) {
+            Ok(()) => self.session.note = Some(format!("Saved {} without its images.", path.display())),
+            Err(error) => self.error = Some(error),
         }
     }
 

@@ -9,6 +9,7 @@ use image::RgbImage;
 
 use crate::hit::to_segment;
 use crate::task::Task;
+use crate::work;
 
 /// A straight edge, in raw pixels.
 pub type Edge = [Pixel; 2];
@@ -61,10 +62,8 @@ impl Edges {
         if self.stopped && !self.stills.contains_key(name) {
             return &[];
         }
-        let state = self.stills.entry(name.to_owned()).or_insert_with(|| {
-            let image = Arc::clone(image);
-            State::Looking(Task::spawn(ctx, move || find(&image)))
-        });
+        let look = || State::Looking(work::find_edges(ctx, image));
+        let state = self.stills.entry(name.to_owned()).or_insert_with(look);
         if let State::Looking(task) = state
             && let Some(edges) = task.poll()
         {

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use base64::Engine as _;
-use calib_core::{MAX_BYTES, Site};
+use calib_core::Site;
 
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
 /// Prefix of the ids of stored images in the site as the app holds it.
@@ -22,36 +22,59 @@ pub struct Images {
     /// Makes an image that is not there.
     pub missing: Option<Make>,
     stored: BTreeMap<String, Stored>,
+    /// What `missing` made, so that it is made once.
+    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
 #[derive(Clone, Debug)]
 struct Stored {
     bytes: Arc<[u8]>,
     mime: String,
+    /// The file that the bytes are from, if they are from one.
+    name: Option<String>,
 }
 
 impl Images {
     /// Images of files in a folder; one that is not there, `missing` makes.
     #[must_use]
     pub fn beside(folder: Option<PathBuf>, missing: Option<Make>) -> Self {
-        Self { folder, missing, stored: BTreeMap::new() }
+        Self { folder, missing, ..Self::default() }
     }
 
     /// Stores bytes and returns the id by which the site refers to them.
-    pub fn store(&mut self, bytes: Arc<[u8]>, mime: &str) -> String {
+    pub fn store(&mut self, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) -> String {
         let known = self.stored.iter().find(|(_, stored)| stored.bytes == bytes).map(|(id, _)| id.clone());
         known.unwrap_or_else(|| {
             let id = format!("{STORED}{}", self.stored.len() + 1);
-            self.stored.insert(id.clone(), Stored { bytes, mime: mime.to_owned() });
+            self.restore(&id, bytes, mime, name);
             id
         })
+    }
+
+    /// Stores bytes under the id that they had before.
+    pub fn restore(&mut self, id: &str, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) {
+        let stored = Stored { bytes, mime: mime.to_owned(), name: name.map(str::to_owned) };
+        self.stored.insert(id.to_owned(), stored);
+    }
+
+    /// Whatever is stored: id, type, name of the file, bytes.
+    pub fn stored(&self) -> impl Iterator<Item = (&str, &str, Option<&str>, &[u8])> {
+        self.stored
+            .iter()
+            .map(|(id, stored)| (id.as_str(), stored.mime.as_str(), stored.name.as_deref(), &*stored.bytes))
+    }
+
+    /// Whether bytes are stored under this name.
+    #[must_use]
+    pub fn is_stored(&self, name: &str) -> bool {
+        self.stored.contains_key(name)
     }
 
     /// Takes `data:` URIs out of the site into the store, so that a snapshot holds ids only.
     pub fn take_from(&mut self, site: &mut Site) {
         for image in images_mut(site) {
             let Some((mime, bytes)) = parse_data_uri(image) else { continue };
-            *image = self.store(bytes.into(), &mime);
+            *image = self.store(bytes.into(), &mime, None);
         }
     }
 
@@ -61,10 +84,28 @@ impl Images {
         let mut site = site.clone();
         for image in images_mut(&mut site) {
             if let Some(stored) = self.stored.get(image.as_str()) {
-                *image = format!("data:{};base64,{}", stored.mime, BASE64.encode(&stored.bytes));
+                *image = data_uri(&stored.mime, &stored.bytes);
+            } else if self.folder.is_none()
+                && let Some(Ok(bytes)) = self.missing.map(|make| self.reader(image).make(make))
+            {
+                *image = data_uri("image/png", &bytes);
             }
         }
         folder.map_or_else(|| site.clone(), |folder| self.rebased(&site, folder))
+    }
+
+    /// The site with the names of its images alone, as files beside it are called.
+    #[must_use]
+    pub fn name_into(&self, site: &Site) -> Site {
+        let mut site = site.clone();
+        for image in images_mut(&mut site) {
+            if let Some(stored) = self.stored.get(image.as_str()) {
+                let end = if stored.mime == "image/png" { "png" } else { "jpg" };
+                let made_up = || format!("{}.{end}", image.trim_start_matches(STORED));
+                *image = stored.name.clone().unwrap_or_else(made_up);
+            }
+        }
+        site
     }
 
     /// The site with the paths of its images as seen from another folder.
@@ -79,22 +120,83 @@ impl Images {
         site
     }
 
-    /// A closure that reads an image, to be called off the frame's path.
-    pub fn reader(&self, name: &str) -> impl FnOnce() -> Result<Arc<[u8]>, String> + Send + use<> {
-        let stored = self.stored.get(name).map(|stored| Arc::clone(&stored.bytes));
-        let path = self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
-        let (missing, name) = (self.missing, name.to_owned());
-        move || match (stored, missing) {
-            (Some(bytes), _) => Ok(bytes),
-            (None, Some(make)) => read(&path).or_else(|_| make(&name)).map(Into::into),
-            (None, None) => read(&path).map(Into::into),
+    /// Where an image comes from, to be read off the frame's path.
+    #[must_use]
+    pub fn reader(&self, name: &str) -> Source {
+        Source {
+            stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
+            path: self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name)),
+            missing: self.missing,
+            name: name.to_owned(),
+            made: Arc::clone(&self.made),
         }
     }
 }
 
-fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
+/// Where an image comes from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    stored: Option<Arc<[u8]>>,
+    path: PathBuf,
+    missing: Option<Make>,
+    name: String,
+    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+}
+
+impl Source {
+    /// Its bytes.
+    ///
+    /// # Errors
+    /// When it is not there and cannot be made.
+    pub fn read(self) -> FileResult<Arc<[u8]>> {
+        match (&self.stored, self.missing) {
+            (Some(bytes), _) => Ok(Arc::clone(bytes)),
+            (None, Some(make)) => read(&self.path).map(Into::into).or_else(|_| self.make(make)),
+            (None, None) => read(&self.path).map(Into::into),
+        }
+    }
+
+    /// The name of an image that has to be made, and was not made yet.
+    #[must_use]
+    pub fn made_by_name(&self) -> Option<&str> {
+        let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.known().is_none();
+        is_to_be_made.then_some(self.name.as_str())
+    }
+
+    fn known(&self) -> Option<Arc<[u8]>> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
+    }
+
+    /// Keeps what was made, so that it is made once.
+    pub fn keep(&self, bytes: Arc<[u8]>) {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
+    }
+
+    fn make(&self, make: Make) -> FileResult<Arc<[u8]>> {
+        if let Some(known) = self.known() {
+            return Ok(known);
+        }
+        let bytes: Arc<[u8]> = make(&self.name)?.into();
+        self.keep(Arc::clone(&bytes));
+        Ok(bytes)
+    }
+}
+
+/// The names of a site's images.
+#[must_use]
+pub fn image_names(site: &Site) -> Vec<String> {
+    let plan = site.plan.iter().filter_map(|plan| plan.image.clone());
+    site.cameras.iter().filter_map(|camera| camera.image.clone()).chain(plan).collect()
+}
+
+/// The names of a site's images, to be changed.
+pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
     let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
     site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
+}
+
+fn data_uri(mime: &str, bytes: &[u8]) -> String {
+    format!("data:{mime};base64,{}", BASE64.encode(bytes))
 }
 
 fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
@@ -143,6 +245,8 @@ pub fn is_image(path: &Path) -> bool {
 #[cfg(not(target_arch = "wasm32"))]
 mod native {
     use std::io::{Read as _, Write as _};
+
+    use calib_core::MAX_BYTES;
 
     use super::*;
 
@@ -217,19 +321,20 @@ mod native {
 mod web {
     use super::*;
 
-    /// There are no files in the browser.
+    /// What the browser was not given is not there.
     pub fn read(path: &Path) -> FileResult<Vec<u8>> {
-        Err(format!("{}: choose the image again", path.display()))
+        Err(format!("{}: drop this image here", path.display()))
     }
 
-    /// There are no files in the browser.
-    pub fn write(path: &Path, _: &[u8]) -> FileResult<()> {
-        Err(format!("{}: download the site instead", path.display()))
+    /// A file that is written is a download.
+    pub fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        crate::web::download(path, bytes);
+        Ok(())
     }
 
-    /// There are no files in the browser.
-    pub fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
-        write(path, bytes)
+    /// There are no such files in the browser: the shelf keeps sites.
+    pub fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
+        Err(format!("{}: there are no files here", path.display()))
     }
 
     /// There is none in the browser.
@@ -358,7 +463,7 @@ impl Autosave {
         let mut images = Images { folder: kept.folder, ..Images::default() };
         for (id, mime) in kept.stored {
             if let Ok(bytes) = read(&self.image_file(&id)) {
-                images.stored.insert(id, Stored { bytes: bytes.into(), mime });
+                images.restore(&id, bytes.into(), &mime, None);
             }
         }
         Some(Found { site, images, path: kept.path })
@@ -375,7 +480,7 @@ impl Autosave {
         }
     }
 
-    /// Nothing is kept in the browser yet.
+    /// There are no such files in the browser: the shelf keeps sites.
     #[cfg(target_arch = "wasm32")]
     pub fn forget(&self) {}
 }

@@ -13,6 +13,8 @@ mod claim;
 mod drawing;
 pub mod picture;
 pub mod files;
+pub mod work;
+pub mod shelf;
 pub mod demo;
 pub mod dialog;
 pub mod canvas;
@@ -36,8 +38,11 @@ pub mod pane;
 pub mod panels;
 pub mod app;
 mod document;
+mod arrivals;
 mod stills;
 mod import;
+#[cfg(target_arch = "wasm32")]
+pub mod web;
 
 pub use app::App;
 pub use units::Units;

@@ -24,4 +24,6 @@ fn main() -> eframe::Result {
 }
 
 #[cfg(target_arch = "wasm32")]
-fn main() {}
+fn main() {
+    calib_app::web::start();
+}

@@ -66,6 +66,11 @@ pub struct Panes {
 }
 
 impl Panes {
+    /// Forgets a pointer whose release will never be told.
+    pub fn forget_pointer(&mut self) {
+        (self.captured, self.last_press) = (None, None);
+    }
+
     /// Forgets where panes were, and a cursor on one that is no longer shown.
     pub fn begin_frame(&mut self) {
         let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);

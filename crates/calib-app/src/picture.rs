@@ -8,16 +8,20 @@ use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, Tex
 use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
 
 use crate::canvas::Mapping;
+use crate::files::Source;
 use crate::task::Task;
+use crate::work;
 
+/// In a browser there are 4 GB at most, and a phone has less.
+const IS_SMALL: bool = cfg!(target_pointer_width = "32");
 /// Most memory that decoding one image may take, in bytes.
-const MAX_IMAGE_BYTES: u64 = 1 << 30;
+const MAX_IMAGE_BYTES: u64 = if IS_SMALL { 1 << 28 } else { 1 << 30 };
 /// Side of a tile, in pixels: WebGL2 promises no more.
 const TILE: u32 = 2048;
 /// Longer side of the small copy that rails, plan and floor show, in pixels.
 const OVERVIEW: u32 = 1024;
 /// Decoded pictures that are kept, in bytes; those not shown for longest go first.
-const BUDGET: usize = 1 << 30;
+const BUDGET: usize = if IS_SMALL { 1 << 28 } else { 1 << 30 };
 
 /// Decoded, cut into tiles, not yet on the graphics card.
 struct Decoded {
@@ -236,16 +240,12 @@ impl Pictures {
     }
 
     /// A still; the first question starts the decoding of what `bytes` fetches.
-    pub fn get<F>(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> F) -> Option<&mut Picture>
-    where
-        F: FnOnce() -> Result<Arc<[u8]>, String> + Send + 'static,
-    {
+    pub fn get(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> Source) -> Option<&mut Picture> {
         let frame = self.frame;
-        let slot = self.slots.entry(name.to_owned()).or_insert_with(|| {
-            let fetch = bytes();
-            let work = move || decode(&fetch()?).map(cut);
-            Slot { state: State::Loading(Task::spawn(ctx, work)), shown: frame }
-        });
+        let slot = self
+            .slots
+            .entry(name.to_owned())
+            .or_insert_with(|| Slot { state: State::Loading(work::decode(ctx, bytes(), cut)), shown: frame });
         slot.shown = frame;
         match &mut slot.state {
             State::Ready(picture) => Some(picture),

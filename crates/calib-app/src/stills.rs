@@ -8,7 +8,6 @@ use egui::Context;
 use crate::app::{App, Mode};
 use crate::dialog::{Chosen, Purpose};
 use crate::document::scale;
-use crate::drawing;
 use crate::files;
 use crate::task::Task;
 use crate::tools::TOOLS;
@@ -33,20 +32,15 @@ impl App {
     pub(crate) fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
         match (purpose, file.path.clone()) {
             (Purpose::OpenSite, Some(path)) => self.open_path(&path),
-            (Purpose::OpenSite, None) => {
-                let text = file.bytes.and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
-                match files::parse(&text, None) {
-                    Ok((site, images)) => self.open_site(site, images, None),
-                    Err(error) => self.error = Some(format!("{}: {error}", file.name)),
-                }
-            }
+            (Purpose::OpenSite, None) => self.take_together(ctx, vec![file]),
             (Purpose::SaveSite, Some(path)) => {
                 self.session.path = Some(path);
                 self.save();
             }
-            (Purpose::Compare, Some(path)) => match files::open(&path) {
+            (Purpose::SavePlain, Some(path)) => self.save_plain(&path),
+            (Purpose::Compare, _) => match file.read().and_then(|text| files::parse(&text, None)) {
                 Ok((site, _)) => self.compared = Some(site),
-                Err(error) => self.error = Some(error),
+                Err(error) => self.error = Some(format!("{}: {error}", file.name)),
             },
             (Purpose::AddImages, _) => self.add_still(ctx, file),
             (Purpose::LoadPlan, _) => self.load_plan(ctx, file),
@@ -58,7 +52,7 @@ impl App {
                 self.save_picture(&path.unwrap_or_else(|| PathBuf::from(&file.name)));
             }
             // What is imported is taken together.
-            (Purpose::Import, _) | (Purpose::SaveSite | Purpose::Compare | Purpose::Export, None) => {}
+            (Purpose::Import, _) | (Purpose::SaveSite | Purpose::SavePlain | Purpose::Export, None) => {}
         }
     }
 
@@ -77,17 +71,12 @@ impl App {
             (None, Some(bytes)) => {
                 let mime =
                     if file.name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" };
-                self.session.images.store(bytes.into(), mime)
+                self.session.images.store(bytes.into(), mime, Some(&file.name))
             }
             (None, None) => file.name.clone(),
         };
         let read = self.session.images.reader(&name);
-        Task::spawn(ctx, move || {
-            let bytes = read()?;
-            let drawn = if drawing::is_svg(&bytes) { Some(drawing::draw(&bytes)?) } else { None };
-            let size = crate::picture::decode(drawn.as_deref().unwrap_or(&bytes))?.dimensions().into();
-            Ok(Still { name, title, size, drawn })
-        })
+        crate::work::read(ctx, read, |size, drawn| Still { name, title, size, drawn })
     }
 
     pub(crate) fn poll_stills(&mut self) {
@@ -133,7 +122,7 @@ impl App {
         let drawn = still.drawn.as_ref();
         drawn.map_or_else(
             || still.name.clone(),
-            |png| self.session.images.store(png.as_slice().into(), "image/png"),
+            |png| self.session.images.store(png.as_slice().into(), "image/png", None),
         )
     }
 
@@ -215,13 +204,6 @@ impl App {
         self.take_tool(measure);
     }
 
-    pub(crate) fn take_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|i| i.raw.dropped_files.clone());
-        for file in dropped {
-            self.take_path(ctx, file.path().to_path_buf());
-        }
-    }
-
     /// Takes what was dropped or named: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
         let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
@@ -293,6 +275,10 @@ impl App {
         self.dialog = None;
         if purpose == Purpose::Import {
             self.import(chosen);
+            return;
+        }
+        if purpose == Purpose::OpenSite && chosen.iter().all(|file| file.path.is_none()) {
+            self.take_together(ctx, chosen);
             return;
         }
         for file in chosen {

@@ -1,4 +1,4 @@
-//! Work off the frame's path: a thread natively, in the browser the next frame that asks.
+//! Work off the frame's path: a thread natively, in the browser what it does by itself.
 
 /// Work that is under way, and then its result. Work that nobody waits for any more is not begun.
 #[derive(Debug)]
@@ -8,7 +8,7 @@ pub struct Task<T> {
     #[cfg(not(target_arch = "wasm32"))]
     wanted: std::sync::Arc<()>,
     #[cfg(target_arch = "wasm32")]
-    result: std::cell::Cell<Option<T>>,
+    result: std::rc::Rc<std::cell::RefCell<Option<T>>>,
 }
 
 /// As many at once as there are processors: a folder of forty stills does not fill the memory.
@@ -70,13 +70,35 @@ impl<T: Send + 'static> Task<T> {
     }
 }
 
+impl<T> Task<T> {
+    /// Work that is done already.
+    #[must_use]
+    pub fn done(result: T) -> Self {
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let (sender, receiver) = std::sync::mpsc::channel();
+            // The receiver is there.
+            let _ = sender.send(result);
+            Self { result: receiver, wanted: std::sync::Arc::new(()) }
+        }
+        #[cfg(target_arch = "wasm32")]
+        Self { result: std::rc::Rc::new(std::cell::RefCell::new(Some(result))) }
+    }
+}
+
 #[cfg(target_arch = "wasm32")]
 impl<T: 'static> Task<T> {
-    /// Does the work; there is one thread.
+    /// Waits for what the browser does; `ctx` is asked for a frame when it is done.
     #[must_use]
-    pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
-        ctx.request_repaint();
-        Self { result: std::cell::Cell::new(Some(work())) }
+    pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {
+        let (result, ctx) = (std::rc::Rc::new(std::cell::RefCell::new(None)), ctx.clone());
+        let out = std::rc::Rc::clone(&result);
+        wasm_bindgen_futures::spawn_local(async move {
+            let done = work.await;
+            out.replace(Some(done));
+            ctx.request_repaint();
+        });
+        Self { result }
     }
 
     /// The result, once.

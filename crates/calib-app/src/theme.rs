@@ -208,6 +208,8 @@ pub fn install(ctx: &egui::Context) {
     };
     fonts.families.insert(FontFamily::Proportional, before("plex"));
     fonts.families.insert(FontFamily::Name("medium".into()), before("plex-medium"));
+    // Digits of one width are wanted of it, and ours have one.
+    fonts.families.entry(FontFamily::Monospace).or_default().push("plex".into());
     ctx.set_fonts(fonts);
     for (theme, palette) in [(Theme::Dark, &DARK), (Theme::Light, &LIGHT)] {
         let mut style = theme.default_style();

@@ -6,6 +6,8 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 
+use crate::wasm;
+
 /// What a check needs beside Rust, and how to get it.
 pub(crate) struct Tool {
     pub(crate) name: &'static str,
@@ -81,10 +83,32 @@ const FUZZ: Tool = Tool {
 
 const WEB: Tool = Tool {
     name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
-    is_there: || has_wasm_target() || debian_rustc().is_some(),
+    is_there: wasm::is_there,
     install: &[
         &["apt-get", "update", "--quiet"],
         &["apt-get", "install", "--quiet", "--yes", "rustc-web", "cargo-web", "rust-web-src", "lld"],
+    ],
+};
+
+const BROWSER: Tool = Tool {
+    name: "Chromium, Node and what drives a browser",
+    is_there: || {
+        let driver = root().join("target/browser/node_modules/playwright-core/package.json");
+        runs("/usr/bin/chromium", &["--version"]) && runs("/usr/bin/node", &["--version"]) && driver.exists()
+    },
+    install: &[
+        &["apt-get", "update", "--quiet"],
+        // Whoever has a newer Node from elsewhere keeps it.
+        &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
+        &["apt-get", "install", "--quiet", "--yes", "chromium"],
+        &["mkdir", "-p", "target/browser"],
+        &[
+            "cp",
+            "crates/calib-app/tests/browser/package.json",
+            "crates/calib-app/tests/browser/package-lock.json",
+            "target/browser",
+        ],
+        &["npm", "ci", "--prefix", "target/browser", "--no-fund", "--no-audit"],
     ],
 };
 
@@ -163,6 +187,13 @@ const CHECKS: &[Check] = &[
         tools: &[&PEERS, &ENGINES],
         ..PLAIN
     },
+    Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
+    Check {
+        name: "the app in Chromium",
+        command: &["cargo", "xtask", "browser"],
+        tools: &[&WEB, &BROWSER],
+        ..PLAIN
+    },
 ];
 
 /// Runs every check; with `install`, what is missing is installed first, and a skip is a failure.
@@ -181,7 +212,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         let start = Instant::now();
         println!("\n== {}", check.name);
         let passed = match check.command {
-            ["wasm32"] => build_for_wasm()?,
+            ["wasm32"] => wasm::build(&["--package", "calib-core", "--package", "calib-formats"]).is_ok(),
             ["fuzz-formats"] => fuzz_formats(&skips)?,
             _ => run_check(check, &skips)?,
         };
@@ -211,11 +242,11 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs this command again with optimisation.
-pub(crate) fn rerun_optimised(command: &[&str]) -> anyhow::Result<()> {
-    let arguments = ["run", "--quiet", "--release", "--package", "xtask", "--"];
+/// Runs a command of this program built in another way.
+pub(crate) fn rerun(build: &[&str], command: &[String]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");
-    if !cargo.args(arguments).args(command).current_dir(root()).status()?.success() {
+    cargo.args(["run", "--quiet", "--package", "xtask"]).args(build).arg("--").args(command);
+    if !cargo.current_dir(root()).status()?.success() {
         bail!("{} failed", command.join(" "));
     }
     Ok(())
@@ -299,43 +330,7 @@ fn has_java() -> bool {
     Command::new("java").arg("-version").output().is_ok_and(|output| output.status.success())
 }
 
-const WASM: &str = "wasm32-unknown-unknown";
-
-fn has_wasm_target() -> bool {
-    let libraries = Command::new("rustc").args(["--print", "target-libdir", "--target", WASM]).output();
-    libraries.is_ok_and(|output| {
-        let path = String::from_utf8_lossy(&output.stdout);
-        output.status.success() && Path::new(path.trim()).exists()
-    })
-}
-
-/// Debian's own compiler, which comes with the sources of the standard library.
-fn debian_rustc() -> Option<PathBuf> {
-    let candidate = PathBuf::from("/usr/bin/rustc");
-    let sources = Path::new("/usr/lib/rustlib/src").exists()
-        || Path::new("/usr/src")
-            .read_dir()
-            .ok()?
-            .flatten()
-            .any(|e| e.file_name().to_string_lossy().starts_with("rustc-"));
-    (candidate.exists() && sources).then_some(candidate)
-}
-
-/// Builds what the browser shares, with the installed target or with Debian's toolchain.
-fn build_for_wasm() -> anyhow::Result<bool> {
-    let arguments = ["build", "--package", "calib-core", "--package", "calib-formats", "--target", WASM];
-    if has_wasm_target() {
-        return Ok(Command::new("cargo").args(arguments).current_dir(root()).status()?.success());
-    }
-    let rustc = debian_rustc().context("no compiler for wasm32")?;
-    let mut command = Command::new("/usr/bin/cargo");
-    command.args(arguments).args(["-Z", "build-std=std,panic_abort", "--target-dir", "target/web-build"]);
-    command.env("RUSTC", rustc).env("RUSTC_BOOTSTRAP", "1").env_remove("RUSTUP_TOOLCHAIN");
-    command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
-    Ok(command.current_dir(root()).status()?.success())
-}
-
-/// The workspace.
+/// The folder of the workspace.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
 }

@@ -1,10 +1,18 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `serve`.
 
 mod accuracy;
 mod archives;
 mod bench;
+#[cfg(feature = "web")]
+mod browser;
 mod check;
 mod notices;
+mod serve;
+mod wasm;
+#[cfg(feature = "web")]
+mod web;
+
+use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
@@ -34,6 +42,36 @@ enum Command {
     },
     /// Write the notices of everything that is linked into the programs
     Notices,
+    /// Build the app for the browser: static files, and one page that needs no host
+    Web {
+        /// Where to
+        #[arg(long, default_value = "target/web")]
+        out: PathBuf,
+        /// The program, where it is built already
+        #[arg(long)]
+        built: Option<PathBuf>,
+    },
+    /// Drive the app in Chromium
+    Browser {
+        /// Where the page is, or is built to
+        #[arg(long, default_value = "target/web")]
+        out: PathBuf,
+        /// Which script of crates/calib-app/tests/browser
+        #[arg(long, default_value = "flow.mjs")]
+        script: String,
+        /// Where pictures of the screens go
+        #[arg(long)]
+        pictures: Option<PathBuf>,
+    },
+    /// Serve a folder on this machine only, for trying
+    Serve {
+        /// Which
+        #[arg(default_value = "target/web")]
+        folder: PathBuf,
+        /// On which port; 0 takes a free one
+        #[arg(long, default_value_t = 8080)]
+        port: u16,
+    },
     /// Print the table of accuracy as Markdown
     Accuracy {
         /// Scenes of each kind
@@ -51,11 +89,36 @@ fn main() -> anyhow::Result<()> {
         Command::Bench { json: _, filter } => {
             // An unoptimised number is worse than none.
             if cfg!(debug_assertions) {
-                return check::rerun_optimised(&["bench", &filter]);
+                return check::rerun(&["--release"], &["bench".into(), filter]);
             }
             bench::run(&filter)
         }
         Command::Notices => notices::run(),
+        #[cfg(feature = "web")]
+        Command::Web { out, built } => web::run(&check::root().join(out), built.as_deref()),
+        // What it takes is heavy, so it is built when it is asked for.
+        #[cfg(not(feature = "web"))]
+        Command::Web { .. } => {
+            let arguments: Vec<String> = std::env::args().skip(1).collect();
+            check::rerun(&["--features", "web"], &arguments)
+        }
+        #[cfg(feature = "web")]
+        Command::Browser { out, script, pictures } => browser::run(
+            &check::root().join(out),
+            &script,
+            pictures.map(|p| check::root().join(p)).as_deref(),
+        ),
+        #[cfg(not(feature = "web"))]
+        Command::Browser { .. } => {
+            let arguments: Vec<String> = std::env::args().skip(1).collect();
+            check::rerun(&["--features", "web"], &arguments)
+        }
+        Command::Serve { folder, port } => {
+            let site = serve::Site::new(&check::root().join(folder), port)?;
+            println!("http://{}/", site.address()?);
+            site.serve();
+            Ok(())
+        }
         Command::Accuracy { scenes, draws } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())

@@ -24,6 +24,9 @@ use egui::{CentralPanel, Frame, Margin, Panel, RichText, ScrollArea, Stroke, Ui}
 use crate::app::{App, Mode};
 use crate::theme;
 
+/// In a window narrower than this, a phone's, panels lie below each other.
+pub(crate) const PHONE: f32 = 640.0;
+
 /// The narrowest window in which the right panel shows more than its steps, in points.
 const NARROW: f32 = 1000.0;
 
@@ -35,7 +38,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     Panel::bottom("status").exact_size(28.0).frame(bar(palette.panel)).show(ui, |ui| status::show(app, ui));
     let has_site = !app.session.site.cameras.is_empty() || app.session.site.plan.is_some();
     if has_site {
-        let rail = matches!(app.mode, Mode::Plan | Mode::All);
+        let phone = ui.ctx().content_rect().width() < PHONE;
+        let rail = phone || matches!(app.mode, Mode::Plan | Mode::All);
         let side = Frame::NONE.fill(palette.panel);
         Panel::left(if rail { "rail" } else { "cameras" })
             .resizable(!rail)
@@ -47,12 +51,23 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             toolstrip::show(app, ui);
         });
         let inset = Frame::NONE.fill(palette.panel);
+        if phone {
+            let third = ui.ctx().content_rect().height() / 3.0;
+            Panel::bottom("below")
+                .default_size(third)
+                .size_range(48.0..=2.0 * third)
+                .resizable(true)
+                .frame(inset)
+                .show(ui, |ui| right(app, ui));
+        }
         let narrow = ui.ctx().content_rect().width() < NARROW;
-        Panel::right("right")
-            .default_size(if narrow { 220.0 } else { 296.0 })
-            .size_range(200.0..=480.0)
-            .frame(inset)
-            .show(ui, |ui| right(app, ui));
+        if !phone {
+            Panel::right("right")
+                .default_size(if narrow { 220.0 } else { 296.0 })
+                .size_range(200.0..=480.0)
+                .frame(inset)
+                .show(ui, |ui| right(app, ui));
+        }
     }
     CentralPanel::default().frame(Frame::NONE.fill(palette.bg)).show(ui, |ui| {
         if has_site {

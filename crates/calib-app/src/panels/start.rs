@@ -1,9 +1,10 @@
 //! What is shown while nothing is open.
 
-use egui::{RichText, Ui, Vec2};
+use egui::{Align, Button, Layout, RichText, Role, ScrollArea, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::command::{self, Command};
+use crate::shelf::{Entry, Shelf};
 use crate::theme;
 
 /// The start page.
@@ -12,6 +13,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     let mut recover = None;
     ui.vertical_centered(|ui| {
+        ui.set_max_width(ui.available_width().min(720.0) - 24.0);
         ui.add_space((0.5 * ui.available_height() - 190.0).max(12.0));
         ui.label(RichText::new("Calibrate cameras from their still images").font(theme::medium(22.0)));
         ui.add_space(4.0);
@@ -46,11 +48,12 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let fill = if is_first { palette.accent } else { palette.raised };
             let colour = if is_first { palette.bg } else { palette.text };
             let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
-            if ui.add(egui::Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
+            if ui.add(Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
                 chosen = Some(command);
             }
             ui.add_space(4.0);
         }
+        kept(app, ui);
         ui.add_space(12.0);
         ui.label(RichText::new("Or drop images, a folder, or a site file here.").color(palette.text3));
         ui.label(RichText::new("Images never leave this machine.").color(palette.text3));
@@ -67,5 +70,66 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if let Some(command) = chosen {
         let ctx = ui.ctx().clone();
         command::run(app, &ctx, command, egui::Modifiers::NONE);
+    }
+}
+
+/// The sites that the shelf keeps, each a row.
+fn kept(app: &mut App, ui: &mut Ui) {
+    let entries = app.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
+    let Some(shelf) = app.shelf.as_mut().filter(|_| !entries.is_empty()) else { return };
+    let palette = theme::palette(ui.ctx());
+    ui.add_space(12.0);
+    let width = ui.available_width().min(560.0);
+    ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
+        let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
+        super::heading(
+            ui,
+            "Recent sites in this browser",
+            &format!("{} sites, {}", entries.len(), size(bytes)),
+        );
+        ScrollArea::vertical().max_height(160.0).show(ui, |ui| {
+            for entry in &entries {
+                ui.horizontal(|ui| {
+                    row(shelf.as_mut(), ui, entry);
+                });
+                let rect = ui.min_rect();
+                ui.painter().hline(rect.x_range(), rect.bottom(), Stroke::new(1.0, palette.line));
+            }
+        });
+    });
+}
+
+fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
+    let palette = theme::palette(ui.ctx());
+    let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
+    let open =
+        ui.add(Button::new(RichText::new(name).font(theme::medium(12.0))).min_size(Vec2::new(120.0, 28.0)));
+    open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Go on with {name}")));
+    if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
+        shelf.open(&entry.id);
+    }
+    let words = format!("{} cameras, {}, {}", entry.cameras, entry.when, size(entry.bytes));
+    ui.label(RichText::new(words).color(palette.text2));
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+        // What is removed is gone: the second press means it.
+        let id = ui.scope_id().with(("remove", &entry.id));
+        let armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
+        let text =
+            if armed { RichText::new("Remove for good").color(palette.bad) } else { RichText::new("Remove") };
+        let button = ui.button(text);
+        button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Remove {name}")));
+        if button.clicked() && armed {
+            shelf.remove(&entry.id);
+        } else if button.clicked() {
+            ui.data_mut(|data| data.insert_temp(id, true));
+        }
+    });
+}
+
+/// Bytes for the eye.
+fn size(bytes: u64) -> String {
+    match bytes as f64 {
+        few if few < 1e5 => "under 0.1 MB".into(),
+        bytes => format!("{:.1} MB", bytes / 1e6),
     }
 }

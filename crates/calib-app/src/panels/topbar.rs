@@ -9,7 +9,15 @@ use crate::theme;
 
 /// The commands of the menu, in its order; a gap between groups.
 const MENU: &[&[Command]] = &[
-    &[Command::NewSite, Command::Demo, Command::Tour, Command::Open, Command::Save, Command::SaveAs],
+    &[
+        Command::NewSite,
+        Command::Demo,
+        Command::Tour,
+        Command::Open,
+        Command::Save,
+        Command::SaveAs,
+        Command::SavePlain,
+    ],
     &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
     &[Command::Import, Command::Export],
     &[Command::SavePicture, Command::Theme, Command::Feet],
@@ -28,6 +36,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     ui.horizontal_centered(|ui| {
         menu(app, ui, &mut chosen);
+        if ui.ctx().content_rect().width() < super::PHONE {
+            views(app, ui, &mut chosen);
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
+            return;
+        }
         title(app, ui);
         // The views stand in the middle of the window.
         let width = 4.0 * 112.0;
@@ -109,7 +122,10 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
         let is_on = app.mode == mode;
-        let text = RichText::new(format!("      {title}   {}", i + 1));
+        // On a phone the icons speak for themselves.
+        let phone = ui.ctx().content_rect().width() < super::PHONE;
+        let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
+        let text = RichText::new(text);
         let text = text.color(if is_on { palette.text } else { palette.text2 });
         let fill = if is_on { palette.raised } else { palette.panel };
         let response = ui.add(Button::new(text).fill(fill).min_size(Vec2::new(0.0, 26.0)).selected(false));

@@ -1,0 +1,129 @@
+// An operator at a browser: real mouse and keys on the page, at coordinates that the page reports.
+import assert from "node:assert/strict";
+import { createRequire } from "node:module";
+import path from "node:path";
+
+const require = createRequire(path.join(process.env.CALIB_NODE_MODULES, "resolve.js"));
+const { chromium } = require("playwright-core");
+
+const FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+  "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"];
+
+export const launch = () => chromium.launch({ executablePath: process.env.CALIB_CHROMIUM, args: FLAGS });
+
+export class Desk {
+  /** A page of this address in a context of its own; what goes wrong on it is collected. */
+  static async open(browser, url, { size = [1280, 720], touch = false, keep = null } = {}) {
+    const context = keep ?? await browser.newContext({ viewport: { width: size[0], height: size[1] }, hasTouch: touch, acceptDownloads: true });
+    const page = await context.newPage();
+    const desk = new Desk();
+    Object.assign(desk, { context, page, wrong: [], origin: url.startsWith("http") ? new URL(url).origin : "file://" });
+    page.on("console", (message) => { if (["error", "warning"].includes(message.type()) && !IGNORED.test(message.text())) desk.wrong.push(message.text()); });
+    page.on("pageerror", (error) => desk.wrong.push(String(error)));
+    context.on("request", (request) => {
+      const to = request.url();
+      if (!to.startsWith(desk.origin) && !/^(blob|data):/.test(to)) desk.wrong.push(`request to ${to}`);
+    });
+    await page.goto(url);
+    await page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 60_000 });
+    return desk;
+  }
+
+  state() { return this.page.evaluate(() => JSON.parse(globalThis.calibState() || "null")); }
+
+  /** Waits until the page's state is as wanted. */
+  async until(what, wanted, seconds = 60) {
+    const end = Date.now() + 1000 * seconds;
+    for (let state; ; await this.page.waitForTimeout(50)) {
+      state = await this.state();
+      if (state && wanted(state)) return state;
+      assert(Date.now() < end, `${what}: ${JSON.stringify({ ...state, site: undefined })}`);
+    }
+  }
+
+  /** Nothing is being read or kept. */
+  settled() { return this.until("settled", (state) => state.reading === 0 && !state.behind, 120); }
+
+  /** Where a widget is whose name begins so. */
+  async place(name) {
+    const handle = this.page.locator(`#mirror [data-at]`).and(this.page.locator(`[aria-label^="${name}"]`)).first();
+    const [x0, y0, x1, y1] = (await handle.getAttribute("data-at", { timeout: 15_000 })).split(" ").map(Number);
+    return [0.5 * (x0 + x1), 0.5 * (y0 + y1)];
+  }
+
+  async press(name) {
+    const [x, y] = await this.place(name);
+    await this.page.mouse.move(x, y);
+    await this.page.mouse.down();
+    await this.page.waitForTimeout(30);
+    await this.page.mouse.up();
+    await this.page.waitForTimeout(150);
+  }
+
+  async key(key) {
+    await this.page.keyboard.press(key);
+    await this.page.waitForTimeout(80);
+  }
+
+  /** Where the screen shows a point of a pane. */
+  async screen(pane, [x, y]) {
+    const { panes } = await this.state();
+    const shown = ["Main", "Half", "Tile"].map((place) => panes.find((p) => p.place === place && p.pane === pane)).find(Boolean);
+    assert(shown, `no pane ${pane} of ${panes.map((p) => p.pane)}`);
+    const [x0, y0, x1, y1] = shown.rect;
+    const up = shown.y_up ? -1 : 1;
+    return [0.5 * (x0 + x1) + (x - shown.centre[0]) * shown.zoom, 0.5 * (y0 + y1) + up * (y - shown.centre[1]) * shown.zoom];
+  }
+
+  /** Presses at the first point of a pane, passes the others, releases at the last. */
+  async drag(pane, points, modifier) {
+    const places = [];
+    for (const point of points) places.push(await this.screen(pane, point));
+    const { mouse, keyboard } = this.page;
+    await mouse.move(...places[0]);
+    await this.page.waitForTimeout(40);
+    await mouse.down();
+    if (modifier) await keyboard.down(modifier);
+    for (const place of places.slice(1)) await mouse.move(...place, { steps: 6 });
+    await this.page.waitForTimeout(40);
+    await mouse.up();
+    if (modifier) await keyboard.up(modifier);
+    await this.page.waitForTimeout(60);
+  }
+
+  async click(pane, point) {
+    await this.drag(pane, [point]);
+    // So that the next click is no double click.
+    await this.page.waitForTimeout(450);
+  }
+
+  /** Drops files: [name, type, bytes or text]. */
+  async drop(files) {
+    const list = files.map(([name, type, data]) => [name, type, typeof data === "string" ? data : data.toString("base64"), typeof data === "string"]);
+    const transfer = await this.page.evaluateHandle((list) => {
+      const transfer = new DataTransfer();
+      for (const [name, type, data, isText] of list) {
+        const bytes = isText ? data : Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+        transfer.items.add(new File([bytes], name, { type }));
+      }
+      return transfer;
+    }, list);
+    await this.page.dispatchEvent("#canvas", "drop", { dataTransfer: transfer });
+  }
+
+  /** What a press or key makes the browser download, as text. */
+  async download(act, to) {
+    const [download] = await Promise.all([this.page.waitForEvent("download", { timeout: 30_000 }), act()]);
+    await download.saveAs(to);
+    return download.suggestedFilename();
+  }
+
+  async picture(name) {
+    if (process.env.CALIB_PICTURES) await this.page.screenshot({ path: path.join(process.env.CALIB_PICTURES, `${name}.png`) });
+  }
+
+  fine() { assert.deepEqual(this.wrong, [], "errors or requests of the page"); }
+}
+
+// Chromium's own words about software rendering.
+const IGNORED = /GPU stall due to ReadPixels|software WebGL|swiftshader/i;

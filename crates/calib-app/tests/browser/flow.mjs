@@ -1,0 +1,293 @@
+// The whole of it in Chromium: node flow.mjs ADDRESS FILE
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readFileSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import path from "node:path";
+import { pathToFileURL } from "node:url";
+import { Desk, launch } from "./desk.mjs";
+
+const [address, file] = process.argv.slice(2);
+const scratch = mkdtempSync(path.join(tmpdir(), "calib-browser-"));
+const browser = await launch();
+const KEYS = { vertical: "v", parallel: "p", perpendicular: "r", equal_length: "e", known_length: "l", upright: "u" };
+const done = [];
+
+/** The demonstration with its first camera blank, and what belongs on it. */
+async function blank(desk) {
+  await desk.press("Open the demonstration site");
+  const model = (await desk.until("the demonstration", (state) => state.site.cameras?.length > 0)).site;
+  await desk.settled();
+  await desk.press("Menu");
+  await desk.press("Take the tour");
+  await desk.until("the tour", (state) => state.site.cameras[0].annotations === undefined || state.site.cameras[0].annotations.length === 0);
+  await desk.press("End the tour");
+  await desk.settled();
+  return model;
+}
+
+/** Draws everything on the first camera as the model has it. */
+async function draw(desk, model) {
+  const entry = model.cameras[0];
+  for (const annotation of entry.annotations.filter((annotation) => KEYS[annotation.kind])) {
+    await desk.key(KEYS[annotation.kind]);
+    const lines = annotation.segments ?? [[annotation.foot, annotation.head]];
+    for (const [i, line] of lines.entries()) {
+      if (i === 0) await desk.key("w");
+      await desk.drag("Image(0)", [line[0], line.at(-1)]);
+    }
+  }
+  await desk.key("f");
+  for (const corner of entry.efov_px) await desk.click("Image(0)", corner);
+  await desk.key("Enter");
+  const drawn = (await desk.state()).site.cameras[0];
+  assert.equal(drawn.annotations.length, entry.annotations.filter((a) => KEYS[a.kind]).length, "groups drawn");
+  assert.equal(drawn.solution?.stage, "partial", JSON.stringify(drawn.error));
+}
+
+/** Moves the polygon on the plan by its foot, to where the model has the camera. */
+async function place(desk, model) {
+  await desk.key("2");
+  await desk.key("q");
+  for (let i = 0; i < 4; i += 1) await desk.key("-");
+  await desk.page.waitForTimeout(300);
+  const { position_m: [x, y] } = (await desk.state()).site.cameras[0].solution;
+  await desk.drag("Plan", [[x, y], [x + 1, y + 1], model.cameras[0].solution.position_m.slice(0, 2)]);
+  const placed = (await desk.state()).site.cameras[0].solution;
+  assert.equal(placed.stage, "placed");
+  return placed;
+}
+
+/** Every number of both, as near as native and WebAssembly are. */
+function same(shown, solved, where = "") {
+  if (typeof shown === "number") {
+    const off = Math.abs(shown - solved) / Math.max(1e-3, Math.abs(shown), Math.abs(solved));
+    assert(off <= 1e-9, `${where}: ${shown} here, ${solved} by calib solve`);
+  } else if (shown && typeof shown === "object") {
+    for (const key of Object.keys(shown)) same(shown[key], solved?.[key], `${where}/${key}`);
+  }
+}
+
+async function calibrate(name, url, keep) {
+  const desk = await Desk.open(browser, url, { keep });
+  console.log(`${name}: first frame after ${await desk.page.evaluate(() => document.documentElement.dataset.shown)} ms`);
+  const model = await blank(desk);
+  await draw(desk, model);
+  const placed = await place(desk, model);
+  await desk.picture(`${name}-placed`);
+  await desk.settled();
+  const site = path.join(scratch, `${name}.json`);
+  await desk.key("1");
+  assert.equal(await desk.download(() => desk.page.keyboard.press("Control+s"), site), "site.json");
+  const saved = JSON.parse(readFileSync(site, "utf8"));
+  assert(saved.cameras.every((camera) => camera.image.startsWith("data:image/png;base64,")), "self-contained");
+  const report = JSON.parse(execFileSync(process.env.CALIB, ["solve", site, "--no-refine", "--format", "json"], { maxBuffer: 1 << 28 }));
+  const solved = (report.cameras ?? report)[saved.cameras[0].id];
+  const keys = ["position_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px", "sigma", "rms_px", "chi2"];
+  for (const key of keys) assert(placed[key] !== undefined, key), same(placed[key], (solved.solution ?? solved)[key], key);
+  const before = (await desk.state()).site;
+  await desk.page.reload();
+  await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
+  await desk.page.waitForTimeout(800);
+  await desk.picture(`${name}-again`);
+  await desk.press("Go on with");
+  const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
+  assert.deepEqual(after.cameras[0].annotations, before.cameras[0].annotations);
+  same(before.cameras.map((camera) => camera.solution), after.cameras.map((camera) => camera.solution), "restored");
+  await desk.settled();
+  await desk.picture(`${name}-restored`);
+  desk.fine();
+  return desk;
+}
+
+async function hostile(desk) {
+  for (const [name, text, words] of [
+    ["deep.json", "[".repeat(100000), "deep.json"],
+    ["wrong.json", '{"format": "calib-site", "version": 1, "cameras": [{"id": "a", "size_px": [0, -3], "evil": 1}]}', "wrong.json"],
+    ["bomb.png", Buffer.from("89504e470d0a1a0a0000000d49484452ffffffffffffffff0806000000", "hex"), null],
+    ["virus.exe", "MZ", "virus.exe"],
+  ]) {
+    await desk.drop([[name, "", text]]);
+    const state = await desk.until(name, (state) => state.error);
+    assert(!words || state.error.includes(words), state.error);
+    const shown = await desk.page.locator("#mirror").getByText(state.error.slice(0, 24)).count();
+    assert(shown > 0, `${name} is told on the screen: ${state.error}`);
+    await desk.key("Escape");
+    await desk.until("closed", (state) => !state.error);
+  }
+  desk.fine();
+}
+
+/** A site and its images arrive by one drop; images alone become cameras. */
+async function together() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  const still = await desk.page.evaluate(async () => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: 640, height: 360 });
+    canvas.getContext("2d").fillRect(100, 100, 300, 100);
+    return canvas.toDataURL("image/png").split(",")[1];
+  });
+  const bytes = Buffer.from(still, "base64");
+  const site = { format: "calib-site", version: 1, name: "Yard", cameras: [{ id: "a", image: "frames/a.png", size_px: [640, 360] }] };
+  await desk.drop([["a.png", "image/png", bytes], ["yard.json", "application/json", JSON.stringify(site)]]);
+  await desk.until("the site", (state) => state.site.name === "Yard" && state.site.cameras[0].image.startsWith("stored:"));
+  await desk.drop([["b.png", "image/png", Buffer.from(bytes)], ["c.png", "image/png", Buffer.concat([bytes, Buffer.from([0])])]]);
+  await desk.until("two more cameras", (state) => state.site.cameras?.length === 3);
+  await desk.settled();
+  desk.fine();
+  await desk.context.close();
+}
+
+/** Two tabs on one site: the second one to write goes on beside the first. */
+async function tabs(keep) {
+  const [a, b] = [await Desk.open(browser, `${address}?test=1`, { keep }), await Desk.open(browser, `${address}?test=1`, { keep })];
+  for (const desk of [a, b]) {
+    await desk.page.bringToFront();
+    await desk.press("Go on with");
+    await desk.until("open", (state) => state.site.cameras?.length > 0);
+    await desk.settled();
+  }
+  const stroke = async (desk, x) => {
+    await desk.page.bringToFront();
+    await desk.key("1");
+    await desk.key("v");
+    await desk.drag("Image(0)", [[x, 300], [x + 5, 600]]);
+    return desk.settled();
+  };
+  await stroke(a, 500);
+  const told = await stroke(b, 900);
+  assert.match(told.note, /another tab/);
+  const kept = await a.page.evaluate(() => calib.store.list());
+  assert(kept.length >= 2, "both are kept");
+  a.fine();
+  b.fine();
+  await a.page.close();
+  await b.page.close();
+}
+
+async function quota() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.press("Open the demonstration site");
+  await desk.settled();
+  const session = await desk.context.newCDPSession(desk.page);
+  await session.send("Storage.overrideQuotaForOrigin", { origin: new URL(address).origin, quotaSize: 10 });
+  await desk.key("v");
+  await desk.drag("Image(0)", [[500, 300], [505, 600]]);
+  const state = await desk.until("told", (state) => state.error);
+  assert.match(state.error, /no room left|could not keep/);
+  await desk.picture("quota");
+  const site = path.join(scratch, "quota.json");
+  await desk.download(() => desk.page.keyboard.press("Control+s"), site);
+  assert(JSON.parse(readFileSync(site, "utf8")).cameras[0].annotations.length > 0);
+  desk.fine();
+  await desk.context.close();
+}
+
+async function panic() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.press("Open the demonstration site");
+  await desk.settled();
+  await desk.key("v");
+  await desk.drag("Image(0)", [[500, 300], [505, 600]]);
+  const before = (await desk.settled()).site;
+  await desk.page.evaluate(() => { calib.queue.push({ command: "panic" }); calib.wake(); });
+  await desk.page.getByText("Calib stopped").waitFor();
+  await desk.picture("panic");
+  const site = path.join(scratch, "panic.json");
+  await desk.download(() => desk.page.getByText("Download the site").click(), site);
+  assert.deepEqual(JSON.parse(readFileSync(site, "utf8")).cameras[0].annotations, before.cameras[0].annotations);
+  await desk.page.getByText("Load the page again").click();
+  await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
+  await desk.page.waitForTimeout(500);
+  await desk.press("Go on with");
+  const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
+  assert.deepEqual(after.cameras[0].annotations, before.cameras[0].annotations);
+  await desk.context.close();
+}
+
+async function context() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.press("Open the demonstration site");
+  await desk.settled();
+  await desk.key("v");
+  await desk.drag("Image(0)", [[500, 300], [505, 600]]);
+  const before = await desk.settled();
+  await desk.page.evaluate(() => document.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+  await desk.page.getByText("The graphics card took the picture away").waitFor();
+  await desk.picture("context-lost");
+  await desk.page.getByText("The graphics card took the picture away").waitFor({ state: "hidden", timeout: 20_000 });
+  await desk.page.waitForTimeout(500);
+  await desk.drag("Image(0)", [[900, 300], [905, 600]]);
+  await desk.settled();
+  await desk.picture("context-back");
+  const after = await desk.state();
+  assert.equal(after.generation, before.generation + 1, "the app goes on, undo and all");
+  await desk.context.close();
+}
+
+/** The page opens without a network, once it was there. */
+async function offline() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.page.evaluate(() => navigator.serviceWorker.ready);
+  await desk.context.setOffline(true);
+  await desk.page.reload();
+  await desk.page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 60_000 });
+  await desk.context.close();
+}
+
+async function memory() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  const stills = await desk.page.evaluate(async () => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: 1920, height: 1080 });
+    const pen = canvas.getContext("2d");
+    const list = [];
+    for (let i = 0; i < 16; i += 1) {
+      for (let k = 0; k < 400; k += 1) {
+        pen.fillStyle = `hsl(${(k * 47 + i * 20) % 360} 60% ${20 + (k % 60)}%)`;
+        pen.fillRect((k * 193) % 1920, (k * 71 + 13 * i) % 1080, 120, 80);
+      }
+      const blob = await new Promise((resolve) => canvas.toBlob(resolve, "image/jpeg", 0.9));
+      list.push(Array.from(new Uint8Array(await blob.arrayBuffer())));
+    }
+    return list;
+  });
+  await desk.drop(stills.map((bytes, i) => [`camera-${i}.jpg`, "image/jpeg", Buffer.from(bytes)]));
+  await desk.until("16 cameras", (state) => state.site.cameras?.length === 16, 120);
+  await desk.key("3");
+  await desk.settled();
+  await desk.picture("sixteen");
+  const session = await browser.newBrowserCDPSession();
+  const { processInfo } = await session.send("SystemInfo.getProcessInfo");
+  const resident = (id) => Number(/VmRSS:\s+(\d+)/.exec(readFileSync(`/proc/${id}/status`, "utf8"))?.[1] ?? 0) / 1024;
+  const renderer = Math.max(...processInfo.filter((p) => p.type === "renderer").map((p) => resident(p.id)));
+  const own = await desk.page.evaluate(() => calib.memory() / 1e6);
+  console.log(`16 cameras of 1920x1080: ${renderer.toFixed(0)} MB resident in the page's process, ${own.toFixed(0)} MB of WebAssembly memory`);
+  assert(renderer < 500, `${renderer} MB`);
+  desk.fine();
+  await desk.context.close();
+}
+
+const only = process.env.CALIB_ONLY?.split(",");
+const step = async (name, work) => {
+  if (only && !only.includes(name)) return;
+  const start = Date.now();
+  await work();
+  console.log(`${name}: ${((Date.now() - start) / 1000).toFixed(1)} s`);
+  done.push(name);
+};
+await step("served", async () => {
+  const desk = await calibrate("served", `${address}?test=1`);
+  await hostile(desk);
+  const keep = desk.context;
+  await desk.page.close();
+  await tabs(keep);
+  await keep.close();
+});
+await step("single file", async () => (await calibrate("file", `${pathToFileURL(file)}?test=1`)).context.close());
+await step("together", together);
+await step("quota", quota);
+await step("panic", panic);
+await step("context", context);
+await step("offline", offline);
+await step("memory", memory);
+await browser.close();
+writeFileSync(path.join(scratch, "done"), done.join("\n"));

@@ -1,0 +1,225 @@
+// The page about the app: loads it with progress, queues what is asked before it is there, and speaks for it
+// when it cannot: no WebAssembly or WebGL, a panic, a lost graphics context, storage that fails.
+"use strict";
+
+(() => {
+  const at = (id) => document.getElementById(id);
+  const canvas = () => at("canvas");
+
+  /** A plain page in place of the app, with ways out. */
+  const trouble = (title, text, ways = [], detail = "") => {
+    at("trouble-title").textContent = title;
+    at("trouble-text").textContent = text;
+    at("trouble-ways").replaceChildren(...ways.map(([label, act]) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "button";
+      button.textContent = label;
+      button.onclick = act;
+      return button;
+    }));
+    at("trouble-detail").textContent = detail;
+    at("trouble-detail").parentElement.hidden = !detail;
+    at("kept").replaceChildren();
+    at("start").hidden = true;
+    at("trouble").hidden = false;
+    at("trouble").querySelector("button")?.focus();
+  };
+
+  /** What the browser keeps, each site to be downloaded without the app. */
+  const listKept = async () => {
+    const records = await calib.store.list().catch(() => []);
+    at("kept").replaceChildren(...records.map((record) => {
+      const row = document.createElement("li");
+      const name = document.createElement("span");
+      name.textContent = `${record.name || "site"}: ${record.cameras} cameras, ${new Date(record.kept).toLocaleString()}`;
+      const button = document.createElement("button");
+      button.type = "button";
+      button.className = "button";
+      button.textContent = "Download";
+      button.onclick = () => calib.store.rescueKept(record.id);
+      row.append(name, button);
+      return row;
+    }));
+  };
+
+  const reload = ["Load the page again", () => location.reload()];
+  const rescue = () => {
+    const { record, images } = calib.store.boat;
+    return record ? [["Download the site", () => calib.store.rescue(record, images)]] : [];
+  };
+
+  const cannot = (what) => {
+    const text = `This browser ${what}. Calib needs a current Firefox, Chrome, Edge or Safari with WebAssembly and WebGL 2.`;
+    trouble("Calib cannot run in this browser", `${text} What was kept here can be downloaded, and the command line tool calib solves it.`);
+    listKept();
+  };
+
+  // What the app calls.
+  calib.panicked = (message) => {
+    if (calib.broken) return;
+    calib.broken = true;
+    // The last finished gesture is in the lifeboat, whatever the app's own memory looks like.
+    setTimeout(() => {
+      trouble("Calib stopped", "A fault in the program stopped it. Your site is as it was after the last finished step.",
+        [...rescue(), reload], message);
+      listKept();
+    });
+  };
+  calib.contextLost = () => trouble("The graphics card took the picture away",
+    "This happens when a laptop sleeps or a driver restarts. Nothing is lost.",
+    [["Show it again", () => calib.restart()], ...rescue()]);
+  calib.contextBack = () => { at("trouble").hidden = true; canvas().focus(); };
+  calib.shown = () => {
+    canvas().classList.add("shown");
+    at("start").hidden = true;
+    performance.mark("calib-shown");
+    document.documentElement.dataset.shown = Math.round(performance.now());
+  };
+  /** A canvas without a lost context. */
+  calib.freshCanvas = () => {
+    const fresh = canvas().cloneNode();
+    canvas().replaceWith(fresh);
+    return fresh;
+  };
+  /** Asks for files; resolves with none when the operator changes his mind. */
+  calib.pick = (accept, multiple) => new Promise((resolve) => {
+    const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple });
+    input.onchange = () => resolve([...input.files]);
+    input.oncancel = () => resolve([]);
+    input.click();
+  });
+  calib.wake = () => {};
+  const want = (wish) => { calib.queue.push(wish); calib.wake(); };
+
+  // Every word the app would say, to those who do not see it.
+  const ROLES = { Button: "button", CheckBox: "checkbox", RadioButton: "radio", Slider: "slider", TextInput: "textbox", MultilineTextInput: "textbox", SpinButton: "spinbutton", Link: "link", Image: "img", ComboBox: "combobox", MenuItem: "menuitem" };
+  const nodes = new Map();
+  calib.mirror = (text) => {
+    const tree = JSON.parse(text);
+    const order = [];
+    for (const node of tree.nodes) {
+      let element = nodes.get(node.id);
+      if (!element) {
+        element = document.createElement("div");
+        element.dataset.id = node.id;
+        element.onclick = () => { calib.queue.push({ click: node.id }); calib.wake(); };
+        nodes.set(node.id, element);
+      }
+      const attributes = { role: ROLES[node.role] ?? null, "aria-label": node.label, "aria-checked": node.checked,
+        "aria-disabled": node.disabled ? "true" : null, "aria-valuetext": node.value, "data-at": node.at };
+      for (const [name, value] of Object.entries(attributes)) {
+        if (value == null) element.removeAttribute(name);
+        else if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+      }
+      const words = ROLES[node.role] ? "" : [node.label, node.value].filter(Boolean).join(" ");
+      if (element.textContent !== words) element.textContent = words;
+      order.push(element);
+    }
+    const alive = new Set(tree.nodes.map((node) => node.id));
+    for (const [id, element] of nodes) if (!alive.has(id)) { element.remove(); nodes.delete(id); }
+    order.forEach((element, i) => { if (at("mirror").children[i] !== element) at("mirror").insertBefore(element, at("mirror").children[i] ?? null); });
+    if (tree.spoken && at("spoken").textContent !== tree.spoken) at("spoken").textContent = tree.spoken;
+  };
+
+  // Keys that mean something here, and that the browser would take for its own.
+  addEventListener("keydown", (event) => {
+    if ((event.ctrlKey || event.metaKey) && !event.altKey && /^[adikosz]$/i.test(event.key) && at("trouble").hidden) event.preventDefault();
+  });
+  addEventListener("contextmenu", (event) => { if (event.target === canvas()) event.preventDefault(); });
+  addEventListener("beforeunload", (event) => { if (calib.unkept && !calib.broken) event.preventDefault(); });
+  // A file dropped before the app is there must not replace the page.
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (!at("start").hidden) queued("Opening…", { files: [...event.dataTransfer.files] });
+  });
+  const queued = (words, wish) => { at("state").textContent = words; want(wish); };
+  at("open").onchange = () => queued("Opening…", { files: [...at("open").files] });
+  at("demonstration").onclick = () => queued("Opening the demonstration…", { command: "demonstration" });
+
+  const progress = (share) => { at("progress").value = share; };
+
+  /** The app's bytes as a response that counts itself. */
+  const counted = (body, size) => {
+    let seen = 0;
+    const counter = new TransformStream({ transform(chunk, out) { seen += chunk.byteLength; progress(seen / size); out.enqueue(chunk); } });
+    return new Response(body.pipeThrough(counter), { headers: { "Content-Type": "application/wasm" } });
+  };
+  const fetched = async () => {
+    const { wasm, size } = document.documentElement.dataset;
+    const inline = at("wasm");
+    if (inline) {
+      const bytes = Uint8Array.from(atob(inline.textContent), (c) => c.charCodeAt(0));
+      inline.remove();
+      return counted(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")), size);
+    }
+    const response = await fetch(wasm);
+    if (!response.ok) throw new Error(`${wasm}: ${response.status}`);
+    return counted(response.body, size);
+  };
+
+  /** Work that would hold up frames, one piece after the other in a worker of the same program. */
+  let worker = null;
+  const asked = new Map();
+  const hire = () => {
+    const glue = at("glue");
+    const source = glue.src ? `importScripts(${JSON.stringify(glue.src)});` : glue.textContent;
+    const listen = `
+      let ready;
+      onmessage = async ({ data: { id, module, kind, name, width, bytes } }) => {
+        if (module) { ready = wasm_bindgen({ module_or_path: module }); return; }
+        try {
+          await ready;
+          const result = calibWork(kind, name, width, bytes);
+          postMessage({ id, result }, result.filter((part) => part.buffer).map((part) => part.buffer));
+        } catch (error) { postMessage({ id, error: String(error?.message ?? error), fatal: error instanceof WebAssembly.RuntimeError }); }
+      };`;
+    const url = URL.createObjectURL(new Blob([source, listen], { type: "text/javascript" }));
+    const hired = new Worker(url);
+    hired.postMessage({ module: calib.module });
+    // A worker that broke is replaced with the next piece of work; what waited for it is told.
+    const dismiss = (why) => {
+      hired.terminate();
+      worker = null;
+      for (const [, reject] of asked.values()) reject(why);
+      asked.clear();
+    };
+    hired.onmessage = ({ data: { id, result, error, fatal } }) => {
+      const [resolve, reject] = asked.get(id);
+      asked.delete(id);
+      if (error) reject(error); else resolve(result);
+      if (fatal) dismiss(error);
+    };
+    hired.onerror = (event) => dismiss(event.message || "the worker stopped");
+    return hired;
+  };
+  let last = 0;
+  calib.work = (kind, name, width, bytes) => new Promise((resolve, reject) => {
+    worker ??= hire();
+    last += 1;
+    asked.set(last, [resolve, reject]);
+    worker.postMessage({ id: last, kind, name, width, bytes }, [bytes.buffer]);
+  });
+
+  const offline = async () => {
+    if (!("serviceWorker" in navigator) || !location.protocol.startsWith("http")) return;
+    await navigator.serviceWorker.register("sw.js").catch(() => {});
+  };
+
+  const start = async () => {
+    if (typeof WebAssembly !== "object") return cannot("has no WebAssembly");
+    if (!document.createElement("canvas").getContext("webgl2")) return cannot("has no WebGL 2");
+    try {
+      calib.module = await WebAssembly.compileStreaming(fetched());
+      const { memory } = await wasm_bindgen({ module_or_path: calib.module });
+      calib.memory = () => memory.buffer.byteLength;
+    } catch (error) {
+      if (calib.broken) return;
+      trouble("Calib could not be loaded", "The program did not arrive whole.", [reload], String(error?.stack ?? error));
+      listKept();
+    }
+  };
+  start();
+  offline();
+})();

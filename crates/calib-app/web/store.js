@@ -1,0 +1,133 @@
+// Sites and their images in the browser's database, and the lifeboat: the newest site, held here in case
+// the database or the app fails. Plain JavaScript, because it must work where the app does not.
+"use strict";
+
+const calib = globalThis.calib = { queue: [], unkept: false };
+
+calib.store = (() => {
+  const SITES = "sites", IMAGES = "images";
+  let opened = null;
+  // What the app handed over last: its record, and the bytes of its images by id.
+  const boat = { record: null, images: new Map() };
+
+  const done = (request) => new Promise((resolve, reject) => {
+    request.onsuccess = () => resolve(request.result);
+    request.onerror = () => reject(request.error);
+  });
+  const finished = (transaction) => new Promise((resolve, reject) => {
+    transaction.oncomplete = () => resolve();
+    transaction.onabort = () => reject(transaction.error ?? new DOMException("aborted", "AbortError"));
+  });
+
+  const database = () => opened ??= new Promise((resolve, reject) => {
+    if (!globalThis.indexedDB) return reject(new DOMException("no IndexedDB", "NotSupportedError"));
+    const request = indexedDB.open("calib", 1);
+    request.onupgradeneeded = () => {
+      request.result.createObjectStore(SITES, { keyPath: "id" });
+      request.result.createObjectStore(IMAGES);
+    };
+    request.onsuccess = () => {
+      // Another tab with a newer version of this page may change the database.
+      request.result.onversionchange = () => { request.result.close(); opened = null; };
+      resolve(request.result);
+    };
+    request.onerror = () => { opened = null; reject(request.error); };
+  });
+  const range = (id) => IDBKeyRange.bound([id], [id, []]);
+
+  /** Every kept site, newest first, without its images. */
+  const list = async () => {
+    const base = await database();
+    const records = await done(base.transaction(SITES).objectStore(SITES).getAll());
+    return records.sort((a, b) => b.kept - a.kept);
+  };
+
+  /** Keeps a site and those of its images that are new; the revision tells two tabs apart. */
+  const write = async (record, images) => {
+    const base = await database();
+    const transaction = base.transaction([SITES, IMAGES], "readwrite");
+    const end = finished(transaction);
+    // An abort is reported by `end`; an awaited request must not report it a second time.
+    end.catch(() => {});
+    const sites = transaction.objectStore(SITES);
+    const known = await done(sites.get(record.id));
+    if ((known?.revision ?? 0) !== record.revision) {
+      transaction.abort();
+      throw new DOMException("changed in another tab", "VersionError");
+    }
+    const bytes = [...boat.images.values()].reduce((sum, image) => sum + image.bytes.byteLength, record.site.length);
+    sites.put({ ...record, bytes, revision: record.revision + 1, kept: Date.now() });
+    for (const [name, data] of images) transaction.objectStore(IMAGES).put(data, [record.id, name]);
+    await end;
+    return record.revision + 1;
+  };
+
+  /** Takes the site into the lifeboat, then writes it. Images: [id, type, name, bytes] of those not sent before. */
+  const keep = async (text, images) => {
+    const record = JSON.parse(text);
+    if (boat.record?.id !== record.id) boat.images.clear();
+    boat.record = record;
+    for (const [id, type, name, bytes] of images) boat.images.set(id, { type, name, bytes });
+    return write(record, images.map(([id, , , bytes]) => [id, bytes]));
+  };
+
+  /** A kept site with its images: [record, [[id, bytes]]]. */
+  const open = async (id) => {
+    const base = await database();
+    const transaction = base.transaction([SITES, IMAGES]);
+    const [record, keys, values] = await Promise.all([
+      done(transaction.objectStore(SITES).get(id)),
+      done(transaction.objectStore(IMAGES).getAllKeys(range(id))),
+      done(transaction.objectStore(IMAGES).getAll(range(id))),
+    ]);
+    if (!record) throw new DOMException("the site is gone", "NotFoundError");
+    return [JSON.stringify(record), keys.map((key, i) => [key[1], values[i]])];
+  };
+
+  const remove = async (id) => {
+    const base = await database();
+    const transaction = base.transaction([SITES, IMAGES], "readwrite");
+    transaction.objectStore(SITES).delete(id);
+    transaction.objectStore(IMAGES).delete(range(id));
+    return finished(transaction);
+  };
+
+  const dataUri = (type, bytes) => new Promise((resolve, reject) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result);
+    reader.onerror = () => reject(reader.error);
+    reader.readAsDataURL(new Blob([bytes], { type }));
+  });
+
+  /** Downloads a site as one self-contained file; `images` by id: { type, bytes }. */
+  const rescue = async (record, images) => {
+    const site = JSON.parse(record.site);
+    for (const owner of [...(site.cameras ?? []), ...(site.plan ? [site.plan] : [])]) {
+      const image = images.get(owner.image);
+      if (image) owner.image = await dataUri(image.type, image.bytes);
+    }
+    download(`${record.name || "site"}.json`, "application/json", JSON.stringify(site, null, 2));
+  };
+
+  /** Downloads a kept site. */
+  const rescueKept = async (id) => {
+    const [text, entries] = await open(id);
+    const record = JSON.parse(text);
+    const types = new Map((record.images ?? []).map((image) => [image.id, image.mime]));
+    return rescue(record, new Map(entries.map(([name, bytes]) => [name, { type: types.get(name) ?? "", bytes }])));
+  };
+
+  const download = (name, type, data) => {
+    const url = URL.createObjectURL(new Blob([data], { type }));
+    const link = document.createElement("a");
+    link.href = url;
+    link.download = name;
+    document.body.append(link);
+    link.click();
+    link.remove();
+    // The browser has begun to read it by then.
+    setTimeout(() => URL.revokeObjectURL(url), 60_000);
+  };
+
+  return { boat, list, keep, open, remove, rescue, rescueKept, download };
+})();

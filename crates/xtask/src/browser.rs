@@ -1,0 +1,51 @@
+//! `cargo xtask browser`: the app in Chromium, as files behind a server and as one page without.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, ensure};
+
+use crate::check::root;
+use crate::{serve, web};
+
+/// Where what drives the browser is installed.
+const FOLDER: &str = "target/browser";
+/// What drives it.
+const SOURCES: &str = "crates/calib-app/tests/browser";
+
+fn chromium() -> Option<PathBuf> {
+    ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"]
+        .into_iter()
+        .map(PathBuf::from)
+        .find(|path| path.exists())
+}
+
+/// Builds the page into `out`, serves it, and runs a script of the test folder.
+pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>) -> anyhow::Result<()> {
+    if !out.join("calib.html").exists() {
+        web::run(out, None)?;
+    }
+    let browser = chromium().context("no Chromium: apt-get install chromium")?;
+    let site = serve::Site::new(out, 0)?;
+    let address = format!("http://{}/", site.address()?);
+    std::thread::spawn(move || site.serve());
+    let mut node = Command::new("node");
+    node.arg(root().join(SOURCES).join(script)).arg(&address).arg(out.join("calib.html"));
+    node.env("CALIB_CHROMIUM", browser).env("CALIB_NODE_MODULES", root().join(FOLDER).join("node_modules"));
+    node.env("CALIB", calib()?);
+    if let Some(pictures) = pictures {
+        std::fs::create_dir_all(pictures)?;
+        node.env("CALIB_PICTURES", pictures);
+    }
+    ensure!(node.current_dir(root()).status()?.success(), "{script} failed");
+    Ok(())
+}
+
+/// The command line tool, to solve what the page saved.
+fn calib() -> anyhow::Result<PathBuf> {
+    let mut cargo = Command::new("cargo");
+    cargo.args(["build", "--quiet", "--package", "calib-cli"]).current_dir(root());
+    ensure!(cargo.status()?.success(), "calib-cli does not build");
+    let own = std::env::current_exe()?;
+    Ok(own.with_file_name("calib"))
+}

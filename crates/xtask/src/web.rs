@@ -1,0 +1,195 @@
+//! `cargo xtask web`: the app for the browser, as files for any web host and as one page that needs none.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use base64::Engine as _;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use sha2::{Digest as _, Sha256};
+use wasm_bindgen_cli_support::Bindgen;
+
+use crate::wasm;
+
+/// The most that a browser has to fetch for the program, gzipped, in bytes.
+const MOST: usize = 2_600_000;
+
+/// What `index.html` asks for in these places.
+const HEAD: &str = "<!-- head -->";
+const SCRIPTS: &str = "<!-- scripts -->";
+
+/// Builds everything into `out`; the program too, if it is not `built`.
+pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
+    let built = match built {
+        Some(built) => built.to_path_buf(),
+        None => program()?,
+    };
+    let glue = out.join("glue");
+    // What an earlier version left would be served beside this one.
+    if out.exists() {
+        fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
+    }
+    fs::create_dir_all(&glue)?;
+    Bindgen::new()
+        .input_path(&built)
+        .out_name("app")
+        .no_modules(true)?
+        .typescript(false)
+        .remove_name_section(true)
+        .remove_producers_section(true)
+        .generate(&glue)?;
+    let parts = Parts::read(&glue)?;
+    fs::remove_dir_all(&glue)?;
+    let zipped = gzip(&parts.wasm)?;
+    println!(
+        "{:.2} MB of WebAssembly, {:.2} MB gzipped",
+        parts.wasm.len() as f64 / 1e6,
+        zipped.len() as f64 / 1e6
+    );
+    ensure!(
+        zipped.len() <= MOST,
+        "the program is {} bytes gzipped, at most {MOST} are allowed",
+        zipped.len()
+    );
+    folder(&parts, out)?;
+    let single = single(&parts, &zipped);
+    fs::write(out.join("calib.html"), &single)?;
+    println!("{} and {}", out.join("index.html").display(), out.join("calib.html").display());
+    Ok(())
+}
+
+/// Builds the program.
+fn program() -> anyhow::Result<PathBuf> {
+    let folder = wasm::build(&["--package", "calib-app", "--bin", "calib-app", "--profile", "web"])?;
+    Ok(folder.join("web/calib-app.wasm"))
+}
+
+/// What the page is made of.
+struct Parts {
+    wasm: Vec<u8>,
+    html: String,
+    style: String,
+    icon: String,
+    worker: String,
+    manifest: String,
+    /// In the order in which they run.
+    scripts: [(&'static str, String); 3],
+}
+
+impl Parts {
+    fn read(glue: &Path) -> anyhow::Result<Self> {
+        let text = |path: PathBuf| fs::read_to_string(&path).with_context(|| path.display().to_string());
+        let page = |name: &str| text(crate::check::root().join("crates/calib-app/web").join(name));
+        Ok(Self {
+            wasm: fs::read(glue.join("app_bg.wasm"))?,
+            html: page("index.html")?,
+            style: page("page.css")?,
+            icon: page("icon.svg")?,
+            worker: page("sw.js")?,
+            manifest: page("manifest.webmanifest")?,
+            scripts: [
+                ("store", page("store.js")?),
+                ("app", text(glue.join("app.js"))?),
+                ("page", page("page.js")?),
+            ],
+        })
+    }
+}
+
+/// Static files. Names carry what is in them, so that no cache mixes versions.
+fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
+    let mut files: Vec<(String, &[u8])> = vec![(named("calib", "wasm", &parts.wasm), &parts.wasm)];
+    let mut tags = String::new();
+    for (name, script) in &parts.scripts {
+        let file = named(name, "js", script.as_bytes());
+        tags += &format!("<script src=\"{file}\"{} defer></script>\n", id(name));
+        files.push((file, script.as_bytes()));
+    }
+    let style = named("page", "css", parts.style.as_bytes());
+    let policy = policy("'self'", "'self'", "'self'");
+    let head = format!(
+        "{policy}\n<link rel=\"manifest\" href=\"manifest.webmanifest\">\n<link rel=\"icon\" href=\"icon.svg\">\n\
+         <link rel=\"preload\" href=\"{}\" as=\"fetch\" type=\"application/wasm\" crossorigin>\n\
+         <link rel=\"stylesheet\" href=\"{style}\">",
+        files[0].0
+    );
+    let html = page(&parts.html, &head, &tags, &files[0].0, parts.wasm.len());
+    files.push((style, parts.style.as_bytes()));
+    files.push(("icon.svg".into(), parts.icon.as_bytes()));
+    files.push(("manifest.webmanifest".into(), parts.manifest.as_bytes()));
+    for (name, bytes) in &files {
+        fs::write(out.join(name), bytes)?;
+    }
+    fs::write(out.join("index.html"), &html)?;
+    let names: Vec<String> = files.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+    let version = digest(&[html.as_bytes(), parts.manifest.as_bytes(), parts.icon.as_bytes()].concat());
+    let worker = parts.worker.replace("VERSION", &version);
+    fs::write(out.join("sw.js"), worker.replace("/* FILES */", &format!("\"./\", {}", names.join(", "))))?;
+    Ok(())
+}
+
+/// One page with everything in it; a folder on a stick is host enough.
+fn single(parts: &Parts, zipped: &[u8]) -> String {
+    // A script ends where its text says so, even within a string.
+    let inline = |text: &str| text.replace("</script", "<\\/script").replace("<!--", "<\\!--");
+    let scripts: Vec<String> =
+        parts.scripts.iter().map(|(_, script)| format!("\n{}", inline(script))).collect();
+    let allowed: Vec<String> = scripts.iter().map(|script| allow(script)).collect();
+    let policy = policy(&allowed.join(" "), &allow(&parts.style), "'none'");
+    let icon = base64(parts.icon.as_bytes());
+    let head = format!(
+        "{policy}\n<link rel=\"icon\" href=\"data:image/svg+xml;base64,{icon}\">\n<style>{}</style>",
+        parts.style
+    );
+    let program =
+        format!("<script type=\"application/octet-stream\" id=\"wasm\">{}</script>\n", base64(zipped));
+    let named = parts.scripts.iter().zip(&scripts);
+    let tags: String =
+        named.map(|((name, _), script)| format!("<script{}>{script}</script>\n", id(name))).collect();
+    page(&parts.html, &head, &(program + &tags), "", parts.wasm.len())
+}
+
+fn page(html: &str, head: &str, scripts: &str, wasm: &str, size: usize) -> String {
+    let root = format!("<html lang=\"en\" data-wasm=\"{wasm}\" data-size=\"{size}\">");
+    html.replace("<html lang=\"en\">", &root).replace(HEAD, head).replace(SCRIPTS, scripts)
+}
+
+/// The worker finds by it what the page runs, too.
+fn id(script: &str) -> &'static str {
+    if script == "app" { " id=\"glue\"" } else { "" }
+}
+
+/// Nothing from elsewhere, and nothing to elsewhere.
+fn policy(scripts: &str, styles: &str, connections: &str) -> String {
+    format!(
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src {scripts} \
+         'wasm-unsafe-eval'; style-src {styles}; img-src 'self' data: blob:; connect-src {connections}; \
+         manifest-src 'self'; worker-src 'self' blob:; base-uri 'none'; form-action 'none'\">"
+    )
+}
+
+/// How a policy names a text that stands in the page.
+fn allow(text: &str) -> String {
+    format!("'sha256-{}'", base64(&Sha256::digest(text.as_bytes())))
+}
+
+fn base64(bytes: &[u8]) -> String {
+    base64::engine::general_purpose::STANDARD.encode(bytes)
+}
+
+/// A short name for what is in a file.
+fn digest(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn named(name: &str, end: &str, bytes: &[u8]) -> String {
+    format!("{name}-{}.{end}", digest(bytes))
+}
+
+fn gzip(bytes: &[u8]) -> anyhow::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes)?;
+    Ok(encoder.finish()?)
+}
