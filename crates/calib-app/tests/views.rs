@@ -192,8 +192,9 @@ fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
     desk.keys(Modifiers::COMMAND, Key::E);
     // WILDTRACK has no place for distortion.
     desk.app().export.choose("wildtrack");
+    desk.harness.run_steps(2);
     let patience = std::time::Instant::now();
-    while desk.harness.query_by_label_contains("Write ").is_none() {
+    while desk.harness.query_by_label_contains("files\u{2026}").is_none() {
         desk.harness.step();
         assert!(patience.elapsed().as_secs() < 60, "nothing is made");
     }
