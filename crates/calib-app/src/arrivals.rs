@@ -112,7 +112,8 @@ impl App {
             }
             site
         };
-        session.site = rename(&session.site);
+        let renamed = rename(&session.site);
+        session.site = renamed;
         session.history.map(rename);
         let mut used = used.into_iter();
         files.retain(|_| !used.next().unwrap_or_default());

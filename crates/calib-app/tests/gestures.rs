@@ -53,6 +53,16 @@ fn draw_camera(desk: &mut Desk, camera: usize, model: &Site) {
     desk.key(Key::Enter);
 }
 
+/// The panel shows this focal, to the last digit that it prints.
+fn assert_shown(desk: &mut Desk, id: &str, focal: f64) {
+    let words = desk.words();
+    let is_focal = |text: &&String| text.starts_with("Focal ") && text.ends_with(" px");
+    let shown = words.iter().find(is_focal).expect("the focal on the panel");
+    let number = shown.split_whitespace().nth(1).unwrap();
+    let digits = number.split_once('.').map_or(0, |(_, digits)| digits.len());
+    assert_eq!(number, format!("{focal:.digits$}"), "{id}: {shown}");
+}
+
 #[test]
 fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_file() {
     let model = demo();
@@ -111,13 +121,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
             desk.key(Key::CloseBracket);
         }
         desk.key(Key::Num1);
-        let focal = told[id]["focal_px"].as_f64().unwrap();
-        let words = desk.words();
-        let is_focal = |text: &&String| text.starts_with("Focal ") && text.ends_with(" px");
-        let shown = words.iter().find(is_focal).expect("the focal on the panel");
-        let number = shown.split_whitespace().nth(1).unwrap();
-        let digits = number.split_once('.').map_or(0, |(_, digits)| digits.len());
-        assert_eq!(number, format!("{focal:.digits$}"), "{id}: {shown}");
+        assert_shown(&mut desk, id, told[id]["focal_px"].as_f64().unwrap());
     }
 }
 

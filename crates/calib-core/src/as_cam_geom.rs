@@ -26,7 +26,6 @@ impl Camera {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::camera::tests::any_camera;
     use crate::space::WorldPoint;
     use proptest::prelude::*;

@@ -20,24 +20,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let what = "Draw lines that are plumb, parallel or square; place each camera on the plan; check in every view.";
         ui.label(RichText::new(what).color(palette.text2));
         ui.add_space(20.0);
-        for (index, (_, found)) in app.found.iter().enumerate() {
-            let count = found.site.cameras.len();
-            let file = found.path.as_deref().map_or_else(|| "a new site".into(), |p| p.display().to_string());
-            egui::Frame::NONE.fill(palette.accent_bg).corner_radius(8).inner_margin(16).show(ui, |ui| {
-                ui.set_max_width(400.0);
-                ui.label(RichText::new("Work that was not saved").font(theme::medium(13.0)));
-                ui.label(RichText::new(format!("{count} cameras, {file}")).color(palette.text2));
-                ui.horizontal(|ui| {
-                    if ui.button("Go on with it").clicked() {
-                        recover = Some((index, true));
-                    }
-                    if ui.button("Discard").clicked() {
-                        recover = Some((index, false));
-                    }
-                });
-            });
-            ui.add_space(12.0);
-        }
+        recover = found(app, ui);
         for (text, command) in [
             ("Open the demonstration site", Command::Demo),
             ("Take the tour: five steps, ten minutes", Command::Tour),
@@ -71,6 +54,31 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         command::run(app, &ctx, command, egui::Modifiers::NONE);
     }
+}
+
+/// Work that a crash left behind: which was chosen, and whether to go on with it.
+fn found(app: &App, ui: &mut Ui) -> Option<(usize, bool)> {
+    let palette = theme::palette(ui.ctx());
+    let mut recover = None;
+    for (index, (_, found)) in app.found.iter().enumerate() {
+        let count = found.site.cameras.len();
+        let file = found.path.as_deref().map_or_else(|| "a new site".into(), |p| p.display().to_string());
+        egui::Frame::NONE.fill(palette.accent_bg).corner_radius(8).inner_margin(16).show(ui, |ui| {
+            ui.set_max_width(400.0);
+            ui.label(RichText::new("Work that was not saved").font(theme::medium(13.0)));
+            ui.label(RichText::new(format!("{count} cameras, {file}")).color(palette.text2));
+            ui.horizontal(|ui| {
+                if ui.button("Go on with it").clicked() {
+                    recover = Some((index, true));
+                }
+                if ui.button("Discard").clicked() {
+                    recover = Some((index, false));
+                }
+            });
+        });
+        ui.add_space(12.0);
+    }
+    recover
 }
 
 /// The sites that the shelf keeps, each a row.
