@@ -73,25 +73,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         }
         draw_camera(&mut desk, camera, &model);
     }
-    // shop-1 by control points, on the image and then on the plan.
-    to_first(&mut desk, &model);
-    desk.key(Key::Num2);
-    desk.take("Control point");
-    let scale = plan_scale(&model);
-    desk.click(Pane::Plan, [0.0, 2.0]);
-    for _ in 0..8 {
-        desk.key(Key::Minus);
-    }
-    for point in &model.cameras[0].control_points {
-        let world = point.control_point(model.plan.as_ref()).unwrap().world;
-        if world.z == 0.0 {
-            desk.key(Key::Num1);
-            desk.click(Pane::Image(0), point.px.into());
-            desk.key(Key::Num2);
-            let on_plan = scale.floor_from_plan(scale.plan_from_floor(world.on_floor()));
-            desk.click(Pane::Plan, on_plan.into());
-        }
-    }
+    place_first(&mut desk, &model);
     let stage = |desk: &mut Desk, camera| desk.app().session.solved.solution(camera).map(|s| s.stage);
     assert_eq!(stage(&mut desk, 0), Some(Stage::Placed), "{:?}", desk.site().cameras[0].control_points.len());
     // The others by dragging their feet on the plan.
@@ -122,6 +104,28 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         }
         desk.key(Key::Num1);
         assert_shown(&mut desk, id, told[id]["focal_px"].as_f64().unwrap());
+    }
+}
+
+/// Places shop-1 by control points, on the image and then on the plan.
+fn place_first(desk: &mut Desk, model: &Site) {
+    to_first(desk, model);
+    desk.key(Key::Num2);
+    desk.take("Control point");
+    let scale = plan_scale(model);
+    desk.click(Pane::Plan, [0.0, 2.0]);
+    for _ in 0..8 {
+        desk.key(Key::Minus);
+    }
+    for point in &model.cameras[0].control_points {
+        let world = point.control_point(model.plan.as_ref()).unwrap().world;
+        if world.z == 0.0 {
+            desk.key(Key::Num1);
+            desk.click(Pane::Image(0), point.px.into());
+            desk.key(Key::Num2);
+            let on_plan = scale.floor_from_plan(scale.plan_from_floor(world.on_floor()));
+            desk.click(Pane::Plan, on_plan.into());
+        }
     }
 }
 
