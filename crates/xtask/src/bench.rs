@@ -40,7 +40,7 @@ pub(crate) fn run(filter: &str) {
 }
 
 /// Median seconds of `work` over some runs, after one to warm up.
-fn median(runs: usize, mut work: impl FnMut()) -> f64 {
+pub(crate) fn median(runs: usize, mut work: impl FnMut()) -> f64 {
     work();
     let mut took: Vec<f64> = (0..runs)
         .map(|_| {
