@@ -78,7 +78,7 @@ fn of_the_app() -> anyhow::Result<Map<String, Value>> {
 }
 
 /// Median seconds of `work` over some runs, after one to warm up.
-fn median(runs: usize, mut work: impl FnMut()) -> f64 {
+pub(crate) fn median(runs: usize, mut work: impl FnMut()) -> f64 {
     work();
     let mut took: Vec<f64> = (0..runs)
         .map(|_| {

@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::{Context as _, ensure};
 
 use crate::check::root;
-use crate::{serve, web};
+use crate::{bench, serve, web};
 
 /// Where what drives the browser is installed.
 const FOLDER: &str = "target/browser";
@@ -32,7 +32,7 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>) -> anyhow::
     let mut node = Command::new("node");
     node.arg(root().join(SOURCES).join(script)).arg(&address).arg(out.join("calib.html"));
     node.env("CALIB_CHROMIUM", browser).env("CALIB_NODE_MODULES", root().join(FOLDER).join("node_modules"));
-    node.env("CALIB", calib()?);
+    node.env("CALIB", calib()?).env("CALIB_NATIVE_MS", native().to_string());
     if let Some(pictures) = pictures {
         std::fs::create_dir_all(pictures)?;
         node.env("CALIB_PICTURES", pictures);
@@ -41,10 +41,25 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>) -> anyhow::
     Ok(())
 }
 
+/// How long the first camera of the demonstration takes to solve on this machine, in milliseconds: what the
+/// page's time is compared with.
+fn native() -> f64 {
+    const RUNS: usize = 200;
+    let site = calib_demo::demo_site().site;
+    let cameras = site.cameras.first().map(|camera| vec![camera.id.clone()]);
+    let options = calib_core::Options { refine: false, cameras, ..calib_core::Options::default() };
+    1e3 * bench::median(RUNS, || {
+        std::hint::black_box(std::hint::black_box(&site).calibrate(&options));
+    })
+}
+
 /// The command line tool, to solve what the page saved.
 fn calib() -> anyhow::Result<PathBuf> {
     let mut cargo = Command::new("cargo");
     cargo.args(["build", "--quiet", "--package", "calib-cli"]).current_dir(root());
+    if !cfg!(debug_assertions) {
+        cargo.arg("--release");
+    }
     ensure!(cargo.status()?.success(), "calib-cli does not build");
     let own = std::env::current_exe()?;
     Ok(own.with_file_name("calib"))

@@ -37,7 +37,12 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             }
         }
         Mode::Plan => {
-            let (left, right) = rect.split_left_right_at_fraction(0.46);
+            let is_tall = rect.height() > 1.2 * rect.width();
+            let (left, right) = if is_tall {
+                rect.split_top_bottom_at_fraction(0.46)
+            } else {
+                rect.split_left_right_at_fraction(0.46)
+            };
             images(app, ui, left);
             header(
                 app,
@@ -47,7 +52,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 &[Command::Coverage, Command::Blend, Command::Snap],
             );
             pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
-            ui.painter().vline(left.right(), rect.y_range(), Stroke::new(1.0, theme::palette(ui.ctx()).line));
+            let line = Stroke::new(1.0, theme::palette(ui.ctx()).line);
+            let ends = [right.left_top(), if is_tall { right.right_top() } else { right.left_bottom() }];
+            ui.painter().line_segment(ends, line);
         }
         Mode::All => all(app, ui, rect),
         Mode::Scene => scene(app, ui, rect),

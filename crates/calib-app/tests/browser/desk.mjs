@@ -91,6 +91,15 @@ export class Desk {
     await this.page.waitForTimeout(60);
   }
 
+  /** One more upright line on the first camera's image, at this column. */
+  async stroke(x) {
+    const { generation } = await this.state();
+    await this.key("1");
+    await this.key("v");
+    await this.drag("Image(0)", [[x, 300], [x + 5, 600]]);
+    return this.until("one more line", (state) => state.generation > generation);
+  }
+
   async click(pane, point) {
     await this.drag(pane, [point]);
     // So that the next click is no double click.
