@@ -9,7 +9,7 @@ use image::RgbImage;
 
 #[cfg(not(target_arch = "wasm32"))]
 use crate::drawing;
-use crate::edges::{self, Edge};
+use crate::edges::Edge;
 use crate::files::Source;
 use crate::task::Task;
 
@@ -57,7 +57,7 @@ pub fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
     let image = Arc::clone(image);
     #[cfg(not(target_arch = "wasm32"))]
     {
-        Task::spawn(ctx, move || edges::find(&image))
+        Task::spawn(ctx, move || crate::edges::find(&image))
     }
     #[cfg(target_arch = "wasm32")]
     Task::wait(ctx, async move {

@@ -73,6 +73,8 @@
   calib.shown = () => {
     canvas().classList.add("shown");
     at("start").hidden = true;
+    // Keys work from the first moment on; what is hidden could not take the focus.
+    if (at("trouble").hidden) canvas().focus({ preventScroll: true });
     performance.mark("calib-shown");
     document.documentElement.dataset.shown = Math.round(performance.now());
   };

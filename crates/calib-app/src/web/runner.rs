@@ -162,7 +162,7 @@ impl Shown {
             Wish::Command(name) if name == "demonstration" => {
                 command::run(app, ctx, Command::Demo, egui::Modifiers::NONE);
             }
-            #[expect(clippy::panic, reason = "tests look at what the page says then")]
+            // Tests look at what the page says then.
             Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
             Wish::Files(files) => {
                 app.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));

@@ -91,6 +91,19 @@ export class Desk {
     await this.page.waitForTimeout(60);
   }
 
+  /** Opens a site of one plain still, which takes no time to be made. */
+  async yard() {
+    const still = await this.page.evaluate(() => {
+      const canvas = Object.assign(document.createElement("canvas"), { width: 1920, height: 1080 });
+      canvas.getContext("2d").fillRect(300, 300, 900, 300);
+      return canvas.toDataURL("image/png").split(",")[1];
+    });
+    const site = { format: "calib-site", version: 1, name: "Yard", cameras: [{ id: "a", image: "frames/a.png", size_px: [1920, 1080] }] };
+    await this.drop([["a.png", "image/png", Buffer.from(still, "base64")], ["yard.json", "application/json", JSON.stringify(site)]]);
+    await this.until("the site", (state) => state.site.name === "Yard" && state.site.cameras[0].image.startsWith("stored:"));
+    await this.settled();
+  }
+
   /** One more upright line on the first camera's image, at this column. */
   async stroke(x) {
     const { generation } = await this.state();

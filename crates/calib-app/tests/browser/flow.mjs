@@ -163,8 +163,7 @@ async function tabs(keep) {
 
 async function quota() {
   const desk = await Desk.open(browser, `${address}?test=1`);
-  await desk.press("Open the demonstration site");
-  await desk.settled();
+  await desk.yard();
   const session = await desk.context.newCDPSession(desk.page);
   await session.send("Storage.overrideQuotaForOrigin", { origin: new URL(address).origin, quotaSize: 10 });
   await desk.stroke(500);
@@ -180,8 +179,7 @@ async function quota() {
 
 async function panic() {
   const desk = await Desk.open(browser, `${address}?test=1`);
-  await desk.press("Open the demonstration site");
-  await desk.settled();
+  await desk.yard();
   await desk.stroke(500);
   const before = (await desk.settled()).site;
   await desk.page.evaluate(() => { calib.queue.push({ command: "panic" }); calib.wake(); });
@@ -201,8 +199,7 @@ async function panic() {
 
 async function context() {
   const desk = await Desk.open(browser, `${address}?test=1`);
-  await desk.press("Open the demonstration site");
-  await desk.settled();
+  await desk.yard();
   await desk.stroke(500);
   const before = await desk.settled();
   await desk.page.evaluate(() => document.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
