@@ -92,11 +92,9 @@ impl<'a> Row<'a> {
     }
 
     fn text(&self, has_periods: bool) -> String {
-        let time = |time: &Option<String>| match time {
-            // Engines do not know the name of a zone behind the offset.
-            Some(time) => {
-                format!(", TIMESTAMP '{}'", time.split('[').next().unwrap_or_default().replace('\'', "''"))
-            }
+        // In UTC: some engines drop an offset. A site that was read has no times that are none.
+        let time = |time: &Option<String>| match time.as_ref().and_then(|time| time.parse().ok()) {
+            Some(time) => format!(", TIMESTAMP '{}'", jiff::Timestamp::to_string(&time)),
             None => ", CAST(NULL AS TIMESTAMP)".into(),
         };
         let period = if has_periods {
@@ -163,6 +161,11 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
+    let zone = if has_periods {
+        "-- seen_at is in UTC; where it has a time zone, the session's must be UTC.\n"
+    } else {
+        ""
+    };
     let (columns, seen_at, during) = if has_periods {
         (
             "valid_from, valid_to, ",
@@ -176,7 +179,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     format!(
         "-- From a table or view detections(camera_id, u, v{seen_at}), pixels counted from the corner of the image.\n\
          -- x_m and y_m are null above the horizon, outside the lens, and without a calibration.\n\
-         {errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
+         {zone}{errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
          (camera_id, {columns}cx, cy, fx, fy, d1, d2, d3, g11, g12, g13, g21, g22, g23, g31, g32, g33);\n\n\
          CREATE OR REPLACE TEMPORARY VIEW calib_floor AS\nSELECT d.*,\n  \
          CASE WHEN {shown} THEN {x} / {w} END AS x_m,\n  CASE WHEN {shown} THEN {y} / {w} END AS y_m\n\
