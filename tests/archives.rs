@@ -386,7 +386,7 @@ fn what_is_not_mapped_in_ndjson_stays_as_it_was_written() {
 #[test]
 fn pipes_carry_every_format() {
     let scratch = scratch(&site());
-    let batch = motley(1000);
+    let batch = motley(20_000);
     write_parquet(&scratch.path("in.parquet"), &batch);
     for format in ["csv", "ndjson", "arrow", "arrow-file", "parquet"] {
         let shell = format!(
@@ -396,7 +396,7 @@ fn pipes_carry_every_format() {
         let ended = Command::new("sh").args(["-c", &shell]).current_dir(scratch.path("")).output().unwrap();
         assert!(ended.status.success(), "{format}: {}", String::from_utf8_lossy(&ended.stderr));
         let (_, out) = read_parquet(&scratch.path(&format!("{format}.parquet")));
-        assert_eq!(out.num_rows(), 1000, "{format}");
+        assert_eq!(out.num_rows(), 20_000, "{format}");
         // Text has the digits of a single-precision number, and reads as a double.
         is_mapped(&batch, &out, if matches!(format, "csv" | "ndjson") { 1e-4 } else { 1e-9 });
     }
