@@ -6,7 +6,7 @@
 //! G (a, b, q), homogeneous. Without distortion (q = 1) and for the division model (d1) that is exact;
 //! d1, d2 and d3 of other lenses are fitted, and how far they are off is said.
 
-use calib_core::{Distortion, Extent};
+use calib_core::{Distortion, Extent, FloorPoint};
 
 use crate::export::{Export, Scene, UNSEEN};
 use crate::tree::digits;
@@ -88,7 +88,28 @@ impl<'a> Row<'a> {
             let metres = self.floor(raw).map_or(f64::INFINITY, |[x, y]| (x - exact.x).hypot(y - exact.y));
             off[1] = off[1].max(metres);
         }
+        off[1] = off[1].max(self.error_around());
         off
+    }
+
+    /// Largest error along the border of the EFOV, in metres: its far side is where pixels are widest.
+    fn error_around(&self) -> f64 {
+        const STEPS: usize = 16;
+        let (camera, corners) = (&self.view.camera, &self.view.efov_m);
+        let centre = camera.lens.principal_point;
+        let mut most = 0.0_f64;
+        for (i, a) in corners.iter().enumerate() {
+            let b = corners[(i + 1) % corners.len()];
+            for step in 0..STEPS {
+                let t = step as f64 / STEPS as f64;
+                let point = FloorPoint { x: a.x + t * (b.x - a.x), y: a.y + t * (b.y - a.y) };
+                let Some(pixel) = camera.world_to_pixel(point.at_height(0.0)) else { continue };
+                let raw = [(pixel.u - centre.u) / camera.focal, (pixel.v - centre.v) / camera.focal];
+                let found = self.floor(raw);
+                most = most.max(found.map_or(0.0, |[x, y]| (x - point.x).hypot(y - point.y)));
+            }
+        }
+        most
     }
 
     fn text(&self, has_periods: bool) -> String {
