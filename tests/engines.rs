@@ -126,8 +126,8 @@ fn python(script: &str, arguments: &[&str]) -> Option<Value> {
 /// The two numbers that an export says of a lens that is fitted: pixels, and metres in the EFOV.
 fn told_error(stderr: &str) -> [f64; 2] {
     let line = stderr.lines().find(|line| line.contains("px off")).unwrap();
-    let before = |unit: &str| line.split(unit).next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
-    [before(" px off"), before(" m")]
+    let last = |text: &str| text.rsplit(' ').next().unwrap().parse().unwrap();
+    [last(line.split(" px off").next().unwrap()), last(line.trim_end().strip_suffix(" m").unwrap())]
 }
 
 #[test]

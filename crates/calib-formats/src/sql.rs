@@ -6,7 +6,7 @@
 //! G (a, b, q), homogeneous. Without distortion (q = 1) and for the division model (d1) that is exact;
 //! d1, d2 and d3 of other lenses are fitted, and how far they are off is said.
 
-use calib_core::{Distortion, Extent};
+use calib_core::{Distortion, Extent, FloorPoint};
 
 use crate::export::{Export, Scene, UNSEEN};
 use crate::tree::digits;
@@ -88,15 +88,34 @@ impl<'a> Row<'a> {
             let metres = self.floor(raw).map_or(f64::INFINITY, |[x, y]| (x - exact.x).hypot(y - exact.y));
             off[1] = off[1].max(metres);
         }
+        off[1] = off[1].max(self.error_around());
         off
     }
 
-    fn text(&self, has_periods: bool) -> String {
-        let time = |time: &Option<String>| match time {
-            // Engines do not know the name of a zone behind the offset.
-            Some(time) => {
-                format!(", TIMESTAMP '{}'", time.split('[').next().unwrap_or_default().replace('\'', "''"))
+    /// Largest error along the border of the EFOV, in metres: its far side is where pixels are widest.
+    fn error_around(&self) -> f64 {
+        const STEPS: usize = 16;
+        let (camera, corners) = (&self.view.camera, &self.view.efov_m);
+        let centre = camera.lens.principal_point;
+        let mut most = 0.0_f64;
+        for (i, a) in corners.iter().enumerate() {
+            let b = corners[(i + 1) % corners.len()];
+            for step in 0..STEPS {
+                let t = step as f64 / STEPS as f64;
+                let point = FloorPoint { x: a.x + t * (b.x - a.x), y: a.y + t * (b.y - a.y) };
+                let Some(pixel) = camera.world_to_pixel(point.at_height(0.0)) else { continue };
+                let raw = [(pixel.u - centre.u) / camera.focal, (pixel.v - centre.v) / camera.focal];
+                let found = self.floor(raw);
+                most = most.max(found.map_or(0.0, |[x, y]| (x - point.x).hypot(y - point.y)));
             }
+        }
+        most
+    }
+
+    fn text(&self, has_periods: bool) -> String {
+        // In UTC: some engines drop an offset. A site that was read has no times that are none.
+        let time = |time: &Option<String>| match time.as_ref().and_then(|time| time.parse().ok()) {
+            Some(time) => format!(", TIMESTAMP '{}'", jiff::Timestamp::to_string(&time)),
             None => ", CAST(NULL AS TIMESTAMP)".into(),
         };
         let period = if has_periods {
@@ -163,6 +182,11 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
+    let zone = if has_periods {
+        "-- seen_at is in UTC; where it has a time zone, the session's must be UTC.\n"
+    } else {
+        ""
+    };
     let (columns, seen_at, during) = if has_periods {
         (
             "valid_from, valid_to, ",
@@ -176,7 +200,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     format!(
         "-- From a table or view detections(camera_id, u, v{seen_at}), pixels counted from the corner of the image.\n\
          -- x_m and y_m are null above the horizon, outside the lens, and without a calibration.\n\
-         {errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
+         {zone}{errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
          (camera_id, {columns}cx, cy, fx, fy, d1, d2, d3, g11, g12, g13, g21, g22, g23, g31, g32, g33);\n\n\
          CREATE OR REPLACE TEMPORARY VIEW calib_floor AS\nSELECT d.*,\n  \
          CASE WHEN {shown} THEN {x} / {w} END AS x_m,\n  CASE WHEN {shown} THEN {y} / {w} END AS y_m\n\
