@@ -225,7 +225,10 @@ fn numbers<const N: usize>(
     for (values, name) in found.iter_mut().zip(names) {
         let Some((index, field)) = schema.column_with_name(name) else {
             let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
-            let place = if batch.num_rows() == 0 { "line 1".into() } else { place(0) };
+            // The columns of CSV are in its header; JSON has them line by line.
+            let is_csv = batch.num_rows() == 0
+                || place(0).starts_with("line") && !schema.fields().iter().any(|f| is_json(f));
+            let place = if is_csv { "line 1".into() } else { place(0) };
             let what = format!("{place}: found the columns \"{}\", expected {expected}", columns.join(","));
             return Err(Stop::Invalid(what));
         };
