@@ -78,6 +78,7 @@ impl Dialog {
 }
 
 const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
+#[cfg(not(target_arch = "wasm32"))]
 const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
 const SITE: &[&str] = &["json"];
 
@@ -140,8 +141,7 @@ async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::OpenSite => crate::web::pick(&[SITE, IMAGES].concat(), true).await,
         Purpose::Compare => crate::web::pick(SITE, false).await,
         Purpose::AddImages => crate::web::pick(IMAGES, true).await,
-        Purpose::ReplaceStill => crate::web::pick(IMAGES, false).await,
-        Purpose::LoadPlan => crate::web::pick(PLANS, false).await,
+        Purpose::ReplaceStill | Purpose::LoadPlan => crate::web::pick(IMAGES, false).await,
         Purpose::Import => crate::web::pick(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]

@@ -38,13 +38,13 @@ pub(crate) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     pixels.encode_png().map_err(|error| error.to_string())
 }
 
-/// The page draws SVG plans before they come here.
+/// In the browser drawings are not drawn: what draws them would be a third of the page.
 ///
 /// # Errors
 /// Always.
 #[cfg(target_arch = "wasm32")]
 pub(crate) fn draw(_: &[u8]) -> Result<Vec<u8>, String> {
-    Err("SVG plans are drawn by the page: save the plan as PNG, or drop it on the page.".into())
+    Err("SVG plans are drawn by the installed app only: save the plan as PNG here.".into())
 }
 
 #[cfg(test)]

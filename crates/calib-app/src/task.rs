@@ -88,6 +88,15 @@ impl<T> Task<T> {
 
 #[cfg(target_arch = "wasm32")]
 impl<T: 'static> Task<T> {
+    /// Does the work between two frames: a page has no threads. For what takes no longer than a blink.
+    #[must_use]
+    pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
+        Self::wait(ctx, async move {
+            crate::web::breath().await;
+            work()
+        })
+    }
+
     /// Waits for what the browser does; `ctx` is asked for a frame when it is done.
     #[must_use]
     pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {

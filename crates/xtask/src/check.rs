@@ -50,6 +50,7 @@ const ENGINES: Tool = Tool {
     name: "the engines' Python packages, and Java",
     is_there: || root().join("target/engines-venv/ready").exists() && has_java(),
     install: &[
+        &["sh", "-c", "command -v java || apt-get install --quiet --yes default-jre-headless"],
         &["python3", "-m", "venv", "target/engines-venv"],
         &[
             "target/engines-venv/bin/python",
@@ -181,17 +182,17 @@ const CHECKS: &[Check] = &[
         ],
         ..PLAIN
     },
-    Check {
-        name: "tests",
-        command: &["cargo", "test", "--workspace", "--all-features"],
-        tools: &[&PEERS, &ENGINES],
-        ..PLAIN
-    },
     Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
     Check {
         name: "the app in Chromium",
         command: &["cargo", "xtask", "browser"],
         tools: &[&WEB, &BROWSER],
+        ..PLAIN
+    },
+    Check {
+        name: "tests",
+        command: &["cargo", "test", "--workspace", "--all-features"],
+        tools: &[&PEERS, &ENGINES],
         ..PLAIN
     },
 ];

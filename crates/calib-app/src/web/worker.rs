@@ -8,7 +8,7 @@ use wasm_bindgen_futures::JsFuture;
 use super::page;
 use crate::edges::{self, Edge};
 use crate::files::Source;
-use crate::{demo, picture, work};
+use crate::{demo, drawing, picture, work};
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {
@@ -25,6 +25,7 @@ pub(super) fn start() {
 /// Does one piece of work: what comes back are arrays of numbers.
 fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     match kind {
+        "decode" if drawing::is_svg(bytes) => Err(drawing::draw(bytes).err().unwrap_or_default()),
         "decode" => pixels(&picture::decode(bytes)?, &[]),
         "render" => {
             let bytes = demo::render(name)?;
