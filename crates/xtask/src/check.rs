@@ -169,19 +169,6 @@ const CHECKS: &[Check] = &[
         tools: &[&FUZZ],
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
-    Check {
-        name: "the function of DataFusion",
-        command: &[
-            "cargo",
-            "test",
-            "--quiet",
-            "--manifest-path",
-            "crates/calib-datafusion/Cargo.toml",
-            "--target-dir",
-            "target/datafusion",
-        ],
-        ..PLAIN
-    },
     Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
     Check {
         name: "the app in Chromium",
