@@ -28,7 +28,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for row in &rows {
         let [pixels, metres] = row.off;
         let what = format!(
-            "its lens, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
+            "its distortion, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
         );
         if pixels > UNSEEN {
             export.lose(row.view, what);
