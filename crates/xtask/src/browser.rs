@@ -32,7 +32,10 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>) -> anyhow::
     let mut node = Command::new("node");
     node.arg(root().join(SOURCES).join(script)).arg(&address).arg(out.join("calib.html"));
     node.env("CALIB_CHROMIUM", browser).env("CALIB_NODE_MODULES", root().join(FOLDER).join("node_modules"));
-    node.env("CALIB", calib()?).env("CALIB_NATIVE_MS", native().to_string());
+    node.env("CALIB", calib()?);
+    if !cfg!(debug_assertions) {
+        node.env("CALIB_NATIVE_MS", native().to_string());
+    }
     if let Some(pictures) = pictures {
         std::fs::create_dir_all(pictures)?;
         node.env("CALIB_PICTURES", pictures);

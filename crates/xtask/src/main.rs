@@ -110,9 +110,8 @@ fn main() -> anyhow::Result<()> {
         ),
         #[cfg(not(feature = "web"))]
         Command::Browser { .. } => {
-            // The page's solve is compared with this machine's, so this is built to be fast.
             let arguments: Vec<String> = std::env::args().skip(1).collect();
-            check::rerun(&["--release", "--features", "web"], &arguments)
+            check::rerun(&["--features", "web"], &arguments)
         }
         Command::Serve { folder, port } => {
             let site = serve::Site::new(&check::root().join(folder), port)?;
