@@ -201,6 +201,10 @@ pub fn install(ctx: &egui::Context) {
         fonts.font_data.insert(name.into(), Arc::new(FontData::from_static(bytes)));
     };
     add("plex", include_bytes!("../assets/IBMPlexSans-Regular.ttf"));
+    // A second weight would be a twentieth of the page.
+    #[cfg(target_arch = "wasm32")]
+    add("plex-medium", include_bytes!("../assets/IBMPlexSans-Regular.ttf"));
+    #[cfg(not(target_arch = "wasm32"))]
     add("plex-medium", include_bytes!("../assets/IBMPlexSans-Medium.ttf"));
     let fallback = fonts.families.get(&FontFamily::Proportional).cloned().unwrap_or_default();
     let before = |first: &str| -> Vec<String> {
