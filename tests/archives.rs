@@ -17,7 +17,7 @@ use arrow::datatypes::{Float64Type, Int8Type, Int32Type, Schema};
 use arrow::ipc::reader::{FileReader, StreamReader};
 use arrow::ipc::writer::FileWriter;
 use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Lens, Pixel, Site, SiteCamera, Solution,
+    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
     WorldPoint,
 };
 use calib_tests::{Scratch, program};
@@ -49,14 +49,7 @@ fn camera(index: usize) -> Camera {
 }
 
 fn entry(id: &str, camera: &Camera) -> SiteCamera {
-    let solution = json!({
-        "method": "given", "stage": "placed", "position_m": camera.position,
-        "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
-        "roll_deg": camera.roll.to_degrees(), "focal_px": camera.focal,
-        "principal_point_px": camera.lens.principal_point,
-        "distortion": DistortionEntry::of(&camera.lens, camera.focal),
-    });
-    let solution: Solution = serde_json::from_value(solution).unwrap();
+    let solution = Solution::of(camera, Method::Given, Stage::Placed);
     SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
 }
 

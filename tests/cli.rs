@@ -328,31 +328,12 @@ fn given(count: usize) -> (Vec<Camera>, Site) {
             lens: if index % 2 == 0 { bent } else { pinhole },
             covariance: Covariance::EXACT,
         };
-        let solution = Solution {
-            method: Method::Given,
-            stage: Stage::Placed,
-            position_m: Some(camera.position),
-            yaw_deg: Some(camera.yaw.to_degrees()),
-            pitch_deg: Some(camera.pitch.to_degrees()),
-            roll_deg: Some(camera.roll.to_degrees()),
-            focal_px: focal,
-            principal_point_px: camera.lens.principal_point,
-            distortion: DistortionEntry::of(&camera.lens, focal),
-            ..bare()
-        };
+        let solution = Solution::of(&camera, Method::Given, Stage::Placed);
         let id = format!("c{index}");
         site.cameras.push(SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) });
         cameras.push(camera);
     }
     (cameras, site)
-}
-
-/// A solution with nothing but what a reader requires.
-fn bare() -> Solution {
-    serde_json::from_value(
-        json!({"method": "given", "stage": "lens", "focal_px": 1.0, "principal_point_px": [0, 0]}),
-    )
-    .unwrap()
 }
 
 fn rows(csv: &str) -> Vec<Vec<String>> {

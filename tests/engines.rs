@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use arrow::array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
 use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Lens, Pixel, Site, SiteCamera, Solution,
+    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
     WorldPoint,
 };
 use calib_tests::{Scratch, engines_python, program, root};
@@ -34,14 +34,7 @@ fn site() -> Site {
             lens,
             covariance: Covariance::EXACT,
         };
-        let solution = json!({
-            "method": "given", "stage": "placed", "position_m": camera.position,
-            "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
-            "roll_deg": camera.roll.to_degrees(), "focal_px": camera.focal,
-            "principal_point_px": camera.lens.principal_point,
-            "distortion": DistortionEntry::of(&camera.lens, camera.focal),
-        });
-        let solution: Solution = serde_json::from_value(solution).unwrap();
+        let solution = Solution::of(&camera, Method::Given, Stage::Placed);
         SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) }
     });
     Site { cameras: cameras.collect(), ..Site::new() }
@@ -183,4 +176,19 @@ fn spark_maps_an_archive_as_one_machine_does_even_when_a_worker_dies() {
         found["view_rows"].as_u64().unwrap() > 1_000_000 && found["view_off"].as_f64().unwrap() < 1e-9,
         "{found}"
     );
+}
+
+#[test]
+fn duckdb_reads_the_table_that_is_written_as_parquet() {
+    let scratch = Scratch::new();
+    scratch.write("site.json", site().to_json());
+    for name in ["cameras.json", "cameras.parquet"] {
+        scratch.calib(&["export", "table", "site.json", "-o", name]).expect_code(0);
+    }
+    let path = scratch.path("cameras.parquet");
+    let Some(found) = python("engines_table.py", &[&path.to_string_lossy()]) else { return };
+    let text = std::fs::read_to_string(scratch.path("cameras.json")).unwrap();
+    let told: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found, told["cameras"]);
+    assert_eq!(found[0]["floor_from_undistorted_px"].as_array().unwrap().len(), 9);
 }

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Lens, Method, Pixel, Site, SiteCamera,
-    Solution, Stage, WorldPoint,
+    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
+    WorldPoint,
 };
 use calib_formats::{Export, ExportOptions, FORMATS, File, export, format, import};
 use calib_tests::{Scratch, peers_python};
@@ -35,15 +35,7 @@ fn any_distortion() -> impl Strategy<Value = Distortion> {
 
 /// A solved site of one camera.
 fn site(camera: &Camera) -> Site {
-    let solution = json!({
-        "method": "given", "stage": "placed", "position_m": camera.position,
-        "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
-        "roll_deg": camera.roll.to_degrees(), "focal_px": camera.focal,
-        "principal_point_px": camera.lens.principal_point,
-        "distortion": DistortionEntry::of(&camera.lens, camera.focal),
-    });
-    let solution: Solution = serde_json::from_value(solution).unwrap();
-    assert_eq!((solution.method, solution.stage), (Method::Given, Stage::Placed));
+    let solution = Solution::of(camera, Method::Given, Stage::Placed);
     let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
     Site { cameras: vec![entry], ..Site::new() }
 }

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use calib_core::{Camera, Covariance, Distortion, Options};
 use calib_demo::random::normal;
-use calib_demo::{Seen, Walk, demo_site, walk};
+use calib_demo::{DemoSite, Seen, Walk, demo_site, walk};
 use calib_tests::{Scratch, root};
 use fuse_tracks::{Detection, Track, Tracker};
 use nalgebra::{Matrix2, SMatrix, Vector2};
@@ -100,12 +100,16 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
     followed
 }
 
+/// The shop's cameras as they are, each with the size of its image.
+fn true_shop(demo: &DemoSite, sizes: Vec<[u32; 2]>) -> Vec<(Camera, [u32; 2])> {
+    let shop = demo.truth.iter().filter(|(id, _)| id.starts_with("shop"));
+    shop.map(|(_, camera)| *camera).zip(sizes).collect()
+}
+
 #[test]
 fn people_keep_their_identity_from_camera_to_camera() {
     let (believed, sizes) = shop();
-    let demo = demo_site();
-    let truth: Vec<(Camera, [u32; 2])> =
-        demo.truth.iter().filter(|(id, _)| id.starts_with("shop")).map(|(_, c)| *c).zip(sizes).collect();
+    let truth = true_shop(&demo_site(), sizes);
     for seed in 0..5 {
         let walk = walk(&truth, seed);
         let followed = follow(&believed, &walk);
@@ -175,9 +179,7 @@ fn the_covariance_of_a_track_is_that_of_its_error() {
 fn the_program_reads_detections_and_writes_tracks() {
     let (_, sizes) = shop();
     let demo = demo_site();
-    let cameras: Vec<(Camera, [u32; 2])> =
-        demo.truth.iter().filter(|(id, _)| id.starts_with("shop")).map(|(_, c)| *c).zip(sizes).collect();
-    let walk = walk(&cameras, 0);
+    let walk = walk(&true_shop(&demo, sizes), 0);
     let scratch = Scratch::new();
     scratch.write("site.json", demo.site.to_json());
     let mut rows = String::from("at_s,camera,u,v\n");

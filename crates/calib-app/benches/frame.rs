@@ -68,26 +68,25 @@ fn frames() -> Vec<f64> {
     let foot = desk.site().marks[0].at_m;
     let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(foot).unwrap();
     let at = desk.screen(Pane::Image(0), from.into());
-    let button = |pressed| Event::PointerButton {
-        pos: at,
-        button: PointerButton::Primary,
-        pressed,
-        modifiers: Modifiers::NONE,
-    };
+    let took = dragged(&mut desk, at, PointerButton::Primary, [20.0, 10.0]);
+    assert!(desk.site().marks[0].at_m != foot, "the mark was not dragged");
+    took
+}
+
+/// Milliseconds of every frame while a button held at `at` moves around on an ellipse of these half axes.
+fn dragged(desk: &mut Desk, at: Pos2, button: PointerButton, [a, b]: [f32; 2]) -> Vec<f64> {
+    let modifiers = Modifiers::NONE;
     desk.harness.event(Event::PointerMoved(at));
-    desk.harness.event(button(true));
+    desk.harness.event(Event::PointerButton { pos: at, button, pressed: true, modifiers });
     desk.harness.step();
     let frame = |i: usize| {
         let angle = i as f32 * 0.05;
-        let to = Pos2::new(at.x + 20.0 * angle.cos(), at.y + 10.0 * angle.sin());
-        desk.harness.event(Event::PointerMoved(to));
+        desk.harness.event(Event::PointerMoved(Pos2::new(at.x + a * angle.cos(), at.y + b * angle.sin())));
         let start = Instant::now();
         desk.harness.step();
         1e3 * start.elapsed().as_secs_f64()
     };
-    let took = (0..COUNT).map(frame).collect();
-    assert!(desk.site().marks[0].at_m != foot, "the mark was not dragged");
-    took
+    (0..COUNT).map(frame).collect()
 }
 
 /// Milliseconds of every solve while the end of a line is dragged.
@@ -116,19 +115,7 @@ fn pans() -> Vec<f64> {
         desk.key(Key::Plus);
     }
     let at = desk.screen(Pane::Image(0), [2000.0, 1500.0]);
-    let (button, modifiers) = (PointerButton::Middle, Modifiers::NONE);
-    desk.harness.event(Event::PointerMoved(at));
-    desk.harness.event(Event::PointerButton { pos: at, button, pressed: true, modifiers });
-    desk.harness.step();
-    let frame = |i: usize| {
-        let angle = i as f32 * 0.05;
-        let to = Pos2::new(at.x + 200.0 * angle.cos(), at.y + 150.0 * angle.sin());
-        desk.harness.event(Event::PointerMoved(to));
-        let start = Instant::now();
-        desk.harness.step();
-        1e3 * start.elapsed().as_secs_f64()
-    };
-    let took = (0..COUNT).map(frame).collect();
+    let took = dragged(&mut desk, at, PointerButton::Middle, [200.0, 150.0]);
     assert!(desk.screen(Pane::Image(0), [2000.0, 1500.0]).distance(at) > 10.0, "the image was not panned");
     took
 }

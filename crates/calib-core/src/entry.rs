@@ -9,7 +9,7 @@ use crate::likelihood::{Prior, Priors};
 use crate::placement::{ControlPoint, Placement};
 use crate::scene::Shape3;
 use crate::site::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
-use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution};
+use crate::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution, Stage};
 use crate::space::{FloorPoint, Pixel, PlanScale, WorldPoint};
 
 impl Plan {
@@ -229,6 +229,19 @@ impl SiteCamera {
 }
 
 impl Solution {
+    /// The pose and the lens of a camera, and nothing of how well they are known.
+    #[must_use]
+    pub fn of(camera: &Camera, method: Method, stage: Stage) -> Self {
+        Self {
+            position_m: Some(camera.position),
+            yaw_deg: Some(camera.yaw.to_degrees()),
+            pitch_deg: Some(camera.pitch.to_degrees()),
+            roll_deg: Some(camera.roll.to_degrees()),
+            distortion: DistortionEntry::of(&camera.lens, camera.focal),
+            ..Self::new(method, stage, camera.focal, camera.lens.principal_point)
+        }
+    }
+
     /// The calibrated camera; `None` when only the lens is known.
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {

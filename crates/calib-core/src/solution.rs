@@ -216,6 +216,7 @@ document! {
     }
 
     /// What solving found out about the site as a whole.
+    #[derive(Default)]
     struct SiteSolution {
         /// Ids of the cameras that hang together, group by group.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -127,7 +127,7 @@ fn likelihood(
     };
     let fit = Fit::new(evidence, &options)?;
     let next = draw_next(&fit, evidence, &options);
-    let mut solution = solution_of(&fit.camera, Method::MaximumLikelihood);
+    let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
     solution.covariance = CovarianceEntry::of(&fit.camera);
     solution.sigma_px = Some(fit.sigma);
@@ -175,7 +175,7 @@ fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Res
         lens,
         covariance: Covariance::EXACT,
     };
-    let mut solution = solution_of(&camera, Method::Paper);
+    let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
     let off = Evidence::new(&entry.annotations, &lens, true);
     let both = [evidence, &off].into_iter().flat_map(|evidence| residuals_at(evidence, at, height, width));
     solution.residuals = listed(both, &[]);
@@ -228,31 +228,15 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
         covariance: lens_covariance(optics),
     };
     let mut solution = Solution {
-        position_m: None,
-        yaw_deg: None,
-        pitch_deg: None,
-        roll_deg: None,
-        stage: Stage::Lens,
+        distortion: DistortionEntry::of(&camera.lens, focal),
         sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
         covariance: CovarianceEntry::of(&camera),
-        ..solution_of(&camera, Method::MaximumLikelihood)
+        ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
     };
     solution.residuals = listed(optics.straightness_under(&optics.lens, &entry.annotations).into_iter(), &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     solution.warnings = optics.warnings(&entry.annotations);
     solution
-}
-
-/// The bare solution of a camera: pose and lens.
-fn solution_of(camera: &Camera, method: Method) -> Solution {
-    Solution {
-        position_m: Some(camera.position),
-        yaw_deg: Some(camera.yaw.to_degrees()),
-        pitch_deg: Some(camera.pitch.to_degrees()),
-        roll_deg: Some(camera.roll.to_degrees()),
-        distortion: DistortionEntry::of(&camera.lens, camera.focal),
-        ..Solution::new(method, Stage::Partial, camera.focal, camera.lens.principal_point)
-    }
 }
 
 /// Root mean square of the residuals of what was used.

@@ -1,8 +1,8 @@
 //! A camera as a file gives it, turned into an entry of a site, with everything checked on the way.
 
 use calib_core::{
-    ControlPointEntry, Distortion, DistortionEntry, Known, Lens, LensEntry, Method, Pixel, Site, SiteCamera,
-    Solution, Stage, WorldPoint, angles_from_rotation,
+    Camera, ControlPointEntry, Covariance, Distortion, DistortionEntry, Known, Lens, LensEntry, Method,
+    Pixel, Site, SiteCamera, Solution, Stage, WorldPoint, angles_from_rotation,
 };
 
 use crate::error::{FormatError, quoted};
@@ -99,12 +99,11 @@ impl Given {
         let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
         let lens = Lens { principal_point, focal, distortion: self.distortion };
-        let distortion = DistortionEntry::of(&lens, focal);
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),
             principal_point_px: Some(principal_point),
-            distortion: distortion.clone(),
+            distortion: DistortionEntry::of(&lens, focal),
             ..LensEntry::default()
         });
         let Some((rotation, t)) = self.pose else { return Ok(entry) };
@@ -113,14 +112,9 @@ impl Given {
         }
         let centre = turned(&transposed(&rotation), t).map(|c| -c);
         let (roll, pitch, yaw) = angles_from_rotation(&rotation);
-        entry.solution = Some(Solution {
-            position_m: Some(WorldPoint::from(centre)),
-            yaw_deg: Some(yaw.to_degrees()),
-            pitch_deg: Some(pitch.to_degrees()),
-            roll_deg: Some(roll.to_degrees()),
-            distortion,
-            ..Solution::new(Method::Given, Stage::Placed, focal, principal_point)
-        });
+        let position = WorldPoint::from(centre);
+        let camera = Camera { position, yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT };
+        entry.solution = Some(Solution::of(&camera, Method::Given, Stage::Placed));
         Ok(entry)
     }
 }

@@ -7,12 +7,12 @@ use std::time::Instant;
 
 use anyhow::{Context as _, ensure};
 use calib_core::{
-    Camera, Covariance, Distortion, DistortionEntry, Extent, FloorProjector, Lens, Pixel, Site, SiteCamera,
-    Status, WorldPoint,
+    Camera, Covariance, Distortion, Extent, FloorProjector, Lens, Method, Pixel, Site, SiteCamera, Solution,
+    Stage, Status, WorldPoint,
 };
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::check::root;
 
@@ -43,7 +43,7 @@ pub(crate) fn measure() -> anyhow::Result<Ratios> {
         std::env::current_exe()?.with_file_name("calib").with_extension(std::env::consts::EXE_EXTENSION);
     let folder = root().join("target/bench-archives");
     std::fs::create_dir_all(&folder)?;
-    let entries: Vec<(Camera, SiteCamera)> = (0..3).map(entry).collect::<anyhow::Result<_>>()?;
+    let entries: Vec<(Camera, SiteCamera)> = (0..3).map(entry).collect();
     let cameras = entries.iter().map(|(_, entry)| entry.clone()).collect();
     std::fs::write(folder.join("site.json"), Site { cameras, ..Site::new() }.to_json())?;
     let export = ["export", "sql", "site.json", "-o", "floor.sql", "--force"];
@@ -66,7 +66,7 @@ fn compare(python: &Path, calib: &Path, folder: &Path) -> anyhow::Result<Value> 
 }
 
 /// Two cameras with lenses of the division model, one without distortion: what SQL maps exactly.
-fn entry(index: u32) -> anyhow::Result<(Camera, SiteCamera)> {
+fn entry(index: u32) -> (Camera, SiteCamera) {
     let distortion =
         if index == 0 { Distortion::None } else { Distortion::Division { lambda: -0.06 * f64::from(index) } };
     let focal = 1250.0;
@@ -79,16 +79,10 @@ fn entry(index: u32) -> anyhow::Result<(Camera, SiteCamera)> {
         lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion },
         covariance: Covariance::EXACT,
     };
-    let solution = serde_json::from_value(json!({
-        "method": "given", "stage": "placed", "position_m": camera.position,
-        "yaw_deg": camera.yaw.to_degrees(), "pitch_deg": camera.pitch.to_degrees(),
-        "roll_deg": camera.roll.to_degrees(), "focal_px": focal,
-        "principal_point_px": camera.lens.principal_point,
-        "distortion": DistortionEntry::of(&camera.lens, focal),
-    }))?;
+    let solution = Solution::of(&camera, Method::Given, Stage::Placed);
     let entry =
         SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera {index}"), [1920, 1080]) };
-    Ok((camera, entry))
+    (camera, entry)
 }
 
 /// Seconds of the projection of as many rows, batch by batch, with what became of every pixel.
