@@ -16,6 +16,7 @@ use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
 use crate::picture::{Pictures, Piece};
+use crate::refine::Refining;
 use crate::scene3d::Orbit;
 use crate::session::Session;
 use crate::shelf::{Shelf, Work};
@@ -118,6 +119,7 @@ pub struct App {
     pub(crate) adding: Vec<Task<NewStill>>,
     pub(crate) replacing: Option<(usize, Task<NewStill>)>,
     pub(crate) planning: Option<Task<NewStill>>,
+    pub(crate) refining: Option<Refining>,
 }
 
 impl App {
@@ -182,6 +184,7 @@ impl App {
             adding: Vec::new(),
             replacing: None,
             planning: None,
+            refining: None,
         }
     }
 
@@ -268,6 +271,23 @@ impl App {
         self.tool.cancel();
         self.session.revert();
         self.session.solve();
+    }
+
+    /// Begins to improve all cameras together.
+    pub(crate) fn refine(&mut self, ctx: &Context) {
+        if self.refining.is_none() {
+            self.refining = Some(Refining::begin(ctx, &self.session.site));
+        }
+    }
+
+    fn poll_refining(&mut self) {
+        // What is in the hand is finished first: it may change what was refined.
+        let Some(refining) = self.refining.take_if(|_| self.tool.is_idle()) else { return };
+        match refining.poll() {
+            Some(Ok(refined)) => self.session.take_refined(&refining.from, &refined),
+            Some(Err(error)) => self.error = Some(format!("Refining stopped: {error}")),
+            None => self.refining = Some(refining),
+        }
     }
 
     /// Shows another view.
@@ -380,6 +400,7 @@ impl App {
         self.pictures.begin_frame(ctx);
         self.poll_dialog(ctx);
         self.poll_stills();
+        self.poll_refining();
         self.poll_arrivals(ctx);
         self.poll_shelf();
         self.poll_picture(ctx);

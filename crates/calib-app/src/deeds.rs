@@ -337,7 +337,7 @@ pub(crate) fn on_cameras(app: &mut App, Told { command, .. }: Told<'_>) {
     }
 }
 
-pub(crate) fn on_solving(app: &mut App, Told { command, .. }: Told<'_>) {
+pub(crate) fn on_solving(app: &mut App, Told { command, ctx, .. }: Told<'_>) {
     use Command as C;
     app.cancel();
     let camera = app.session.camera;
@@ -346,7 +346,7 @@ pub(crate) fn on_solving(app: &mut App, Told { command, .. }: Told<'_>) {
             app.session.solved.paused = !app.session.solved.paused;
             app.session.solve();
         }
-        C::Refine => app.session.refine(),
+        C::Refine => app.refine(ctx),
         C::CompareBefore => app.show_before = !app.show_before,
         C::FixPlacement => {
             let Some(placement) = app.session.placement(camera) else { return };

@@ -4,6 +4,9 @@ use std::future::Future;
 use std::path::PathBuf;
 use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
+use std::time::Duration;
+
+use web_time::Instant;
 
 /// What the chosen files are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,10 +44,14 @@ pub struct Chosen {
     pub bytes: Option<Vec<u8>>,
 }
 
+/// Nobody closes a chooser faster.
+const UNSEEN: Duration = Duration::from_millis(400);
+
 /// A chooser that is open.
 pub struct Dialog {
     /// What for.
     pub purpose: Purpose,
+    opened: Option<Instant>,
     answer: Pin<Box<dyn Future<Output = Vec<Chosen>>>>,
 }
 
@@ -58,13 +65,19 @@ impl Dialog {
     /// Opens a chooser.
     #[must_use]
     pub fn open(purpose: Purpose) -> Self {
-        Self { purpose, answer: Box::pin(ask(purpose)) }
+        Self { purpose, opened: Some(Instant::now()), answer: Box::pin(ask(purpose)) }
     }
 
     /// A chooser that was answered before it was opened: for tests and scripts.
     #[must_use]
     pub fn answered(purpose: Purpose, chosen: Vec<Chosen>) -> Self {
-        Self { purpose, answer: Box::pin(std::future::ready(chosen)) }
+        Self { purpose, opened: None, answer: Box::pin(std::future::ready(chosen)) }
+    }
+
+    /// Whether it has been open for so short a time that nobody can have seen it.
+    #[must_use]
+    pub fn is_just_opened(&self) -> bool {
+        self.opened.is_some_and(|opened| opened.elapsed() < UNSEEN)
     }
 
     /// What was chosen, once the operator is done; nothing if the chooser was closed.
@@ -78,7 +91,6 @@ impl Dialog {
 }
 
 const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
-#[cfg(not(target_arch = "wasm32"))]
 const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
 const SITE: &[&str] = &["json"];
 
@@ -141,7 +153,8 @@ async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::OpenSite => crate::web::pick(&[SITE, IMAGES].concat(), true).await,
         Purpose::Compare => crate::web::pick(SITE, false).await,
         Purpose::AddImages => crate::web::pick(IMAGES, true).await,
-        Purpose::ReplaceStill | Purpose::LoadPlan => crate::web::pick(IMAGES, false).await,
+        Purpose::ReplaceStill => crate::web::pick(IMAGES, false).await,
+        Purpose::LoadPlan => crate::web::pick(PLANS, false).await,
         Purpose::Import => crate::web::pick(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]

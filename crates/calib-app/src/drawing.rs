@@ -1,6 +1,9 @@
 //! SVG plans as pictures: drawn once, when they are loaded, and kept as PNG, so that every program that
 //! opens the site shows the same pixels.
 
+/// Longer side of what is drawn, in pixels: a corridor of 60 m shows 2 cm.
+pub(crate) const SIDE: u32 = 3072;
+
 /// Whether bytes are an SVG drawing, not a picture.
 #[must_use]
 pub(crate) fn is_svg(bytes: &[u8]) -> bool {
@@ -9,7 +12,7 @@ pub(crate) fn is_svg(bytes: &[u8]) -> bool {
     head.trim_start_matches('\u{feff}').trim_start().starts_with('<') && head.contains("<svg")
 }
 
-/// Draws an SVG on white, as PNG.
+/// Draws an SVG on white, as PNG. In the browser the page does that: what draws here would be a third of it.
 ///
 /// # Errors
 /// When it is no drawing, or one without a size.
@@ -17,8 +20,6 @@ pub(crate) fn is_svg(bytes: &[u8]) -> bool {
 pub(crate) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     use resvg::{tiny_skia, usvg};
 
-    /// Its longer side, in pixels: a corridor of 60 m shows 2 cm.
-    const SIDE: f32 = 3072.0;
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_data(include_bytes!("../assets/IBMPlexSans-Regular.ttf").to_vec());
     let mut options = usvg::Options {
@@ -30,21 +31,12 @@ pub(crate) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     options.image_href_resolver.resolve_string = Box::new(|_, _| None);
     let tree = usvg::Tree::from_data(bytes, &options).map_err(|error| error.to_string())?;
     let size = tree.size();
-    let zoom = SIDE / size.width().max(size.height());
+    let zoom = SIDE as f32 / size.width().max(size.height());
     let [w, h] = [size.width(), size.height()].map(|side| (side * zoom).round().max(1.0) as u32);
     let mut pixels = tiny_skia::Pixmap::new(w, h).ok_or("The drawing has no size.")?;
     pixels.fill(tiny_skia::Color::WHITE);
     resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixels.as_mut());
     pixels.encode_png().map_err(|error| error.to_string())
-}
-
-/// In the browser drawings are not drawn: what draws them would be a third of the page.
-///
-/// # Errors
-/// Always.
-#[cfg(target_arch = "wasm32")]
-pub(crate) fn draw(_: &[u8]) -> Result<Vec<u8>, String> {
-    Err("SVG plans are drawn by the installed app only: save the plan as PNG here.".into())
 }
 
 #[cfg(test)]

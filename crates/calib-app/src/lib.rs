@@ -23,6 +23,7 @@ pub mod edit;
 pub mod history;
 pub mod solved;
 pub mod session;
+pub mod refine;
 pub mod family;
 pub mod snap;
 pub mod edges;

@@ -16,6 +16,7 @@ use crate::hit::{self, Part};
 use crate::loupe;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
+use crate::panels::context;
 use crate::picture::Piece;
 use crate::theme::{self, on_image};
 use crate::tools::{Pane, Phase, Pointer};
@@ -225,12 +226,13 @@ fn canvas(
     label: &str,
 ) -> (Mapping, Painter) {
     let rect = mapping.rect;
-    let response = ui.interact(rect, ui.scope_id().with(key), Sense::hover());
+    let response = ui.interact(rect, ui.scope_id().with(key), Sense::CLICK);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, label));
     app.panes.rects.insert(key, rect);
     app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
+    context::show(app, ui, &response, key.1, &mapping);
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     (mapping, painter)

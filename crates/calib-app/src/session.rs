@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_core::{
-    Camera, MarkKind, Method, Options, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
+    Camera, MarkKind, Method, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
     Solution, Stage,
 };
 
@@ -333,24 +333,21 @@ impl Session {
         self.commit(format!("change {name}"));
     }
 
-    /// Improves all cameras together, as one step that undo takes back.
-    pub fn refine(&mut self) {
+    /// Takes over what refining `from` gave, as one step that undo takes back. Whatever was changed meanwhile
+    /// is worth more than a result that does not know of it.
+    pub fn take_refined(&mut self, from: &Site, refined: &Site) {
+        if self.site != *from {
+            self.note = Some("The site was changed while it was refined: refine again.".into());
+            return;
+        }
         let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
-        let report = self.site.calibrate(&Options::default());
-        for (index, result) in &report.cameras {
-            let pose = result.as_ref().ok().filter(|s| s.stage == Stage::Refined);
-            if let Some(pose) = pose.and_then(Solution::camera) {
-                self.place(*index, Placement::of(&pose));
-            }
+        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
+            camera.placement.clone_from(&refined.placement);
         }
-        for (mark, found) in self.site.marks.iter_mut().zip(&report.marks) {
-            if let Some(found) = found.as_ref().filter(|_| !mark.fixed) {
-                (mark.at_m, mark.turn_deg) = (found.at_m, found.turn_deg.unwrap_or(mark.turn_deg));
-            }
+        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
+            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
         }
-        // From where they stand now, as whoever opens the file will find it.
-        let report = self.site.calibrate(&Options::default());
-        self.solved.keep_joint(&self.site, report);
+        self.solved.keep_joint(&self.site, report_of(refined));
         self.commit("refine all cameras");
         self.before_refine = Some(before);
     }
@@ -361,24 +358,26 @@ fn joint_of(site: &Site) -> Option<Report> {
     let is_refined = |camera: &SiteCamera| {
         camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
     };
-    if !site.cameras.iter().any(is_refined) {
-        return None;
-    }
+    site.cameras.iter().any(is_refined).then(|| report_of(site))
+}
+
+/// The results that are written into a site.
+fn report_of(site: &Site) -> Report {
     let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
         (Some(solution), _) => Some(Ok(solution.clone())),
         (None, error) => error.clone().map(Err),
     };
     let cameras = site.cameras.iter().enumerate();
-    Some(Report {
+    Report {
         cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
         links: site.links.iter().map(|link| link.solution.clone()).collect(),
         marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
-        site: site.solution.clone()?,
-    })
+        site: site.solution.clone().unwrap_or_default(),
+    }
 }
 
 /// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
-fn rounded(placement: Placement) -> PlacementEntry {
+pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
     let round = |value: f64, digits: f64| (value * digits).round() / digits;
     let mut entry = PlacementEntry::from(placement);
     entry.move_m.x = round(entry.move_m.x, 1e6);

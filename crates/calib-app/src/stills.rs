@@ -76,7 +76,7 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.session.images.reader(&name);
-        crate::work::read(ctx, read, |size, drawn| Still { name, title, size, drawn })
+        crate::work::read(ctx, file.name, read, |size, drawn| Still { name, title, size, drawn })
     }
 
     pub(crate) fn poll_stills(&mut self) {
@@ -131,16 +131,20 @@ impl App {
         self.planning = Some(self.read_still(ctx, file));
     }
 
-    /// Whether images are being read, edges looked for.
+    /// Whether images are being read, edges looked for, cameras refined.
     #[must_use]
     pub fn is_working(&self) -> bool {
         let reads = !self.adding.is_empty() || self.replacing.is_some() || self.planning.is_some();
-        reads || self.pictures.loading() > 0 || self.edges.looking() > 0
+        reads || self.refining.is_some() || self.pictures.loading() > 0 || self.edges.looking() > 0
     }
 
-    /// Waits no longer for images and edges.
+    /// Waits no longer for images, edges and refined cameras.
     pub fn stop_work(&mut self) {
         self.adding.clear();
+        if self.refining.take().is_some() {
+            self.session.note = Some("Cancelled: no camera was moved.".into());
+            return;
+        }
         (self.replacing, self.planning) = (None, None);
         self.pictures.stop();
         self.edges.stop();
@@ -271,8 +275,15 @@ impl App {
             ctx.request_repaint_after(std::time::Duration::from_millis(100));
             return;
         };
-        let purpose = dialog.purpose;
+        let (purpose, is_just_opened) = (dialog.purpose, dialog.is_just_opened());
         self.dialog = None;
+        if chosen.is_empty() && is_just_opened {
+            self.error = Some(
+                "The system's file chooser did not open: install xdg-desktop-portal or zenity. Files can also be \
+                 dropped on this window, or named when it is started."
+                    .into(),
+            );
+        }
         if purpose == Purpose::Import {
             self.import(chosen);
             return;

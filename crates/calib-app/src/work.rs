@@ -7,7 +7,6 @@ use calib_core::Pixel;
 use egui::Context;
 use image::RgbImage;
 
-#[cfg(not(target_arch = "wasm32"))]
 use crate::drawing;
 use crate::edges::Edge;
 use crate::files::Source;
@@ -28,10 +27,11 @@ pub fn decode<T: Send + 'static>(
     Task::wait(ctx, async move { Ok(then(crate::web::worker::decode(source).await?)) })
 }
 
-/// Reads a picture for its size; a drawing becomes the picture that stands for it.
+/// Reads the picture of a file of this name for its size; a drawing becomes the picture that stands for it.
 #[must_use]
 pub(crate) fn read<T: Send + 'static>(
     ctx: &Context,
+    name: String,
     source: Source,
     then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
@@ -39,15 +39,29 @@ pub(crate) fn read<T: Send + 'static>(
     {
         Task::spawn(ctx, move || {
             let bytes = source.read()?;
-            let drawn = if drawing::is_svg(&bytes) { Some(drawing::draw(&bytes)?) } else { None };
-            let image = crate::picture::decode(drawn.as_deref().unwrap_or(&bytes))?;
-            Ok(then(image.dimensions().into(), drawn))
+            let picture = || {
+                let drawn = if drawing::is_svg(&bytes) { Some(drawing::draw(&bytes)?) } else { None };
+                let image = crate::picture::decode(drawn.as_deref().unwrap_or(&bytes))?;
+                Ok(then(image.dimensions().into(), drawn))
+            };
+            picture().map_err(|error: String| format!("{name}: {error}"))
         })
     }
     #[cfg(target_arch = "wasm32")]
     Task::wait(ctx, async move {
-        let image = crate::web::worker::decode(source).await?;
-        Ok(then(image.dimensions().into(), None))
+        let picture = async {
+            let bytes = if source.made_by_name().is_some() { None } else { Some(source.clone().read()?) };
+            let drawn = match bytes.filter(|bytes| drawing::is_svg(bytes)) {
+                Some(bytes) => Some(crate::web::draw(&bytes).await?),
+                None => None,
+            };
+            let image = match &drawn {
+                Some(png) => crate::web::worker::pixels(png).await?,
+                None => crate::web::worker::decode(source).await?,
+            };
+            Ok(then(image.dimensions().into(), drawn))
+        };
+        picture.await.map_err(|error: String| format!("{name}: {error}"))
     })
 }
 

@@ -87,7 +87,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         desk.drag_screen(&[from, aside, to], Modifiers::NONE);
         assert_eq!(stage(&mut desk, camera), Some(Stage::Placed), "camera {camera}");
     }
-    desk.key(Key::F9);
+    desk.refine();
     let scratch = Scratch::new();
     desk.answer(Some(scratch.path("site.json")));
     desk.keys(Modifiers::COMMAND, Key::S);
@@ -252,7 +252,7 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
     }
     let pins: usize = desk.site().marks.iter().map(|mark| mark.seen.len()).sum();
     assert!(pins >= 14, "{pins} pins");
-    desk.key(Key::F9);
+    desk.refine();
     for mark in &desk.site().marks {
         let shape = mark.shape();
         for seen in &mark.seen {

@@ -12,7 +12,7 @@ use calib_app::tools::{Pane, PlanHandle, plan_handles};
 use calib_core::{Kind, Pixel};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
-use egui::{Key, Modifiers, Pos2, Vec2};
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
 fn tell(desk: &mut Desk, command: Command) {
@@ -69,7 +69,7 @@ fn a_height_typed_in_feet_is_metres_in_the_site() {
     desk.drag_screen(&[field.center()], Modifiers::NONE);
     desk.harness.run_steps(2);
     desk.keys(Modifiers::COMMAND, Key::A);
-    desk.harness.event(egui::Event::Text("10".into()));
+    desk.harness.event(Event::Text("10".into()));
     desk.harness.run_steps(2);
     desk.key(Key::Enter);
     let height = desk.app().session.placement(0).unwrap().scale * calib_core::STAGE_1_HEIGHT;
@@ -132,7 +132,7 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
     let path = [middle, middle + Vec2::new(40.0, 10.0), middle + Vec2::new(80.0, 30.0)];
     let drag = |desk: &mut Desk, modifiers| {
         for (i, &at) in path.iter().enumerate() {
-            desk.harness.event_modifiers(egui::Event::PointerMoved(at), modifiers);
+            desk.harness.event_modifiers(Event::PointerMoved(at), modifiers);
             if i == 0 {
                 desk.press(at, modifiers);
             }
@@ -147,7 +147,7 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
     drag(&mut desk, Modifiers::SHIFT);
     let panned = desk.app().orbit.unwrap();
     assert!(panned.target != turned.target && panned.yaw == turned.yaw, "{panned:?}");
-    desk.harness.event(egui::Event::Zoom(1.5));
+    desk.harness.event(Event::Zoom(1.5));
     desk.harness.run_steps(3);
     assert!(desk.app().orbit.unwrap().distance < panned.distance);
     let (orbit, rect) = (desk.app().orbit.unwrap(), desk.harness.get_by_label("Scene").rect());
@@ -381,4 +381,25 @@ fn a_chooser_that_is_closed_changes_nothing() {
         desk.harness.run_steps(3);
         assert!(*desk.site() == before && desk.app().error.is_none(), "{purpose:?}");
     }
+}
+
+#[test]
+fn a_right_click_offers_what_can_be_done_to_what_is_under_it() {
+    let mut desk = Desk::new(demo());
+    let before = desk.site().clone();
+    let line = &before.cameras[0].annotations[0].segments.as_ref().unwrap()[0];
+    let (a, b) = (line[0], line[1]);
+    let at = desk.screen(Pane::Image(0), [0.5 * (a.u + b.u), 0.5 * (a.v + b.v)]);
+    let button = PointerButton::Secondary;
+    for pressed in [true, false] {
+        desk.harness.event(Event::PointerMoved(at));
+        desk.harness.event(Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
+        desk.harness.step();
+    }
+    desk.harness.run_steps(2);
+    desk.harness.get_by_label_contains("Delete what is selected").click();
+    desk.harness.run_steps(2);
+    assert!(desk.site().cameras[0].annotations != before.cameras[0].annotations, "it is deleted");
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].annotations, before.cameras[0].annotations);
 }

@@ -91,6 +91,41 @@
     input.oncancel = () => resolve([]);
     input.click();
   });
+  /** A drawing as PNG on white, its longer side so many pixels. As an image it loads and runs nothing. */
+  calib.draw = async (bytes, side) => {
+    const PER_UNIT = { px: 1, "": 1, pt: 96 / 72, pc: 16, in: 96, cm: 96 / 2.54, mm: 96 / 25.4 };
+    const svg = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
+    if (svg.localName !== "svg") throw new Error("The plan is no whole SVG drawing: save it again, or as PNG.");
+    const box = (svg.getAttribute("viewBox") ?? "").trim().split(/[\s,]+/).map(Number);
+    const length = (name) => {
+      const [, number, unit] = /^\s*([\d.eE+-]+)\s*([a-z]*)\s*$/.exec(svg.getAttribute(name) ?? "") ?? [];
+      return number * PER_UNIT[unit];
+    };
+    const [w, h] = [length("width") || box[2], length("height") || box[3]];
+    if (!(w > 0 && h > 0 && w < 1e9 && h < 1e9)) throw new Error("The drawing has no size: give it a viewBox, or save it as PNG.");
+    if (!svg.hasAttribute("viewBox")) svg.setAttribute("viewBox", `0 0 ${w} ${h}`);
+    const picture = document.createElement("canvas");
+    const zoom = side / Math.max(w, h);
+    for (const [name, own] of [["width", w], ["height", h]]) {
+      picture[name] = Math.max(1, Math.round(own * zoom));
+      svg.setAttribute(name, picture[name]);
+    }
+    const url = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
+    try {
+      const image = new Image();
+      await new Promise((resolve, reject) => {
+        image.onload = resolve;
+        image.onerror = () => reject(new Error("The browser cannot draw this SVG: save it as PNG."));
+        image.src = url;
+      });
+      const paint = picture.getContext("2d");
+      paint.fillStyle = "#fff";
+      paint.fillRect(0, 0, picture.width, picture.height);
+      paint.drawImage(image, 0, 0, picture.width, picture.height);
+      const png = await new Promise((resolve) => picture.toBlob(resolve, "image/png"));
+      return new Uint8Array(await png.arrayBuffer());
+    } finally { URL.revokeObjectURL(url); }
+  };
   calib.wake = () => {};
   const want = (wish) => { calib.queue.push(wish); calib.wake(); };
 
@@ -161,10 +196,12 @@
     return counted(response.body, size);
   };
 
-  /** Work that would hold up frames, one piece after the other in a worker of the same program. */
-  let worker = null;
-  const asked = new Map();
-  const hire = () => {
+  /** Work that would hold up frames, one piece after the other in a worker of the same program; what takes
+   * long has a worker of its own, so that images need not wait for it and it can be stopped. */
+  const OWN = ["refine"];
+  const workers = new Map();
+  const hire = (lane) => {
+    const asked = new Map();
     const glue = at("glue");
     const source = glue.src ? `importScripts(${JSON.stringify(glue.src)});` : glue.textContent;
     const listen = `
@@ -183,26 +220,31 @@
     // A worker that broke is replaced with the next piece of work; what waited for it is told.
     const dismiss = (why) => {
       hired.terminate();
-      worker = null;
+      workers.delete(lane);
       for (const [, reject] of asked.values()) reject(why);
       asked.clear();
     };
     hired.onmessage = ({ data: { id, result, error, fatal } }) => {
-      const [resolve, reject] = asked.get(id);
-      asked.delete(id);
+      const [resolve, reject] = asked.get(id) ?? [];
+      if (!asked.delete(id)) return;
       if (error) reject(error); else resolve(result);
       if (fatal) dismiss(error);
     };
     hired.onerror = (event) => dismiss(event.message || "the worker stopped");
-    return hired;
+    let last = 0;
+    const act = (kind, name, width, bytes) => new Promise((resolve, reject) => {
+      last += 1;
+      asked.set(last, [resolve, reject]);
+      hired.postMessage({ id: last, kind, name, width, bytes }, [bytes.buffer]);
+    });
+    return { act, dismiss };
   };
-  let last = 0;
-  calib.work = (kind, name, width, bytes) => new Promise((resolve, reject) => {
-    worker ??= hire();
-    last += 1;
-    asked.set(last, [resolve, reject]);
-    worker.postMessage({ id: last, kind, name, width, bytes }, [bytes.buffer]);
-  });
+  calib.work = (kind, name, width, bytes) => {
+    const lane = OWN.includes(kind) ? kind : "images";
+    if (!workers.has(lane)) workers.set(lane, hire(lane));
+    return workers.get(lane).act(kind, name, width, bytes);
+  };
+  calib.dismiss = (kind) => workers.get(kind)?.dismiss("it was stopped");
 
   const offline = async () => {
     if (!("serviceWorker" in navigator) || !location.protocol.startsWith("http")) return;

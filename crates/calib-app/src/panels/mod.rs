@@ -14,6 +14,7 @@ pub mod start;
 pub mod status;
 pub mod steps;
 pub mod toolstrip;
+pub mod context;
 pub mod topbar;
 pub mod tour;
 pub mod views;

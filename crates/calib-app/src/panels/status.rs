@@ -39,9 +39,14 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     let loading = app.pictures.loading();
     if app.is_working() {
         let look = Look { size: egui::Vec2::splat(18.0), ..Look::default() };
-        if icons::button(ui, Icon::Close, "Cancel reading and finding", "Cancel", look).clicked() {
+        if icons::button(ui, Icon::Close, "Cancel what is under way", "Cancel", look).clicked() {
             *stop = true;
         }
+    }
+    if let Some(refining) = &app.refining {
+        ui.spinner();
+        let text = format!("refining {} cameras", refining.from.cameras.len());
+        ui.label(RichText::new(text).color(palette.text2));
     }
     if loading > 0 {
         ui.spinner();

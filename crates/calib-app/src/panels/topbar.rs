@@ -63,21 +63,26 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let response = icons::button(ui, Icon::Menu, "Menu", "Menu", Look::default());
     egui::Popup::menu(&response).show(|ui| {
-        ui.set_min_width(260.0);
         for (i, group) in MENU.iter().enumerate() {
             if i > 0 {
                 ui.separator();
             }
-            for row in COMMANDS.iter().filter(|row| group.contains(&row.command)) {
-                let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
-                let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
-                if ui.add_enabled(command::is_enabled(app, row.command), button).clicked() {
-                    *chosen = Some(row.command);
-                    ui.close();
-                }
-            }
+            rows(app, ui, group, chosen);
         }
     });
+}
+
+/// Commands of a menu, a row each.
+pub fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
+    ui.set_min_width(260.0);
+    for row in COMMANDS.iter().filter(|row| group.contains(&row.command)) {
+        let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
+        let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
+        if ui.add_enabled(command::is_enabled(app, row.command), button).clicked() {
+            *chosen = Some(row.command);
+            ui.close();
+        }
+    }
 }
 
 /// Keys in the words of this platform.

@@ -8,8 +8,8 @@ pub(crate) mod worker;
 
 use std::path::Path;
 
-use js_sys::Uint8Array;
-use wasm_bindgen::JsCast as _;
+use js_sys::{Reflect, Uint8Array};
+use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 
 use crate::dialog::Chosen;
@@ -55,6 +55,18 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
         chosen.push(Chosen { name: file.name(), path: None, bytes });
     }
     chosen
+}
+
+/// Draws an SVG on white, as PNG.
+pub(crate) async fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), crate::drawing::SIDE)).await;
+    drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
+}
+
+/// What an error of JavaScript says.
+fn said(error: &JsValue) -> String {
+    let message = Reflect::get(error, &"message".into()).ok().and_then(|message| message.as_string());
+    message.or_else(|| error.as_string()).unwrap_or_else(|| format!("{error:?}"))
 }
 
 /// Waits until the browser had the time to do something else.

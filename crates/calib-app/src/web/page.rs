@@ -56,6 +56,14 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn work(kind: &str, name: &str, width: u32, bytes: &Uint8Array) -> Promise;
 
+    /// Draws an SVG as PNG on white, its longer side so many pixels.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
+
+    /// Lets go of the worker that does this kind of work.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn dismiss(kind: &str);
+
     /// Shows the tree of widgets to those who do not see the canvas.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn mirror(tree: &str);

@@ -269,6 +269,7 @@ fn report(app: &App) -> Value {
         "generation": session.generation,
         "behind": app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
         "reading": app.pictures.loading() + app.edges.looking() + app.arriving.len(),
+        "refining": app.refining.is_some(),
         "error": app.error,
         "note": session.note,
         "milliseconds": session.solved.milliseconds,

@@ -1,5 +1,6 @@
-//! The same program in a worker: it decodes, renders and looks for edges while the page goes on.
+//! The same program in a worker: it decodes, renders, looks for edges and refines while the page goes on.
 
+use calib_core::Site;
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
@@ -8,7 +9,10 @@ use wasm_bindgen_futures::JsFuture;
 use super::page;
 use crate::edges::{self, Edge};
 use crate::files::Source;
-use crate::{demo, drawing, picture, work};
+use crate::{demo, picture, refine, work};
+
+/// What has a worker of its own, so that it can be stopped.
+const REFINE: &str = "refine";
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {
@@ -25,11 +29,10 @@ pub(super) fn start() {
 /// Does one piece of work: what comes back are arrays of numbers.
 fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     match kind {
-        "decode" if drawing::is_svg(bytes) => Err(drawing::draw(bytes).err().unwrap_or_default()),
-        "decode" => pixels(&picture::decode(bytes)?, &[]),
+        "decode" => numbers(&picture::decode(bytes)?, &[]),
         "render" => {
             let bytes = demo::render(name)?;
-            pixels(&picture::decode(&bytes)?, &bytes)
+            numbers(&picture::decode(&bytes)?, &bytes)
         }
         "edges" => {
             let height = bytes.len() as u32 / (3 * width.max(1));
@@ -37,41 +40,59 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
                 RgbImage::from_raw(width, height, bytes.to_vec()).ok_or("an image of another size")?;
             Ok(Array::of1(&Float64Array::from(&*work::to_numbers(&edges::find(&image))).into()))
         }
+        REFINE => {
+            let site = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
+            let site = Site::from_json(site).map_err(|error| error.to_string())?;
+            Ok(Array::of1(&Uint8Array::from(refine::refined(site).to_json().as_bytes()).into()))
+        }
         other => Err(format!("no work of the kind {other}")),
     }
 }
 
-fn pixels(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {
+fn numbers(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {
     Ok(Array::of3(&Uint8Array::from(&**image).into(), &image.width().into(), &Uint8Array::from(bytes).into()))
 }
 
 async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     let answer = JsFuture::from(page::work(kind, name, width, &Uint8Array::from(bytes))).await;
-    let said = |error: JsValue| {
-        let message = Reflect::get(&error, &"message".into()).ok().and_then(|message| message.as_string());
-        message.or_else(|| error.as_string()).unwrap_or_else(|| format!("{error:?}"))
-    };
-    answer.map(|answer| Array::from(&answer)).map_err(said)
+    answer.map(|answer| Array::from(&answer)).map_err(|error| super::said(&error))
 }
 
-/// Decodes an image in the worker; one of the demonstration is made there.
-pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
-    let made = source.made_by_name().map(str::to_owned);
-    let answer = match &made {
-        Some(name) => ask("render", name, 0, &[]).await?,
-        None => ask("decode", "", 0, &source.clone().read()?).await?,
-    };
-    if made.is_some() {
-        source.keep(Uint8Array::new(&answer.get(2)).to_vec().into());
-    }
+/// Decodes an image in the worker.
+pub(crate) async fn pixels(bytes: &[u8]) -> Result<RgbImage, String> {
+    image_of(&ask("decode", "", 0, bytes).await?)
+}
+
+fn image_of(answer: &Array) -> Result<RgbImage, String> {
     let bytes = Uint8Array::new(&answer.get(0)).to_vec();
     let width = answer.get(1).as_f64().unwrap_or_default() as u32;
     let height = bytes.len() as u32 / (3 * width.max(1));
     RgbImage::from_raw(width, height, bytes).ok_or_else(|| "an image of another size".into())
 }
 
+/// Decodes an image in the worker; one of the demonstration is made there.
+pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
+    let Some(made) = source.made_by_name().map(str::to_owned) else { return pixels(&source.read()?).await };
+    let answer = ask("render", &made, 0, &[]).await?;
+    source.keep(Uint8Array::new(&answer.get(2)).to_vec().into());
+    image_of(&answer)
+}
+
 /// Finds edges in the worker.
 pub(crate) async fn edges(image: &RgbImage) -> Result<Vec<Edge>, String> {
     let answer = ask("edges", "", image.width(), image).await?;
     Ok(work::from_numbers(&Float64Array::new(&answer.get(0)).to_vec()))
+}
+
+/// Refines a site in a worker of its own.
+pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
+    let answer = ask(REFINE, "", 0, site.to_json().as_bytes()).await?;
+    let text =
+        String::from_utf8(Uint8Array::new(&answer.get(0)).to_vec()).map_err(|error| error.to_string())?;
+    Site::from_json(&text).map_err(|error| error.to_string())
+}
+
+/// Lets go of the worker that refines.
+pub(crate) fn stop_refining() {
+    page::dismiss(REFINE);
 }

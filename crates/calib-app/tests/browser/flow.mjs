@@ -258,6 +258,128 @@ async function memory() {
   await desk.context.close();
 }
 
+/** The joint solve of a big site leaves the page alive, can be stopped, and is one step for undo. */
+async function refine() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.press("Open the demonstration site");
+  const { site } = await desk.until("the demonstration", (state) => state.site.cameras?.length > 0);
+  const shop = site.cameras.slice(0, 3).map(({ image, error, ...camera }) => camera);
+  const copies = Array.from({ length: 60 }, (_, i) => i);
+  const cameras = copies.flatMap((i) => shop.map((camera) => ({ ...camera, id: `${camera.id} ${i}` })));
+  const links = copies.flatMap((i) => site.links.filter((link) => link.seen.every(({ camera }) => shop.some(({ id }) => id === camera)))
+    .map((link) => ({ ...link, id: `${link.id} ${i}`, seen: link.seen.map((seen) => ({ ...seen, camera: `${seen.camera} ${i}` })) })));
+  const big = { ...site, name: "Big", cameras, links, marks: [], distances: [], plan: undefined, solution: undefined };
+  await desk.drop([["big.json", "application/json", JSON.stringify(big)]]);
+  await desk.until("the big site", (state) => state.site.name === "Big");
+  const refined = (state) => state.site.cameras.filter((camera) => camera.solution?.stage === "refined").length;
+  await desk.key("F9");
+  await desk.until("frames while it is refined", (state) => state.refining);
+  await desk.picture("refining");
+  await desk.press("Cancel what is under way");
+  const stopped = await desk.until("stopped", (state) => !state.refining);
+  assert.match(stopped.note, /no camera was moved/);
+  assert.equal(refined(stopped), 0);
+  await desk.key("F9");
+  const done = await desk.until("refined", (state) => !state.refining && refined(state) > 0, 120);
+  assert.equal(refined(done), cameras.length);
+  await desk.key("Control+z");
+  await desk.until("taken back", (state) => refined(state) === 0);
+  desk.fine();
+  await desk.context.close();
+}
+
+/** A drawing becomes the picture of the plan. */
+async function drawing() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.yard();
+  const load = async (svg) => {
+    await desk.press("Menu");
+    const [chooser] = await Promise.all([desk.page.waitForEvent("filechooser"), desk.press("Load a floor plan")]);
+    await chooser.setFiles({ name: "plan.svg", mimeType: "image/svg+xml", buffer: Buffer.from(svg) });
+  };
+  await load('<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="20mm"><rect width="100" height="30" fill="#346"/></svg>');
+  const { site } = await desk.until("the plan", (state) => state.site.plan?.image?.startsWith("stored:"));
+  await desk.settled();
+  assert(site.plan, "a plan");
+  await desk.key("2");
+  await desk.page.waitForTimeout(400);
+  await desk.picture("drawing");
+  await desk.settled();
+  const saved = path.join(scratch, "drawing.json");
+  await desk.key("1");
+  await desk.download(() => desk.page.keyboard.press("Control+s"), saved);
+  const png = Buffer.from(JSON.parse(readFileSync(saved, "utf8")).plan.image.replace("data:image/png;base64,", ""), "base64");
+  assert.deepEqual([png.readUInt32BE(16), png.readUInt32BE(20)], [3072, 1024], "the size of the picture");
+  await load("<svg><broken");
+  const told = await desk.until("told", (state) => state.error);
+  assert.match(told.error, /plan.svg: .*SVG/);
+  desk.fine();
+  await desk.context.close();
+}
+
+/** A finger that is held is a right click; two fingers zoom. */
+async function touch() {
+  const desk = await Desk.open(browser, `${address}?test=1`, { touch: true, size: [1024, 768] });
+  await desk.yard();
+  await desk.stroke(500);
+  await desk.key("q");
+  const session = await desk.context.newCDPSession(desk.page);
+  const fingers = (type, points) => session.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  const on = await desk.screen("Image(0)", [502.5, 450]);
+  await fingers("touchStart", [on]);
+  await desk.page.waitForTimeout(1200);
+  await fingers("touchEnd", []);
+  await desk.page.waitForTimeout(300);
+  await desk.picture("touch");
+  await desk.press("Delete what is selected");
+  await desk.until("deleted", (state) => !state.site.cameras[0].annotations?.length);
+  const zoom = async () => (await desk.state()).panes.find(({ pane }) => pane === "Image(0)").zoom;
+  const before = await zoom();
+  const [x, y] = on;
+  await fingers("touchStart", [[x - 20, y], [x + 20, y]]);
+  for (let d = 25; d <= 80; d += 5) await fingers("touchMove", [[x - d, y], [x + d, y]]);
+  await fingers("touchEnd", []);
+  await desk.page.waitForTimeout(300);
+  const after = await zoom();
+  assert(after > 2 * before, `${before} to ${after}`);
+  assert(!(await desk.state()).site.cameras[0].annotations?.length, "two fingers draw nothing");
+  desk.fine();
+  await desk.context.close();
+}
+
+/** Where storage is forbidden, as in some private windows, that is said, and the site can be downloaded. */
+async function forbidden() {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, acceptDownloads: true });
+  await context.addInitScript(() => {
+    const refuse = () => { throw new DOMException("The operation is insecure.", "SecurityError"); };
+    Object.defineProperty(globalThis, "indexedDB", { value: { open: refuse, deleteDatabase: refuse } });
+  });
+  const desk = await Desk.open(browser, `${address}?test=1`, { keep: context });
+  await desk.yard();
+  await desk.stroke(500);
+  const state = await desk.until("told", (state) => state.error);
+  assert.match(state.error, /keep/);
+  await desk.picture("forbidden");
+  const site = path.join(scratch, "forbidden.json");
+  await desk.download(() => desk.page.keyboard.press("Control+s"), site);
+  assert(JSON.parse(readFileSync(site, "utf8")).cameras[0].annotations.length > 0);
+  await context.close();
+}
+
+/** A browser that cannot run it says so in words. */
+async function unable() {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
+  await context.addInitScript(() => {
+    const own = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return /^webgl/.test(kind) ? null : own.call(this, kind, ...more); };
+  });
+  const page = await context.newPage();
+  await page.goto(address);
+  await page.getByText("Calib cannot run in this browser").waitFor();
+  await page.getByText("no WebGL 2", { exact: false }).waitFor();
+  await context.close();
+}
+
 /** The solve during a drag, as many times slower than natively as the page may be. */
 async function pace() {
   const desk = await Desk.open(browser, `${address}?test=1`);
@@ -292,6 +414,11 @@ await step("quota", quota);
 await step("panic", panic);
 await step("context", context);
 await step("offline", offline);
+await step("refine", refine);
+await step("drawing", drawing);
+await step("touch", touch);
+await step("forbidden", forbidden);
+await step("unable", unable);
 await step("memory", memory);
 // An unoptimised number is worse than none.
 if (process.env.CALIB_NATIVE_MS) await step("pace", pace);

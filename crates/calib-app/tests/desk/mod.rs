@@ -72,6 +72,18 @@ impl Desk {
         self.harness.run_steps(2);
     }
 
+    /// Improves all cameras together, and waits for it.
+    pub(crate) fn refine(&mut self) {
+        self.key(Key::F9);
+        let patience = std::time::Instant::now();
+        while self.app().is_working() {
+            assert!(patience.elapsed().as_secs() < 60, "refining does not end");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            self.harness.step();
+        }
+        self.harness.step();
+    }
+
     pub(crate) fn undo(&mut self) {
         self.keys(Modifiers::COMMAND, Key::Z);
     }
