@@ -57,7 +57,7 @@ fn native() -> f64 {
 }
 
 /// The command line tool, to solve what the page saved.
-fn calib() -> anyhow::Result<PathBuf> {
+pub(crate) fn calib() -> anyhow::Result<PathBuf> {
     let mut cargo = Command::new("cargo");
     cargo.args(["build", "--quiet", "--package", "calib-cli"]).current_dir(root());
     if !cfg!(debug_assertions) {

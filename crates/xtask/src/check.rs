@@ -48,9 +48,13 @@ const PEERS: Tool = Tool {
 /// `DuckDB` and Spark, for the tests and the benchmark of archives.
 const ENGINES: Tool = Tool {
     name: "the engines' Python packages, and Java",
-    is_there: || root().join("target/engines-venv/ready").exists() && has_java(),
+    is_there: || root().join("target/engines-venv/ready").exists() && is_on_path("java"),
     install: &[
-        &["sh", "-c", "command -v java || apt-get install --quiet --yes default-jre-headless"],
+        &[
+            "sh",
+            "-c",
+            "command -v java || { apt-get update --quiet && apt-get install --quiet --yes default-jre-headless; }",
+        ],
         &["python3", "-m", "venv", "target/engines-venv"],
         &[
             "target/engines-venv/bin/python",
@@ -94,8 +98,10 @@ const WEB: Tool = Tool {
 const BROWSER: Tool = Tool {
     name: "Chromium, Node and what drives a browser",
     is_there: || {
-        let driver = root().join("target/browser/node_modules/playwright-core/package.json");
-        runs("/usr/bin/chromium", &["--version"]) && runs("/usr/bin/node", &["--version"]) && driver.exists()
+        let modules = root().join("target/browser/node_modules");
+        let installed =
+            ["playwright-core", "typescript", "@types/node"].map(|name| modules.join(name).exists());
+        runs("/usr/bin/chromium", &["--version"]) && is_on_path("node") && !installed.contains(&false)
     },
     install: &[
         &["apt-get", "update", "--quiet"],
@@ -159,7 +165,7 @@ const CHECKS: &[Check] = &[
             "--",
             // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
             "-seed=1",
-            "-runs=100000",
+            "-runs=40000",
             "-max_len=16384",
             "-dict=crates/calib-core/fuzz/site.dict",
         ],
@@ -170,6 +176,12 @@ const CHECKS: &[Check] = &[
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
     Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
+    Check {
+        name: "the package for JavaScript",
+        command: &["cargo", "xtask", "js", "--test"],
+        tools: &[&WEB, &BROWSER],
+        ..PLAIN
+    },
     Check {
         name: "the app in Chromium",
         command: &["cargo", "xtask", "browser"],
@@ -200,7 +212,11 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         let start = Instant::now();
         println!("\n== {}", check.name);
         let passed = match check.command {
-            ["wasm32"] => wasm::build(&["--package", "calib-core", "--package", "calib-formats"]).is_ok(),
+            // In the page's profile, so that the page need not build them again.
+            ["wasm32"] => {
+                let packages = ["--package", "calib-core", "--package", "calib-formats", "--profile", "web"];
+                wasm::build(&packages).is_ok()
+            }
             ["fuzz-formats"] => fuzz_formats(&skips)?,
             _ => run_check(check, &skips)?,
         };
@@ -314,8 +330,9 @@ pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     output.is_ok_and(|output| output.status.success())
 }
 
-fn has_java() -> bool {
-    Command::new("java").arg("-version").output().is_ok_and(|output| output.status.success())
+/// Whether there is a program of this name, wherever it is installed.
+fn is_on_path(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
 /// The folder of the workspace.

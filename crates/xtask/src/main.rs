@@ -1,4 +1,4 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `serve`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `js`, `serve`.
 
 mod accuracy;
 mod archives;
@@ -6,6 +6,8 @@ mod bench;
 #[cfg(feature = "web")]
 mod browser;
 mod check;
+#[cfg(feature = "web")]
+mod js;
 mod notices;
 mod serve;
 mod wasm;
@@ -50,6 +52,15 @@ enum Command {
         /// The program, where it is built already
         #[arg(long)]
         built: Option<PathBuf>,
+    },
+    /// Build the package for JavaScript
+    Js {
+        /// Where to
+        #[arg(long, default_value = "target/js")]
+        out: PathBuf,
+        /// Check its types and run its test in Node
+        #[arg(long)]
+        test: bool,
     },
     /// Drive the app in Chromium
     Browser {
@@ -96,20 +107,21 @@ fn main() -> anyhow::Result<()> {
         Command::Notices => notices::run(),
         #[cfg(feature = "web")]
         Command::Web { out, built } => web::run(&check::root().join(out), built.as_deref()),
-        // What it takes is heavy, so it is built when it is asked for.
-        #[cfg(not(feature = "web"))]
-        Command::Web { .. } => {
-            let arguments: Vec<String> = std::env::args().skip(1).collect();
-            check::rerun(&["--features", "web"], &arguments)
-        }
         #[cfg(feature = "web")]
         Command::Browser { out, script, pictures } => browser::run(
             &check::root().join(out),
             &script,
             pictures.map(|p| check::root().join(p)).as_deref(),
         ),
+        #[cfg(feature = "web")]
+        Command::Js { out, test } => {
+            let out = check::root().join(out);
+            js::run(&out)?;
+            if test { js::test(&out) } else { Ok(()) }
+        }
+        // What it takes is heavy, so it is built when it is asked for.
         #[cfg(not(feature = "web"))]
-        Command::Browser { .. } => {
+        Command::Web { .. } | Command::Js { .. } | Command::Browser { .. } => {
             let arguments: Vec<String> = std::env::args().skip(1).collect();
             check::rerun(&["--features", "web"], &arguments)
         }

@@ -1,0 +1,116 @@
+//! A calibrated site in JavaScript, for dashboards that show tracks on a plan: pixels to the floor and
+//! back, and the solve. Everything happens in the page; nothing is sent anywhere.
+//!
+//! Units and axes are those of the site file: pixels from the corner of the image, metres with z up.
+
+mod point;
+
+use calib_core::{Extent, FloorProjector, Options, SiteCamera, Status, WorldPoint};
+use js_sys::Float64Array;
+use wasm_bindgen::prelude::*;
+
+use crate::point::{FloorPoint, Pixel};
+
+/// A site whose solutions are used.
+#[wasm_bindgen]
+#[derive(Debug)]
+pub struct Site(calib_core::Site);
+
+#[wasm_bindgen]
+impl Site {
+    /// Reads a site file, as text.
+    ///
+    /// # Errors
+    /// Throws an `Error` that says what is wrong with it, and where.
+    #[wasm_bindgen(constructor)]
+    pub fn new(#[wasm_bindgen(js_name = siteJson)] site_json: &str) -> Result<Self, JsError> {
+        Ok(Self(calib_core::Site::from_json(site_json)?))
+    }
+
+    /// The ids of the calibrated cameras.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn cameras(&self) -> Vec<String> {
+        let solved = self.0.cameras.iter().filter(|camera| camera.camera().is_some());
+        solved.map(|camera| camera.id.clone()).collect()
+    }
+
+    /// The point of the floor that a pixel shows, with its standard deviation; `undefined` above the horizon.
+    ///
+    /// `sigmaPx` is the standard deviation of the pixel, 1 if it is not given.
+    ///
+    /// # Errors
+    /// Throws when the site has no calibrated camera of this id.
+    #[wasm_bindgen(js_name = pixelToFloor)]
+    pub fn pixel_to_floor(
+        &self,
+        camera: &str,
+        u: f64,
+        v: f64,
+        #[wasm_bindgen(js_name = sigmaPx)] sigma_px: Option<f64>,
+    ) -> Result<Option<FloorPoint>, JsError> {
+        let (entry, camera) = self.calibrated(camera)?;
+        let efov = entry.floor_polygon();
+        let extent = Extent { size: entry.size(), efov: &efov };
+        let (mut x, mut y, mut status) = ([f64::NAN], [f64::NAN], [Status::Ok]);
+        let projector = FloorProjector::new(&camera, 0.0);
+        projector.pixels_to_floor_within(&extent, [&[u], &[v]], [&mut x, &mut y], &mut status);
+        let covariance = camera.floor_covariance(calib_core::Pixel::new(u, v), sigma_px.unwrap_or(1.0));
+        let sigma = covariance.map(|covariance| covariance.worst_sigma());
+        Ok((!x[0].is_nan()).then(|| FloorPoint::new([x[0], y[0]], sigma, status[0])))
+    }
+
+    /// Many at once: u, v, u, v and so on give x, y, x, y and so on; `NaN` where a pixel shows no floor.
+    ///
+    /// # Errors
+    /// Throws when the site has no calibrated camera of this id.
+    #[wasm_bindgen(js_name = pixelsToFloor)]
+    pub fn pixels_to_floor(&self, camera: &str, pixels: &[f64]) -> Result<Float64Array, JsError> {
+        let (_, camera) = self.calibrated(camera)?;
+        let (pairs, _) = pixels.as_chunks::<2>();
+        let [u, v] = [0, 1].map(|axis| pairs.iter().map(|pair| pair[axis]).collect::<Vec<f64>>());
+        let (mut x, mut y) = (vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]);
+        FloorProjector::new(&camera, 0.0).pixels_to_floor(&u, &v, &mut x, &mut y);
+        let floor: Vec<f64> = x.iter().zip(&y).flat_map(|(&x, &y)| [x, y]).collect();
+        Ok(Float64Array::from(&floor[..]))
+    }
+
+    /// The pixel that shows a point of the floor, or `z` metres above it; `undefined` when the camera cannot.
+    ///
+    /// # Errors
+    /// Throws when the site has no calibrated camera of this id.
+    #[wasm_bindgen(js_name = floorToPixel)]
+    pub fn floor_to_pixel(
+        &self,
+        camera: &str,
+        x: f64,
+        y: f64,
+        z: Option<f64>,
+    ) -> Result<Option<Pixel>, JsError> {
+        let (_, camera) = self.calibrated(camera)?;
+        Ok(camera.world_to_pixel(WorldPoint::new(x, y, z.unwrap_or(0.0))).map(Pixel::new))
+    }
+
+    /// An id may repeat with periods that do not overlap: the one that still holds is meant.
+    fn calibrated(&self, id: &str) -> Result<(&SiteCamera, calib_core::Camera), JsError> {
+        let of_id = || self.0.cameras.iter().filter(|camera| camera.id == id);
+        let entry = of_id().find(|camera| camera.valid_to.is_none()).or_else(|| of_id().next_back());
+        let entry = entry.ok_or_else(|| JsError::new(&format!("the site has no camera {id:?}")))?;
+        let camera = entry
+            .camera()
+            .ok_or_else(|| JsError::new(&format!("camera {id:?} is not calibrated: solve the site first")))?;
+        Ok((entry, camera))
+    }
+}
+
+/// Calibrates a site file, and returns it with the solutions written into it.
+///
+/// A camera that cannot be solved has an `error` in place of a `solution`.
+///
+/// # Errors
+/// Throws an `Error` that says what is wrong with the file, and where.
+#[wasm_bindgen]
+pub fn solve(#[wasm_bindgen(js_name = siteJson)] site_json: &str) -> Result<String, JsError> {
+    let site = calib_core::Site::from_json(site_json)?;
+    Ok(site.calibrate(&Options::default()).write_into(&site).to_json())
+}

@@ -1,0 +1,85 @@
+// The package beside the command line: the same solutions, the same points, errors that say what is wrong.
+//
+//     node package.js FOLDER-OF-THE-PACKAGE CALIB
+//
+// Its types are checked when it is compiled.
+
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { pathToFileURL } from "node:url";
+import type * as Calib from "../../../target/js/calib.js";
+
+const [folder, program] = process.argv.slice(2);
+const { initSync, Site, solve } = (await import(pathToFileURL(join(folder, "calib.js")).href)) as typeof Calib;
+initSync({ module: readFileSync(join(folder, "calib_bg.wasm")) });
+
+const scratch = mkdtempSync(join(tmpdir(), "calib-js-"));
+const calib = (args: string[], input?: string): string =>
+  execFileSync(program, args, { cwd: scratch, input, encoding: "utf8", stdio: ["pipe", "pipe", "ignore"] });
+
+/** The largest relative difference between the numbers of two documents of one shape. */
+function difference(a: unknown, b: unknown, place = ""): number {
+  if (typeof a === "number" && typeof b === "number") return Math.abs(a - b) / (1 + Math.abs(b));
+  if (typeof a === "object" && typeof b === "object" && a && b) {
+    assert.deepEqual(Object.keys(a), Object.keys(b), place);
+    const [left, right] = [Object.entries(a), Object.values(b)];
+    return Math.max(0, ...left.map(([key, value], i) => difference(value, right[i], `${place}/${key}`)));
+  }
+  assert.equal(a, b, place);
+  return 0;
+}
+
+try {
+  calib(["demo"]);
+  const drawn = readFileSync(join(scratch, "calib-demo/site.json"), "utf8");
+  calib(["solve", "calib-demo/site.json", "-o", "native.json"]);
+  const native: string = readFileSync(join(scratch, "native.json"), "utf8");
+
+  const solved: string = solve(drawn);
+  const apart = difference(JSON.parse(solved), JSON.parse(native));
+  assert.ok(apart < 1e-9, `solutions differ by ${apart}`);
+
+  const site = new Site(native);
+  const cameras: string[] = site.cameras;
+  assert.deepEqual(cameras, JSON.parse(native).cameras.map((camera: { id: string }) => camera.id));
+  let mapped = 0;
+  for (const id of cameras) {
+    const pixels = Array.from({ length: 40 }, (_, i) => [(i % 8) * 230 + 3, Math.floor(i / 8) * 240 - 100]);
+    const csv = pixels.map(([u, v]) => `${u},${v}\n`).join("");
+    const rows = calib(["project", "native.json", "--camera", id, "--to", "floor"], `u,v\n${csv}`);
+    const many: Float64Array = site.pixelsToFloor(id, Float64Array.from(pixels.flat()));
+    for (const [i, line] of rows.trim().split("\n").slice(1).entries()) {
+      const [u, v, x, y, status] = line.split(",");
+      const point: Calib.FloorPoint | undefined = site.pixelToFloor(id, Number(u), Number(v), 2);
+      if (x === "") {
+        assert.equal(point, undefined, line);
+        assert.ok(Number.isNaN(many[2 * i]), line);
+        continue;
+      }
+      assert.ok(point, line);
+      assert.equal(point.status, status);
+      assert.ok(difference([point.x, point.y], [Number(x), Number(y)]) < 1e-9, line);
+      assert.ok(difference([many[2 * i], many[2 * i + 1]], [point.x, point.y]) < 1e-12, line);
+      assert.ok(point.sigma !== undefined && point.sigma > 0, line);
+      const back: Calib.Pixel | undefined = site.floorToPixel(id, point.x, point.y);
+      assert.ok(back && Math.hypot(back.u - Number(u), back.v - Number(v)) < 1e-6, line);
+      mapped += 1;
+    }
+  }
+  assert.ok(mapped > 20 * cameras.length, `${mapped} pixels show the floor`);
+  assert.ok(site.floorToPixel(cameras[0], 1, 2, 1.7));
+
+  assert.throws(() => new Site('{"format": "calib-site", "version": 2}'), /version/);
+  assert.throws(() => solve("{"), Error);
+  assert.throws(() => site.pixelToFloor("nobody", 1, 2), /no camera "nobody"/);
+  assert.throws(() => new Site(drawn).pixelToFloor(cameras[0], 1, 2), /not calibrated/);
+  assert.equal(site.floorToPixel(cameras[0], Number.NaN, 0), undefined);
+  assert.equal(site.pixelToFloor(cameras[0], Number.NaN, 0), undefined);
+  site.free();
+  console.log(`${mapped} pixels of ${cameras.length} cameras as the command line maps them; solutions within ${apart.toExponential(1)}`);
+} finally {
+  rmSync(scratch, { recursive: true });
+}

@@ -1,0 +1,60 @@
+//! `cargo xtask js`: the package for JavaScript, and its test in Node.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context as _, ensure};
+use serde_json::json;
+use wasm_bindgen_cli_support::Bindgen;
+
+use crate::check::root;
+use crate::{browser, wasm};
+
+/// Writes the package into `out`.
+pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
+    let folder = wasm::build(&["--package", "calib-js", "--lib", "--profile", "web"])?;
+    if out.exists() {
+        fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
+    }
+    fs::create_dir_all(out)?;
+    Bindgen::new()
+        .input_path(folder.join("web/calib_js.wasm"))
+        .out_name("calib")
+        .web(true)?
+        .typescript(true)
+        .remove_name_section(true)
+        .remove_producers_section(true)
+        .generate(out)?;
+    let package = json!({
+        "name": "calib",
+        "version": env!("CARGO_PKG_VERSION"),
+        "description": "Calibrated cameras: pixels to the floor and back, and the solve",
+        "license": env!("CARGO_PKG_LICENSE"),
+        "type": "module",
+        "main": "calib.js",
+        "types": "calib.d.ts",
+        "sideEffects": false,
+    });
+    fs::write(out.join("package.json"), format!("{package:#}\n"))?;
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "crates/calib-js/README.md"] {
+        let from = root().join(name);
+        let to = out.join(from.file_name().unwrap_or_default());
+        fs::copy(&from, to).with_context(|| name.to_owned())?;
+    }
+    println!("{}", out.display());
+    Ok(())
+}
+
+/// Checks the types of the test, and runs it: the package beside the command line.
+pub(crate) fn test(out: &Path) -> anyhow::Result<()> {
+    let tools = root().join("target/browser/node_modules");
+    ensure!(tools.exists(), "target/browser is absent; `cargo xtask test --install` makes it");
+    let mut compile = Command::new("node");
+    compile.arg(tools.join("typescript/bin/tsc")).args(["--project", "crates/calib-js/tests"]);
+    ensure!(compile.current_dir(root()).status()?.success(), "the types of the package do not fit its test");
+    let mut run = Command::new("node");
+    run.arg("target/js-test/package.js").arg(out).arg(browser::calib()?).current_dir(root());
+    ensure!(run.status()?.success(), "the test of the package failed");
+    Ok(())
+}
