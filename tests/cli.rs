@@ -287,7 +287,13 @@ fn a_data_uri_makes_a_site_one_file() {
     site.cameras[0].size_px = [2, 1];
     site.cameras[0].annotations.clear();
     scratch.write("site.json", site.to_json());
-    scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(1);
+    let undistort = ["undistort", "site.json", "--camera", "door", "-o", "x.png"];
+    let unsolved = scratch.calib(&undistort).expect_code(4);
+    assert!(unsolved.stderr.contains("nothing tells its lens"), "{}", unsolved.stderr);
+    let lens = json!({"distortion": {"model": "division", "lambda": -0.1, "focal_px": 2}});
+    site.cameras[0].lens = Some(serde_json::from_value(lens).unwrap());
+    scratch.write("site.json", site.to_json());
+    scratch.calib(&undistort).expect_code(1);
     site.cameras[0].image = Some("data:image/png,plain".into());
     scratch.write("site.json", site.to_json());
     scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);

@@ -688,3 +688,35 @@ fn hostile_files_are_errors() {
         assert!(import(format, &[binary]).is_err());
     }
 }
+
+#[test]
+fn a_camera_that_nobody_placed_is_exported_with_a_word_and_a_period_is_chosen() {
+    let placed = site(&straight()).cameras.remove(0);
+    let mut loose = SiteCamera { id: "loose".into(), ..placed.clone() };
+    loose.solution.as_mut().unwrap().stage = Stage::Partial;
+    let both = Site { cameras: vec![placed.clone(), loose.clone()], ..Site::new() };
+    for name in ["nvidia", "opencv", "geojson", "table", "blender"] {
+        let export = export(format(name).unwrap(), &both, &ExportOptions::default()).unwrap();
+        let lost: Vec<&str> = export.losses.iter().filter_map(|loss| loss.camera.as_deref()).collect();
+        assert_eq!(lost, ["loose"], "{name}");
+    }
+    let alone = Site { cameras: vec![loose], ..Site::new() };
+    assert_eq!(export(format("opencv").unwrap(), &alone, &ExportOptions::default()).unwrap().losses, []);
+
+    let before = SiteCamera { valid_to: Some("2026-05-01T00:00:00Z".into()), ..placed.clone() };
+    let after = SiteCamera { valid_from: Some("2026-05-01T00:00:00Z".into()), ..placed };
+    let periods = Site { cameras: vec![before, after], ..Site::new() };
+    let told = export(format("frigate").unwrap(), &periods, &ExportOptions::default()).unwrap_err();
+    assert!(told.to_string().contains("several periods"), "{told}");
+    let rows = json_of(&exported("table", &periods, "json"), "cameras.json");
+    assert_eq!(rows["cameras"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn regions_have_the_numbers_of_their_streams() {
+    let placed = site(&straight()).cameras.remove(0);
+    let dark = SiteCamera { id: "dark".into(), solution: None, ..placed.clone() };
+    let both = Site { cameras: vec![dark, placed], ..Site::new() };
+    let text = exported("nvdsanalytics", &both, "txt");
+    assert!(text_of(&text, "nvdsanalytics.txt").contains("[roi-filtering-stream-1]"));
+}

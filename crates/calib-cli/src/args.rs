@@ -16,9 +16,9 @@ pub(crate) struct SiteArgs {
 }
 
 impl SiteArgs {
-    /// Reads and checks the site; cameras that do not hold at the time are left out.
+    /// Reads, checks and solves the site; cameras that do not hold at the time are left out.
     pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
-        SiteFile::read_at(&self.site, self.at.as_deref())
+        SiteFile::read_solved(&self.site, self.at.as_deref())
     }
 
     /// Whether the site comes from stdin.

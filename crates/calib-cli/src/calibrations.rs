@@ -6,7 +6,7 @@ use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
 use arrow::datatypes::{DataType, Schema, TimeUnit, TimestampNanosecondType};
-use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
+use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera, Stage};
 use serde_json::json;
 
 use crate::archive::{is_json, plain};
@@ -39,9 +39,14 @@ pub(crate) struct Calibrations {
     at_column: Option<String>,
     /// SHA-256 of the site file.
     sha256: String,
-    /// Rows without a calibration, by camera.
+    /// Rows without a calibration, by camera: of so many cameras as one would look through.
     lost: BTreeMap<String, u64>,
+    /// Such rows of further cameras.
+    lost_more: u64,
 }
+
+/// Whoever names a column that is none of cameras has an id in every row.
+const MOST_LOST: usize = 1000;
 
 /// Whose rows there are.
 pub(crate) enum ByCamera {
@@ -91,6 +96,19 @@ impl Calibrations {
             ByCamera::Only(id) => entry.id == *id,
             ByCamera::Column(_) => true,
         };
+        let is_placed = |entry: &&SiteCamera| {
+            entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
+        };
+        if file.site.cameras.iter().any(|entry| is_placed(&entry)) {
+            let loose =
+                file.site.cameras.iter().filter(wanted).filter(|c| c.camera().is_some() && !is_placed(c));
+            for entry in loose {
+                say(format_args!(
+                    "calib: camera \"{}\" is not placed: its metres are from its own foot, not of the site",
+                    entry.id
+                ));
+            }
+        }
         let (mut list, mut refused) = (Vec::new(), None);
         for entry in file.site.cameras.iter().filter(wanted) {
             match Calibration::of(entry, height) {
@@ -122,7 +140,7 @@ impl Calibrations {
             return Err(Stop::Usage(what));
         }
         let sha256 = file.sha256.clone();
-        Ok(Self { list, of_camera, camera, at_column, sha256, lost: BTreeMap::new() })
+        Ok(Self { list, of_camera, camera, at_column, sha256, lost: BTreeMap::new(), lost_more: 0 })
     }
 
     /// What the output says of them, beside what the input said.
@@ -187,9 +205,12 @@ impl Calibrations {
                 }),
             };
             if found.is_none() {
-                match self.lost.get_mut(id) {
-                    Some(count) => *count += 1,
-                    None => drop(self.lost.insert(id.to_owned(), 1)),
+                if let Some(count) = self.lost.get_mut(id) {
+                    *count += 1;
+                } else if self.lost.len() < MOST_LOST {
+                    self.lost.insert(id.to_owned(), 1);
+                } else {
+                    self.lost_more += 1;
                 }
             }
             rows.push(found.copied().unwrap_or(none));
@@ -208,8 +229,9 @@ impl Calibrations {
             };
             say(format_args!("calib: {count} rows of camera \"{id}\" {why}: status no-calibration"));
         }
-        if self.lost.len() > MOST {
-            say(format_args!("calib: and of {} more cameras", self.lost.len() - MOST));
+        let more = self.lost_more + self.lost.values().skip(MOST).sum::<u64>();
+        if more > 0 {
+            say(format_args!("calib: and {more} rows of other cameras; is that the column of cameras?"));
         }
     }
 }

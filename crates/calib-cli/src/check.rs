@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if args.max_overlap_m.is_some_and(|most| most.is_nan() || most <= 0.0) {
         return Err(Stop::Usage("--max-overlap-m: expected metres above 0".into()));
     }
-    let file = args.site.read()?.solved();
+    let file = args.site.read()?;
     let verdicts: Vec<(&str, Vec<String>)> =
         file.site.cameras.iter().map(|camera| (camera.id.as_str(), faults(camera, args))).collect();
     if verdicts.is_empty() {
@@ -88,8 +88,8 @@ fn report(
     let verdict = |faults: &[String]| {
         if faults.is_empty() { "ok".into() } else { format!("FAILED: {}", faults.join("; ")) }
     };
-    for (id, faults) in verdicts {
-        let judged = file.site.camera(id).and_then(|camera| camera.solution.as_ref()).map(judged);
+    for ((id, faults), camera) in verdicts.iter().zip(&file.site.cameras) {
+        let judged = camera.solution.as_ref().map(judged);
         files::print(&format!("{id}: {}{}\n", verdict(faults), judged.unwrap_or_default()))?;
     }
     let Some(faults) = of_site else { return Ok(()) };

@@ -67,7 +67,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
-    let file = file.solved();
     let options = options(args, format, &file)?;
     let export = calib_formats::export(format, &file.site, &options).map_err(|error| {
         let nothing = file.site.cameras.iter().all(|camera| camera.camera().is_none());

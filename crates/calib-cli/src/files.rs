@@ -12,6 +12,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::part::Part;
 use crate::stop::Stop;
+use crate::words::few;
 
 /// Most memory that decoding one image may take, in bytes.
 const MAX_IMAGE_BYTES: u64 = 1 << 30;
@@ -43,16 +44,14 @@ impl SiteFile {
         Ok(Self { site, path: path.to_owned(), folder, sha256 })
     }
 
-    /// As [`Self::read`], with only the cameras whose calibration holds at a time.
-    pub(crate) fn read_at(path: &str, time: Option<&str>) -> Result<Self, Stop> {
-        let mut file = Self::read(path)?;
-        let mut kept = Vec::new();
-        for camera in file.site.cameras {
-            if holds_at(&camera, time)? {
-                kept.push(camera);
-            }
-        }
-        file.site.cameras = kept;
+    /// As [`Self::read`], with every camera solved, and of those the ones whose calibration holds at a time.
+    pub(crate) fn read_solved(path: &str, time: Option<&str>) -> Result<Self, Stop> {
+        let file = Self::read(path)?;
+        let holds = |camera: &SiteCamera| holds_at(camera, time);
+        let mut holds = file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, Stop>>()?.into_iter();
+        // What other periods show belongs to the site, too.
+        let mut file = file.solved();
+        file.site.cameras.retain(|_| holds.next().unwrap_or_default());
         Ok(file)
     }
 
@@ -61,8 +60,9 @@ impl SiteFile {
         if self.site.cameras.iter().any(|camera| camera.id == id) {
             return Ok(());
         }
-        let ids: Vec<&str> = self.site.cameras.iter().map(|camera| camera.id.as_str()).collect();
-        Err(Stop::Usage(format!("--camera {id}: {} has {}", self.path, known_ids(&ids))))
+        let ids = few(self.site.cameras.iter().map(|camera| camera.id.as_str()));
+        let has = if ids.is_empty() { "no cameras".into() } else { format!("the cameras {ids}") };
+        Err(Stop::Usage(format!("--camera {id}: {} has {has}", self.path)))
     }
 
     /// The one camera of this id.
@@ -77,14 +77,15 @@ impl SiteFile {
         }
     }
 
-    /// Solves the cameras that have no solution yet, so that every command works on a fresh site.
-    pub(crate) fn solved(mut self) -> Self {
-        let unsolved: Vec<String> =
-            self.site.cameras.iter().filter(|c| c.solution.is_none()).map(|c| c.id.clone()).collect();
-        if !unsolved.is_empty() {
-            let options = Options { cameras: Some(unsolved), ..Options::default() };
+    /// Solves the cameras that nobody tried to solve yet, so that every command works on a fresh site.
+    fn solved(mut self) -> Self {
+        let is_fresh = |camera: &SiteCamera| camera.solution.is_none() && camera.error.is_none();
+        let fresh: Vec<String> =
+            self.site.cameras.iter().filter(|c| is_fresh(c)).map(|c| c.id.clone()).collect();
+        if !fresh.is_empty() {
+            let options = Options { cameras: Some(fresh), ..Options::default() };
             let mut report = self.site.calibrate(&options);
-            report.cameras.retain(|(index, _)| self.site.cameras[*index].solution.is_none());
+            report.cameras.retain(|(index, _)| is_fresh(&self.site.cameras[*index]));
             self.site = report.write_into(&self.site);
         }
         self
@@ -173,15 +174,6 @@ fn shown(name: &str) -> &str {
     if name.starts_with("data:") { "data: image" } else { name }
 }
 
-fn known_ids(ids: &[&str]) -> String {
-    const MOST: usize = 12;
-    if ids.is_empty() {
-        return "no cameras".into();
-    }
-    let more = if ids.len() > MOST { format!(", ... ({} in all)", ids.len()) } else { String::new() };
-    format!("the cameras {}{more}", ids[..ids.len().min(MOST)].join(", "))
-}
-
 fn read_limited(reader: impl std::io::Read, name: &str) -> Result<Vec<u8>, Stop> {
     let mut bytes = Vec::new();
     reader.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(|error| Stop::invalid(name, error))?;
@@ -256,10 +248,15 @@ pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), Stop> {
 
 /// Refuses a path that is taken, before any work is done for it.
 pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
-    if path != "-" && !force && Path::new(path).exists() {
+    if path != "-" && !force && Path::new(path).exists() && !is_stream(Path::new(path)) {
         return Err(Stop::Failed(anyhow::anyhow!("{path} exists; --force overwrites it")));
     }
     Ok(())
+}
+
+/// Whether a path leads to a pipe or a device: nothing to replace.
+fn is_stream(path: &Path) -> bool {
+    path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())
 }
 
 /// Writes out of sight, then puts the file in its place: a killed run leaves the old one or the new one.
@@ -271,6 +268,9 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
 pub(crate) fn write_through(path: &Path, fill: impl FnOnce(&File) -> Result<(), Stop>) -> Result<(), Stop> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let writing = || format!("writing {}", path.display());
+    if is_stream(path) {
+        return fill(&File::options().write(true).open(path).with_context(writing)?);
+    }
     let part = Part::new_in(folder).with_context(writing)?;
     fill(part.file())?;
     part.persist(path).with_context(writing)?;

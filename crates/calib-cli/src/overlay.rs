@@ -203,13 +203,11 @@ fn summary(entry: &SiteCamera) -> String {
             .as_ref()
             .map_or_else(String::new, |error| format!("  not solved: {}", error.message));
     };
+    let (Some(pitch), Some(roll)) = (solution.pitch_deg, solution.roll_deg) else {
+        return "   only its lens is known".into();
+    };
     let hfov = 2.0 * (0.5 * entry.size()[0] / solution.focal_px).atan().to_degrees();
-    let angle = |value: Option<f64>| format!("{:.1}\u{b0}", value.unwrap_or(f64::NAN));
-    let mut text = format!(
-        "   pitch {}  roll {}  view {hfov:.0}\u{b0}",
-        angle(solution.pitch_deg),
-        angle(solution.roll_deg)
-    );
+    let mut text = format!("   pitch {pitch:.1}\u{b0}  roll {roll:.1}\u{b0}  view {hfov:.0}\u{b0}");
     if let Some(position) = solution.position_m {
         text.push_str(&format!("  height {:.2} m", position.z));
     }

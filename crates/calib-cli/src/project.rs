@@ -112,7 +112,7 @@ fn mapping(args: &Args) -> Mapping {
 }
 
 fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
-    let mut file = args.site.read()?;
+    let file = args.site.read()?;
     let by = match (&args.camera, &args.camera_column) {
         (Some(id), _) => {
             if args.at_column.is_some() {
@@ -124,7 +124,6 @@ fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
         }
         (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
     };
-    file = file.solved();
     Calibrations::of(&file, by, args.at_column.clone(), args.height_m)
 }
 

@@ -48,7 +48,6 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
-    let file = file.solved();
     let (ground, svg) = match &args.camera {
         Some(id) => camera_view(&file, file.camera(id)?, args.extras)?,
         None => plan_view(&file.site, file.plan_image()?),

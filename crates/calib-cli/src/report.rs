@@ -26,7 +26,7 @@ pub(crate) struct Args {
 /// Writes the page.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.output.check_free()?;
-    let file = args.site.read()?.solved();
+    let file = args.site.read()?;
     let page = page(&file)?;
     args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();

@@ -71,6 +71,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
+    if let Some(camera) = file.site.cameras.first() {
+        files::holds_at(camera, args.at.as_deref())?;
+    }
     let options = Options {
         method: match args.method {
             MethodArg::Ml => Method::MaximumLikelihood,
@@ -204,7 +207,7 @@ fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &Failure
 }
 
 fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
-    let worst = worst_control_point(&solution.residuals);
+    let worst = worst_control_point(camera, &solution.residuals);
     if solution.warnings.is_empty() && worst.is_none() && solution.draw_next.is_none() {
         return;
     }
@@ -221,10 +224,16 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
     }
 }
 
-/// Root mean square, worst and number of the control points' residuals.
-fn worst_control_point(residuals: &[Residual]) -> Option<(f64, f64, usize)> {
+/// Root mean square, worst and number of the residuals of the control points that were used.
+fn worst_control_point(camera: &SiteCamera, residuals: &[Residual]) -> Option<(f64, f64, usize)> {
+    let off: Vec<String> = (0..)
+        .zip(&camera.control_points)
+        .filter(|(_, point)| point.off)
+        .map(|(index, point): (usize, _)| point.id.clone().unwrap_or_else(|| index.to_string()))
+        .collect();
+    let is_used = |r: &&Residual| !r.outlier && !r.id.as_ref().is_some_and(|id| off.contains(id));
     let points: Vec<f64> =
-        residuals.iter().filter(|r| r.of == ResidualOf::ControlPoint).map(|r| r.px).collect();
+        residuals.iter().filter(|r| r.of == ResidualOf::ControlPoint).filter(is_used).map(|r| r.px).collect();
     let rms = (points.iter().map(|px| px * px).sum::<f64>() / points.len() as f64).sqrt();
     (!points.is_empty()).then(|| (rms, points.iter().copied().fold(0.0, f64::max), points.len()))
 }

@@ -39,10 +39,12 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.output.check_free()?;
     let file = args.site.read()?;
-    file.camera(&args.camera)?;
-    let file = file.solved();
     let entry = file.camera(&args.camera)?;
     let lens = lens_of(entry);
+    if let (None, Distortion::None, Some(error)) = (&entry.solution, lens.distortion, &entry.error) {
+        let what = format!("camera \"{}\": nothing tells its lens: {}", entry.id, error.message);
+        return Err(Stop::Unsolved(what));
+    }
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
     let image = file.camera_image(entry)?;
     let crop = match args.crop {

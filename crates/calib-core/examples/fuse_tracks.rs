@@ -16,7 +16,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 
-use calib_core::{Camera, Covariance, Options, Pixel, Site};
+use calib_core::{Camera, Covariance, Options, Pixel, Site, Stage};
 use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2, Vector4};
 
 /// Standard deviation of a detected foot, in pixels.
@@ -238,7 +238,7 @@ fn on_floor(index: usize, camera: &Camera, pixel: Pixel) -> Option<OnFloor> {
     })
 }
 
-/// The calibrated cameras of a site file; one that is not solved yet is solved.
+/// The placed cameras of a site file; one that is not solved yet is solved.
 ///
 /// # Errors
 /// What is wrong with the file.
@@ -247,8 +247,17 @@ pub(crate) fn cameras(json: &str) -> Result<Vec<(String, Camera)>, Box<dyn Error
     if site.cameras.iter().all(|entry| entry.solution.is_none()) {
         site = site.calibrate(&Options::default()).write_into(&site);
     }
-    let placed = site.cameras.iter().filter_map(|entry| Some((entry.id.clone(), entry.camera()?)));
-    Ok(placed.collect())
+    let mut placed: Vec<(String, Camera)> = Vec::new();
+    for entry in &site.cameras {
+        let is_placed = entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed);
+        if placed.iter().any(|(id, _)| *id == entry.id) {
+            return Err(
+                format!("camera {:?} has several periods: keep the one of the detections", entry.id).into()
+            );
+        }
+        placed.extend(entry.camera().filter(|_| is_placed).map(|camera| (entry.id.clone(), camera)));
+    }
+    Ok(placed)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

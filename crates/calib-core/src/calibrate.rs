@@ -242,13 +242,10 @@ fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) 
     if camera.lens.distortion == Distortion::None {
         return;
     }
-    let [w, h] = entry.size();
-    let corners = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]];
-    let lost = corners.iter().filter(|&&corner| camera.undistort(corner.into()).is_none()).count();
-    if lost > 0 {
+    if !camera.lens.shows_image(entry.size()) {
         warnings.push(Warning::new(
             Code::DistortionNotInvertible,
-            format!("The distortion folds back on itself inside the image: {lost} of 4 corners show no ray."),
+            "The distortion folds back on itself inside the image: a corner shows no ray.",
             "Draw straight edges nearer to the corners, or fit fewer coefficients.",
         ));
     }

@@ -1,7 +1,7 @@
 //! The effective field of view: the polygon on the image, and the part of it that lies on the floor.
 
 use crate::camera::Camera;
-use crate::space::{FloorPoint, Pixel};
+use crate::space::{FloorPoint, Pixel, UndistortedPixel};
 
 /// The floor polygon that an image polygon shows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,8 +47,8 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
             })
         })
         .collect();
-    let straight: Vec<_> = outline.iter().filter_map(|&pixel| camera.undistort(pixel)).collect();
-    let lost = straight.len() < outline.len();
+    let lost = outline.iter().any(|&pixel| camera.undistort(pixel).is_none());
+    let straight: Vec<_> = outline.iter().filter_map(|&pixel| shown(camera, pixel)).collect();
     // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0 and clipping is linear.
     let h = camera.homography_floor_from_pixel(0.0);
     let drop = camera.position.z;
@@ -78,6 +78,31 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
         .filter(|point| point.is_finite())
         .collect();
     Efov { polygon, clipped }
+}
+
+/// The ray of a pixel, or where the lens shows none in front of it, of the last one towards the middle that has
+/// one: the border of a fisheye's circle.
+fn shown(camera: &Camera, pixel: Pixel) -> Option<UndistortedPixel> {
+    const HALVINGS: usize = 12;
+    /// Tangent of the angle from the axis: beyond it no floor is near enough to count as seen.
+    const STEEPEST: f64 = 200.0;
+    let centre = camera.lens.principal_point;
+    let on_the_way = |t: f64| {
+        let raw = Pixel { u: centre.u + t * (pixel.u - centre.u), v: centre.v + t * (pixel.v - centre.v) };
+        let far = STEEPEST * camera.focal;
+        camera.undistort(raw).filter(|p| (p.u - centre.u).hypot(p.v - centre.v) < far)
+    };
+    let (mut low, mut high, mut found) = (0.0, 1.0, on_the_way(1.0));
+    if found.is_none() {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match on_the_way(middle) {
+                Some(straight) => (low, found) = (middle, Some(straight)),
+                None => high = middle,
+            }
+        }
+    }
+    found
 }
 
 /// The part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
@@ -143,5 +168,21 @@ mod tests {
         let corners = [[100.0, 100.0], [1800.0, 100.0], [1800.0, 0.0]].map(Pixel::from);
         let efov = efov_on_floor(&camera(-0.3), &corners);
         assert!(efov.clipped && efov.polygon.is_empty());
+    }
+
+    #[test]
+    fn a_fisheye_on_the_ceiling_shows_the_floor_all_around() {
+        let lens = Lens {
+            focal: 334.0,
+            distortion: crate::lens::Distortion::KannalaBrandt { k: [0.0; 4] },
+            ..Lens::pinhole(Pixel::new(960.0, 540.0))
+        };
+        let above = Camera { pitch: std::f64::consts::FRAC_PI_2, roll: 0.0, lens, ..camera(0.0) };
+        let efov = default_efov(&above, [1920.0, 1080.0]);
+        assert!(efov.polygon.len() >= 8, "{efov:?}");
+        for point in &efov.polygon {
+            let off = point.distance(above.position.on_floor());
+            assert!((14.0..15.5).contains(&off), "{off} m: five camera heights all around");
+        }
     }
 }

@@ -352,10 +352,7 @@ impl BrownConrady {
     /// Whether the model grows up to this radius by what only takes from its slope: where even that
     /// leaves some, no root need be looked for.
     fn surely_grows(&self, radius: f64) -> bool {
-        let square = radius * radius;
-        let [k1, k2, k3] = [self.k1, self.k2, self.k3].map(|k| k.min(0.0));
-        let radial = square * (3.0 * k1 + square * (5.0 * k2 + square * 7.0 * k3));
-        1.0 - 6.0 * self.p1.hypot(self.p2) * radius + radial > 0.0
+        self.radial().least_slope(radius) > 6.0 * self.p1.hypot(self.p2) * radius
     }
 
     /// Newton's method from the solution of the radial part, which a bracket guards.

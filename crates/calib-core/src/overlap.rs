@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::camera::Camera;
 use crate::covariance::Covariance;
+use crate::extent::Extent;
 use crate::joint::Together;
 use crate::locate::floor_gaps;
 use crate::report::Failure;
@@ -107,19 +108,8 @@ fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoin
         x: low[0] + share(k % STEPS) * (high[0] - low[0]),
         y: low[1] + share(k / STEPS) * (high[1] - low[1]),
     });
-    grid.filter(|at| is_inside(at, a) && is_inside(at, b)).collect()
-}
-
-/// Whether a ray from the point crosses the outline an odd number of times.
-fn is_inside(at: &FloorPoint, polygon: &[FloorPoint]) -> bool {
-    let mut inside = false;
-    for (i, a) in polygon.iter().enumerate() {
-        let b = &polygon[(i + 1) % polygon.len()];
-        if (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x) {
-            inside = !inside;
-        }
-    }
-    inside
+    let [a, b] = [a, b].map(|efov| Extent { size: [0.0; 2], efov });
+    grid.filter(|&at| a.contains(at) && b.contains(at)).collect()
 }
 
 /// Predicted variance of the distance between where two cameras put one point of the floor:

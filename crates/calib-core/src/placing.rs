@@ -1,5 +1,7 @@
 //! Stage 2 of one camera: by control points, by the operator's hand, and what that does to its sigmas.
 
+use std::collections::BTreeSet;
+
 use crate::accuracy::placed_floor_length_rel;
 use crate::advice::floor_warning;
 use crate::camera::Camera;
@@ -7,7 +9,7 @@ use crate::covariance::Covariance;
 use crate::fit::grid;
 use crate::placement::{ControlPoint, from_control_points, with_placement_covariance};
 use crate::report::{Code, Residual, ResidualOf, Warning};
-use crate::site::{Site, SiteCamera};
+use crate::site::{ControlPointEntry, Site, SiteCamera};
 use crate::solution::{CovarianceEntry, Sigmas, Solution, Stage};
 
 /// Relative: what a hand can tell of a camera's height by dragging a polygon over a plan.
@@ -53,10 +55,12 @@ impl Site {
     pub(crate) fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, solution: &mut Solution) {
         let mut lost = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            let id = point.id.clone().unwrap_or_else(|| index.to_string());
+            let id = name((index, point));
             let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {
-                lost.push(id);
+                if !point.off {
+                    lost.push(id);
+                }
                 continue;
             };
             solution.residuals.push(Residual {
@@ -79,15 +83,19 @@ impl Site {
     }
 }
 
+/// What a control point is called: its id, or its number.
+fn name((index, point): (usize, &ControlPointEntry)) -> String {
+    point.id.clone().unwrap_or_else(|| index.to_string())
+}
+
 /// Control points that are farther from their pixels than drawing explains.
 fn far_off(entry: &SiteCamera, solution: &mut Solution) {
     /// Root mean square, in sigmas; pitch and focal carry some of their own error into it.
     const MOST: f64 = 8.0;
-    let used = |r: &&Residual| {
-        let is_on = |id: &str| entry.control_points.iter().any(|p| !p.off && p.id.as_deref() == Some(id));
-        r.of == ResidualOf::ControlPoint
-            && r.id.as_deref().is_none_or(|id| is_on(id) || id.parse::<usize>().is_ok())
-    };
+    let names = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off).map(name);
+    let on: BTreeSet<String> = names.collect();
+    let used =
+        |r: &&Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref().is_some_and(|id| on.contains(id));
     let points: Vec<&Residual> = solution.residuals.iter().filter(used).collect();
     let rms = (points.iter().map(|r| r.px * r.px).sum::<f64>() / points.len().max(1) as f64).sqrt();
     let worst = points.iter().max_by(|a, b| a.px.total_cmp(&b.px));

@@ -17,6 +17,12 @@ impl OddPolynomial {
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     }
 
+    /// No more than the slope anywhere up to this radius: of what only takes from it. Where that leaves some,
+    /// no root need be looked for.
+    pub(crate) fn least_slope(&self, r: f64) -> f64 {
+        OddPolynomial(self.0.map(|k| k.min(0.0))).slope(r)
+    }
+
     /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.
     pub(crate) fn first_turn(&self) -> f64 {
         let [k1, k2, k3, k4] = self.0;
@@ -30,8 +36,13 @@ impl OddPolynomial {
     /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method
     /// kept inside a bracket, so that it always ends.
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
-        let turn = self.first_turn();
-        let mut high = if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? };
+        let near = 1.5 * value;
+        let mut high = if self.value(near) > value && self.least_slope(near) > 0.0 {
+            near
+        } else {
+            let turn = self.first_turn();
+            if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? }
+        };
         if value.is_nan() || value > self.value(high) {
             return None;
         }

@@ -79,9 +79,10 @@ impl FloorProjector {
         }
     }
 
-    /// A plane above the camera is seen above the horizon: then the third coordinate is negative.
+    /// Of the sign that the third coordinate has where the plane is seen: a plane above the camera is seen
+    /// above the horizon, and one at its height nowhere.
     fn side(&self) -> f64 {
-        (self.camera.position.z - self.height).signum()
+        self.camera.position.z - self.height
     }
 
     /// The division model, and with 0 no distortion: an undistorted point is the raw one (a, b) over q, and

@@ -106,7 +106,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     }
     let (file, image_lines) = lines(files, "images.txt")?;
     let mut given: Vec<Given> = Vec::new();
-    let mut rest = image_lines.iter().skip_while(|line| line.words.is_empty());
+    let mut rest = image_lines.iter();
     while let Some(line) = rest.next() {
         if line.words.is_empty() {
             continue;
@@ -127,7 +127,11 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         // The line of points that goes with it.
         rest.next();
     }
-    site_of(given, &file.name)
+    let mut imported = site_of(given, &file.name)?;
+    if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
+        imported.notes.push("poses are taken as metres with z up: a COLMAP model has a scale and axes of its own unless it was aligned".into());
+    }
+    Ok(imported)
 }
 
 fn lens(line: &Line) -> Result<Given, FormatError> {

@@ -58,6 +58,15 @@ impl Export {
         self.losses.push(Loss { camera: Some(view.id.clone()), what: what.into() });
     }
 
+    /// A camera that nobody placed stands in a world of its own.
+    pub(crate) fn lose_place(&mut self, site: &Site, view: &View) {
+        if site.cameras.len() > 1 {
+            self.lose(view, "where it is: it is not placed, and would stand at (0, 0)");
+        } else {
+            self.notes.push(format!("camera {:?} is not placed: (0, 0) is below it", view.id));
+        }
+    }
+
     /// For formats of cameras without distortion.
     pub(crate) fn lose_distortion(&mut self, view: &View) {
         if view.is_distorted() {

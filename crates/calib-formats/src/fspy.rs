@@ -3,8 +3,6 @@
 //! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
 //! the middle of the image, the longer side from -1 to 1.
 
-use calib_core::MAX_SIDE;
-
 use crate::error::FormatError;
 use crate::file::File;
 use crate::given::{Given, Imported, site_of};
@@ -46,7 +44,7 @@ fn camera(file: &File) -> Result<Given, FormatError> {
     let position = column(3, 1.0);
     let t = rotation.map(|row| -(row[0] * position[0] + row[1] * position[1] + row[2] * position[2]));
     let mut given = Given::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
-    given.size = Some([width.min(MAX_SIDE), height.min(MAX_SIDE)]);
+    given.size = Some([width, height]);
     given.pose = Some((rotation, t));
     Ok(given)
 }

@@ -41,6 +41,7 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
         ring.reverse();
     }
     ring.extend(ring.first().copied());
+    let area = if ring.is_empty() { Value::Null } else { json!({"type": "Polygon", "coordinates": [ring]}) };
     let position = view.camera.position;
     // Clockwise from north on the earth, counter-clockwise from +x in the site.
     let heading = match earth {
@@ -54,7 +55,7 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     }
     [
         json!({"type": "Feature", "properties": {"camera_id": view.id, "kind": "efov"},
-            "geometry": {"type": "Polygon", "coordinates": [ring]}}),
+            "geometry": area}),
         json!({"type": "Feature", "properties": camera,
             "geometry": {"type": "Point", "coordinates": at(position.on_floor())}}),
     ]

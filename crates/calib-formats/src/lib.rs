@@ -36,6 +36,8 @@ mod caliscope;
 mod fspy;
 mod worldfile;
 
+use std::collections::HashSet;
+
 use calib_core::Site;
 
 use crate::export::Scene;
@@ -248,6 +250,9 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
+/// The formats that tell the periods of a camera apart.
+const PERIODS: [&str; 2] = ["table", "sql"];
+
 /// The format of a name.
 #[must_use]
 pub fn format(name: &str) -> Option<&'static Format> {
@@ -269,10 +274,22 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     if views.is_empty() {
         return Err(FormatError::new("the site", "has no calibrated camera to export"));
     }
+    if !PERIODS.contains(&format.name) {
+        let mut seen = HashSet::new();
+        if let Some(view) = views.iter().find(|view| !seen.insert(&view.id)) {
+            return Err(FormatError::new(
+                format!("camera {:?}", view.id),
+                "several periods have this id; choose one with --at TIME",
+            ));
+        }
+    }
     let mut export = Export { unsolved, ..Export::default() };
+    if !format.lacks.contains("pose") {
+        views.iter().filter(|view| !view.is_placed).for_each(|view| export.lose_place(site, view));
+    }
     if options.rectified {
         for view in &views {
-            remap::write(site, view, &mut export);
+            remap::write(view, &mut export);
         }
     }
     write(&Scene { site, views, options, extension }, &mut export);

@@ -10,7 +10,14 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     // One size for all streams: regions are scaled to it.
     let [width, height] = first.size;
     let mut text = format!("[property]\nenable=1\nconfig-width={width}\nconfig-height={height}\n");
-    for (index, view) in scene.views.iter().enumerate() {
+    let mut streams: Vec<&str> = Vec::new();
+    for camera in &scene.site.cameras {
+        if !streams.contains(&camera.id.as_str()) {
+            streams.push(&camera.id);
+        }
+    }
+    for view in &scene.views {
+        let index = streams.iter().position(|id| *id == view.id).unwrap_or_default();
         let corners = corners(view);
         if corners.len() < 3 {
             export.lose(view, "its region: no part of the EFOV is on the image");
@@ -27,5 +34,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         );
     }
     export.push(format!("nvdsanalytics.{}", scene.extension), text);
-    export.notes.push("stream numbers are the order of the cameras in the site".into());
+    export.notes.push(
+        "stream numbers are the order of the cameras in the site, those that are left out included".into(),
+    );
 }

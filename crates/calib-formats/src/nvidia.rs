@@ -125,6 +125,9 @@ fn sensor(scene: &Scene, view: &View, map: Map) -> Value {
 
 /// As WKT, closed.
 fn polygon(corners: &[FloorPoint]) -> String {
+    if corners.is_empty() {
+        return "POLYGON EMPTY".into();
+    }
     let point = |p: &FloorPoint| format!("{} {}", digits(p.x), digits(p.y));
     let ring: Vec<String> = corners.iter().chain(corners.first()).map(point).collect();
     format!("POLYGON(({}))", ring.join(", "))

@@ -113,7 +113,11 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let tree = Syntax::of(file.as_text()?).parse(file)?;
         given.push(camera(file, &Node::root(file, &tree))?);
     }
-    site_of(given, &files[0].name)
+    let mut imported = site_of(given, &files[0].name)?;
+    if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
+        imported.notes.push("poses are taken as metres with z up: rvec and tvec of a chessboard are in the axes of that board".into());
+    }
+    Ok(imported)
 }
 
 fn camera(file: &File, root: &Node) -> Result<Given, FormatError> {

@@ -1,6 +1,6 @@
 //! The map from an undistorted image to the raw one, as NumPy and OpenCV take it.
 
-use calib_core::{Distortion, Site, UndistortedPixel};
+use calib_core::{Distortion, UndistortedPixel};
 
 use crate::export::Export;
 use crate::file::File;
@@ -13,7 +13,7 @@ const MOST: u64 = 64 << 20;
 ///
 /// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as OpenCV does; -1
 /// where the lens shows nothing. Focal and principal point stay.
-pub(crate) fn write(_: &Site, view: &View, export: &mut Export) {
+pub(crate) fn write(view: &View, export: &mut Export) {
     if view.raw_lens.distortion == Distortion::None {
         export.notes.push(format!("camera {:?} has no distortion: no remap is needed", view.id));
         return;

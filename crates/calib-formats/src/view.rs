@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel, WorldPoint,
+    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, Stage, UndistortedPixel,
+    WorldPoint,
 };
 
 use crate::file::file_name;
@@ -53,6 +54,8 @@ pub(crate) struct View {
     pub(crate) efov_m: Vec<FloorPoint>,
     pub(crate) valid_from: Option<String>,
     pub(crate) valid_to: Option<String>,
+    /// Whether it stands where it belongs in the site.
+    pub(crate) is_placed: bool,
 }
 
 /// The lens in terms that most formats have.
@@ -96,6 +99,7 @@ impl View {
             efov_m,
             valid_from: entry.valid_from.clone(),
             valid_to: entry.valid_to.clone(),
+            is_placed: entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed),
         };
         view.efov_px = drawn.into_iter().map(|pixel| view.in_stream(pixel)).collect();
         Some(view)

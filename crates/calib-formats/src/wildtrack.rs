@@ -7,7 +7,7 @@ use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::{Given, Imported, Pose, site_of, unskewed};
-use crate::opencv::matrix_xml;
+use crate::opencv::{distortion, matrix_xml};
 use crate::rotation::{from_rodrigues, rodrigues};
 use crate::tree::{Node, Syntax, joined};
 
@@ -35,8 +35,11 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    // The dataset has both the raw cameras and those of the undistorted images that it comes with.
+    let is_zero = |file: &File| file.name.contains("intrinsic_zero/");
+    let has_zero = files.iter().any(is_zero);
     let mut given = Vec::new();
-    for file in files {
+    for file in files.iter().filter(|file| is_zero(file) || !has_zero) {
         let Some(id) = file.stem().strip_prefix("intr_") else { continue };
         let tree = Syntax::Xml.parse(file)?;
         let root = Node::root(file, &tree);
@@ -45,6 +48,9 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let mut camera = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
         if let (Some(width), Some(height)) = (root.get("image_width"), root.get("image_height")) {
             camera.size = Some([width.side()?, height.side()?]);
+        }
+        if let Some(node) = root.get("distortion_coefficients") {
+            camera.distortion = distortion(&node, false)?;
         }
         camera.pose = Some(pose(files, id)?);
         given.push(camera);

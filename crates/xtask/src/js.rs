@@ -54,7 +54,7 @@ pub(crate) fn test(out: &Path) -> anyhow::Result<()> {
     compile.arg(tools.join("typescript/bin/tsc")).args(["--project", "crates/calib-js/tests"]);
     ensure!(compile.current_dir(root()).status()?.success(), "the types of the package do not fit its test");
     let mut run = Command::new("node");
-    run.arg("target/js-test/package.js").arg(out).arg(browser::calib()?).current_dir(root());
+    run.arg("target/js-test/package.mjs").arg(out).arg(browser::calib()?).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
     Ok(())
 }

@@ -11,7 +11,9 @@ use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, Writer};
 
 use super::utc::in_utc;
-use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source};
+use super::{
+    BATCH_ROWS, CELL_BYTES, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Sink, Source,
+};
 use crate::stop::Stop;
 
 /// Text that a batch may have before it is handed on.
@@ -47,6 +49,10 @@ pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>
     let limited = Limited { from: input.into_read(), left: Rc::clone(&left) };
     let mut reader = Reader::from_reader(limited);
     let header = reader.headers().map_err(|error| Stop::invalid(&name, error))?;
+    if header.len() > MAX_COLUMNS {
+        let what = format!("found {} columns, expected at most {MAX_COLUMNS}", header.len());
+        return Err(Stop::invalid(&name, what));
+    }
     let fields: Vec<Field> =
         header.iter().map(|column| Field::new(column.trim(), DataType::Utf8, true)).collect();
     let schema = Arc::new(Schema::new(fields));
@@ -71,7 +77,7 @@ impl Csv {
                     Stop::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text"))
                 })?;
                 column.append_option((!text.is_empty()).then_some(text));
-                bytes += text.len();
+                bytes += text.len() + CELL_BYTES;
             }
             self.lines.push(line);
         }
@@ -85,8 +91,10 @@ impl Source for Csv {
     }
 
     fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+        let count = self.schema.fields().len();
+        let rows = BATCH_ROWS.min(BATCH_BYTES / CELL_BYTES / count.max(1));
         let mut columns: Vec<StringBuilder> =
-            self.schema.fields().iter().map(|_| StringBuilder::with_capacity(BATCH_ROWS, 0)).collect();
+            (0..count).map(|_| StringBuilder::with_capacity(rows, 0)).collect();
         match self.fill(&mut columns) {
             Ok(true) => {}
             Ok(false) => return None,

@@ -27,6 +27,11 @@ pub(crate) const BATCH_ROWS: usize = 8192;
 /// Most bytes that one row of text may have: what is longer is not a table.
 const MAX_ROW_BYTES: u64 = 64 << 20;
 
+/// Most columns of a table of text: what has more is a bag of anything.
+const MAX_COLUMNS: usize = 10_000;
+/// What a cell of a table of text takes beside its text, in bytes: empty cells count, too.
+const CELL_BYTES: usize = 8;
+
 /// A table that is read.
 pub(crate) trait Source {
     /// The columns, where they are known before the first row.

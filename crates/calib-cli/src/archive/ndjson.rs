@@ -19,7 +19,10 @@ use serde_json::value::RawValue;
 
 use super::json_text::json_field;
 use super::utc::in_utc;
-use super::{BATCH_ROWS, Format, Input, MAX_ROW_BYTES, Output, Packing, Sink, Source, is_json, plain};
+use super::{
+    BATCH_ROWS, CELL_BYTES, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Sink, Source,
+    is_json, plain,
+};
 use crate::stop::Stop;
 
 /// Lines that tell the types of the columns.
@@ -91,7 +94,7 @@ impl Lines {
                 let what = format!("line {}: expected one JSON object a line: {error}", self.line);
                 Stop::invalid(&self.name, what)
             })?;
-            bytes += self.text.len();
+            bytes += self.text.len() + CELL_BYTES * columns.len();
             self.lines.push(self.line);
         }
         for column in &mut columns {
@@ -243,8 +246,6 @@ impl<'de> Visitor<'de> for Object<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
         use ::arrow::array::ArrayBuilder as _;
-        /// A table, not a bag of anything.
-        const MAX_COLUMNS: usize = 10_000;
         // Lines mostly have the same keys in the same order.
         let mut guess = 0;
         while let Some(key) = map.next_key::<Cow<'de, str>>()? {
@@ -256,7 +257,7 @@ impl<'de> Visitor<'de> for Object<'_> {
             let index = known.unwrap_or(self.columns.len());
             if known.is_none() {
                 if index == MAX_COLUMNS {
-                    return Err(A::Error::custom("more than 10000 different keys"));
+                    return Err(A::Error::custom(format!("more than {MAX_COLUMNS} different keys")));
                 }
                 self.columns.push(Column { name: key.into_owned(), values: StringBuilder::new() });
             }
