@@ -20,7 +20,7 @@ use crate::refine::Refining;
 use crate::scene3d::Orbit;
 use crate::session::Session;
 use crate::shelf::{Shelf, Work};
-use crate::stills::NewStill;
+use crate::stills::{NewStill, OldStill};
 use crate::task::Task;
 use crate::theme;
 use crate::tools::{Pane, TOOLS, Tool};
@@ -82,6 +82,8 @@ pub struct App {
     pub family: Option<(usize, crate::family::Family)>,
     /// The two are shown side by side.
     pub compares_views: bool,
+    /// A field for text had the focus when the last frame ended.
+    was_typing: bool,
     /// The command palette.
     pub palette: panels::palette::Palette,
     /// How far a newcomer has come.
@@ -100,8 +102,8 @@ pub struct App {
     pub error: Option<String>,
     /// Work of crashed sessions, offered, each with where it is kept.
     pub found: Vec<(Autosave, Found)>,
-    /// The still that was replaced: its camera, its name, how much of it shows.
-    pub old_still: Option<(usize, String, f32)>,
+    /// The still that was replaced.
+    pub old_still: Option<OldStill>,
     /// A saved version to compare with.
     pub compared: Option<Site>,
     /// How files are asked for.
@@ -110,14 +112,18 @@ pub struct App {
     pub shelf: Option<Box<dyn Shelf>>,
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) autosave: Option<Autosave>,
+    /// Where autosaves are.
+    folder: Option<PathBuf>,
     /// The autosaves that no other window touches while this one lives.
-    _claims: Vec<Claim>,
+    claims: Vec<(PathBuf, Claim)>,
     pub(crate) kept: u64,
     pub(crate) dialog: Option<Dialog>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
     pub(crate) pictured: Option<Vec<u8>>,
     pub(crate) adding: Vec<Task<NewStill>>,
-    pub(crate) replacing: Option<(usize, Task<NewStill>)>,
+    /// The id of the camera whose still is asked for, or read.
+    pub(crate) replaced: String,
+    pub(crate) replacing: Option<Task<NewStill>>,
     pub(crate) planning: Option<Task<NewStill>>,
     pub(crate) refining: Option<Refining>,
 }
@@ -133,12 +139,13 @@ impl App {
         for slot in slots {
             // What another window keeps is its own; what was found stays until the operator has decided.
             let Some(claim) = Claim::of(slot.folder()) else { continue };
+            let slot_folder = slot.folder().to_path_buf();
             match slot.find() {
                 Some(work) => found.push((slot, work)),
                 None if autosave.is_none() => autosave = Some(slot),
                 None => continue,
             }
-            claims.push(claim);
+            claims.push((slot_folder, claim));
         }
         Self {
             session: Session::new(Site::new(), Images::default(), None),
@@ -161,6 +168,7 @@ impl App {
             suspect: None,
             family: None,
             compares_views: false,
+            was_typing: false,
             palette: panels::palette::Palette::default(),
             tour: panels::tour::Tour::default(),
             shortcuts: false,
@@ -176,20 +184,28 @@ impl App {
             shelf: None,
             arriving: Vec::new(),
             autosave,
-            _claims: claims,
+            folder,
+            claims,
             kept: 0,
             dialog: None,
             picture: None,
             pictured: None,
             adding: Vec::new(),
+            replaced: String::new(),
             replacing: None,
             planning: None,
             refining: None,
         }
     }
 
+    /// Whether something was asked for that changes the site when it comes.
+    fn awaits(&self) -> bool {
+        self.waiting() > 0 || self.dialog.is_some() || self.refining.is_some() || !self.arriving.is_empty()
+    }
+
     /// Opens a site in place of the one that is open.
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
+        self.put_aside();
         let (units, snap) = (self.session.units, self.session.snap);
         self.session = Session::new(site, images, path);
         (self.session.units, self.session.snap) = (units, snap);
@@ -202,7 +218,37 @@ impl App {
         self.orbit = None;
         self.kept = 0;
         (self.compared, self.error, self.family) = (None, None, None);
+        // Nothing that was asked for the old site lands in the new one.
+        self.adding.clear();
+        (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
+        (self.picture, self.pictured, self.old_still) = (None, None, None);
+        (self.export, self.tour) = (panels::export::Sheet::default(), panels::tour::Tour::default());
+        self.compares_views = false;
         self.take_tool(0);
+    }
+
+    /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
+    fn put_aside(&mut self) {
+        let Some(slot) = self.autosave.clone() else { return };
+        if self.session.is_saved() {
+            slot.forget();
+            return;
+        }
+        let (images, path) = (self.session.images.clone(), self.session.path.clone());
+        self.found.push((slot, Found { site: self.session.history.site(), images, path }));
+        self.autosave = None;
+        for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
+            let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
+            let own = self.claims.iter().any(|(folder, _)| folder == slot.folder());
+            let claim = if own { None } else { Claim::of(slot.folder()) };
+            if is_taken || !(own || claim.is_some()) || slot.find().is_some() {
+                continue;
+            }
+            self.claims.extend(claim.map(|claim| (slot.folder().to_path_buf(), claim)));
+            slot.forget();
+            self.autosave = Some(slot);
+            return;
+        }
     }
 
     /// Asks for files.
@@ -281,8 +327,7 @@ impl App {
     }
 
     fn poll_refining(&mut self) {
-        // What is in the hand is finished first: it may change what was refined.
-        let Some(refining) = self.refining.take_if(|_| self.tool.is_idle()) else { return };
+        let Some(refining) = self.refining.take() else { return };
         match refining.poll() {
             Some(Ok(refined)) => self.session.take_refined(&refining.from, &refined),
             Some(Err(error)) => self.error = Some(format!("Refining stopped: {error}")),
@@ -398,13 +443,16 @@ impl App {
     /// What is done before anything is shown: finished work, dropped files, keys.
     pub fn logic(&mut self, ctx: &Context) {
         self.pictures.begin_frame(ctx);
-        self.poll_dialog(ctx);
-        self.poll_stills();
-        self.poll_refining();
-        self.poll_arrivals(ctx);
-        self.poll_shelf();
+        // What comes in waits until the hand is empty: it would end the gesture that is under way.
+        if self.tool.is_idle() && (!self.awaits() || self.session.history.is_at(&self.session.site)) {
+            self.poll_dialog(ctx);
+            self.poll_stills();
+            self.poll_refining();
+            self.poll_arrivals(ctx);
+            self.poll_shelf();
+        }
         self.poll_picture(ctx);
-        for (command, modifiers) in command::pressed(ctx) {
+        for (command, modifiers) in command::pressed(ctx, self.was_typing) {
             command::run(self, ctx, command, modifiers);
         }
     }
@@ -416,6 +464,7 @@ impl App {
         self.watch_suspect(ui);
         self.panes.begin_frame();
         panels::show(self, ui);
+        self.was_typing = ui.ctx().text_edit_focused();
         self.remember();
     }
 
@@ -438,6 +487,10 @@ impl App {
             return;
         }
         self.kept = self.session.generation;
+        if self.autosave.is_none() && self.folder.is_some() && self.session.generation == 1 {
+            self.session.note =
+                Some("Not kept against a crash: nine unsaved sites wait already. Save it as a file.".into());
+        }
         if let Some(shelf) = &mut self.shelf {
             let (site, session) = (self.session.history.site(), &self.session);
             let last = session.history.undo_name().unwrap_or_default();

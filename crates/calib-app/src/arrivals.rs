@@ -33,7 +33,7 @@ fn base(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-fn mime(name: &str) -> &'static str {
+pub(crate) fn mime(name: &str) -> &'static str {
     if name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" }
 }
 
@@ -47,7 +47,15 @@ impl App {
         self.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
         for files in arrived {
             let (on_disk, loose): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| file.path.is_some());
-            for path in on_disk.into_iter().filter_map(|file| file.path) {
+            let (sites, others): (Vec<_>, Vec<_>) = on_disk.into_iter().partition(Chosen::is_site);
+            let has_site = !sites.is_empty();
+            for path in sites.into_iter().filter_map(|file| file.path) {
+                self.take_path(ctx, path);
+            }
+            // The images of a site that came with it are no further cameras.
+            let own: Vec<String> = files::image_names(&self.session.site);
+            let is_own = |file: &Chosen| has_site && own.iter().any(|name| base(name) == base(&file.name));
+            for path in others.into_iter().filter(|file| !is_own(file)).filter_map(|file| file.path) {
                 self.take_path(ctx, path);
             }
             if !loose.is_empty() {
@@ -76,8 +84,11 @@ impl App {
         }
         self.attach(&mut files);
         for file in files {
-            if file.bytes.is_none() || !files::is_image(Path::new(&file.name)) {
-                self.error = Some(format!("{}: neither a site (.json) nor an image (.png, .jpg)", file.name));
+            let name = Path::new(&file.name);
+            if file.bytes.is_some() && name.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
+                self.load_plan(ctx, file);
+            } else if file.bytes.is_none() || !files::is_image(name) {
+                self.complain(format!("{}: neither a site (.json) nor an image (.png, .jpg)", file.name));
             } else {
                 self.add_still(ctx, file);
             }

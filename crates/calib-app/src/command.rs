@@ -24,7 +24,7 @@ pub struct Row {
     pub command: Command,
     /// What it does, as the palette says it.
     pub text: &'static str,
-    /// The keys that give it.
+    /// The keys that give it; in a browser some are the browser's.
     pub keys: Option<KeyboardShortcut>,
     /// What acts.
     deed: fn(&mut App, Told<'_>),
@@ -33,6 +33,9 @@ pub struct Row {
 const NONE: Modifiers = Modifiers::NONE;
 const CTRL: Modifiers = Modifiers::COMMAND;
 const SHIFT: Modifiers = Modifiers::SHIFT;
+/// A browser keeps Ctrl+N for itself.
+const NEW: Modifiers =
+    if cfg!(target_arch = "wasm32") { Modifiers::COMMAND.plus(Modifiers::ALT) } else { CTRL };
 const CTRL_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
 
 macro_rules! keys {
@@ -67,7 +70,7 @@ macro_rules! commands {
 
 commands! {
     on_files {
-        NewSite "New site" CTRL N;
+        NewSite "New site" NEW N;
         Demo "Open the demonstration site";
         Tour "Take the tour of the demonstration";
         Open "Open a site\u{2026}" CTRL O;
@@ -81,7 +84,7 @@ commands! {
         Import "Import lenses or cameras of another program\u{2026}";
         Export "Export for other programs\u{2026}" CTRL E;
         SavePicture "Save a picture of this view\u{2026}" CTRL_SHIFT P;
-        StopWork "Cancel reading images and finding edges";
+        StopWork "Cancel what is under way: reading, finding edges, refining";
         ReadAgain "Read images again, look for edges again";
     }
     gesture {
@@ -105,6 +108,10 @@ commands! {
         NudgeRight "Nudge right, 0.1 px (Shift 1 px)" NONE ArrowRight;
         NudgeUp "Nudge up, 0.1 px (Shift 1 px)" NONE ArrowUp;
         NudgeDown "Nudge down, 0.1 px (Shift 1 px)" NONE ArrowDown;
+        TurnLeft "Turn the camera on the plan left, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowLeft;
+        TurnRight "Turn the camera on the plan right, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowRight;
+        Grow "Enlarge the field on the plan, 0.1 % (Shift 1 %)" CTRL ArrowUp;
+        Shrink "Shrink the field on the plan, 0.1 % (Shift 1 %)" CTRL ArrowDown;
     }
     on_lines {
         NewGroup "Begin a new group with the next line" NONE W;
@@ -171,19 +178,25 @@ pub fn all() -> impl Iterator<Item = Row> {
 }
 
 /// The command whose keys were pressed; typing in a field is not commanding.
-pub fn pressed(ctx: &Context) -> Vec<(Command, Modifiers)> {
+///
+/// `was_typing` says whether a field had the focus in the last frame: the Escape that has taken it away is the
+/// field's, as that which closes a menu is the menu's.
+pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, Modifiers)> {
     if ctx.text_edit_focused() {
         return Vec::new();
     }
+    let is_others = was_typing || egui::Popup::is_any_open(ctx);
     let mut found = Vec::new();
     ctx.input_mut(|input| {
         input.events.retain(|event| {
             let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
             let matches = |row: &Row| row.keys.is_some_and(|keys| fits(keys, *key, *modifiers));
             let Some(row) = all().find(matches) else { return true };
-            found.push((row.command, *modifiers));
-            // Enter still presses a button that has the focus.
-            matches!(row.command, Command::Accept)
+            if !(is_others && *key == Key::Escape) {
+                found.push((row.command, *modifiers));
+            }
+            // Enter still presses a button that has the focus, Escape still closes a menu.
+            matches!(row.command, Command::Accept | Command::Cancel)
         });
     });
     found
@@ -199,7 +212,7 @@ fn fits(keys: KeyboardShortcut, key: Key, modifiers: Modifiers) -> bool {
         || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket;
     same_key
         && modifiers.command == keys.modifiers.command
-        && !modifiers.alt
+        && modifiers.alt == keys.modifiers.alt
         && (is_nudge || is_sign || modifiers.shift == keys.modifiers.shift)
 }
 

@@ -157,7 +157,35 @@ fn pull(app: &mut App, parts: &BTreeSet<Part>, name: &str) {
     });
 }
 
-pub(crate) fn nudge(app: &mut App, Told { command, modifiers, .. }: Told<'_>) {
+/// Turns or scales the camera in hand about its foot, as its handles on the plan do.
+fn turn_or_scale(app: &mut App, Told { command, modifiers, .. }: Told<'_>) {
+    app.cancel();
+    let session = &mut app.session;
+    let camera = session.camera;
+    if session.is_held_by_points(camera) {
+        session.note = Some("Control points hold this camera; switch them off to move it by hand.".into());
+        return;
+    }
+    let Some(mut placement) = session.placement(camera) else { return };
+    let step = if modifiers.shift { 1.0 } else { 0.1 };
+    match command {
+        Command::TurnLeft => placement.turn += f64::to_radians(step),
+        Command::TurnRight => placement.turn -= f64::to_radians(step),
+        Command::Grow => placement.scale *= 1.0 + 0.01 * step,
+        _ => placement.scale /= 1.0 + 0.01 * step,
+    }
+    session.place(camera, placement);
+    let id = session.site.cameras[camera].id.clone();
+    let is_turn = matches!(command, Command::TurnLeft | Command::TurnRight);
+    session.commit(format!("{} {id}", if is_turn { "turn" } else { "scale" }));
+}
+
+pub(crate) fn nudge(app: &mut App, told: Told<'_>) {
+    use Command as C;
+    let Told { command, modifiers, .. } = told;
+    if matches!(command, C::TurnLeft | C::TurnRight | C::Grow | C::Shrink) {
+        return turn_or_scale(app, told);
+    }
     let by = match command {
         Command::NudgeLeft => [-1.0, 0.0],
         Command::NudgeRight => [1.0, 0.0],
@@ -165,6 +193,9 @@ pub(crate) fn nudge(app: &mut App, Told { command, modifiers, .. }: Told<'_>) {
         _ => [0.0, 1.0],
     };
     let step = if modifiers.shift { 1.0 } else { 0.1 };
+    if !app.tool.is_idle() {
+        app.cancel();
+    }
     let session = &mut app.session;
     let on_plan = app.mode == Mode::Plan && matches!(app.panes.active, Some((_, Pane::Plan)));
     let marks: Vec<usize> = session
@@ -276,7 +307,10 @@ pub(crate) fn on_files(app: &mut App, Told { command, ctx, .. }: Told<'_>) {
         C::Open => app.ask(Purpose::OpenSite),
         C::AddImages => app.ask(Purpose::AddImages),
         C::LoadPlan => app.ask(Purpose::LoadPlan),
-        C::ReplaceStill => app.ask(Purpose::ReplaceStill),
+        C::ReplaceStill => {
+            app.replaced = app.session.entry().map_or_else(String::new, |entry| entry.id.clone());
+            app.ask(Purpose::ReplaceStill);
+        }
         C::Compare => app.ask(Purpose::Compare),
         C::Import => app.ask(Purpose::Import),
         C::Export => app.export.open(),

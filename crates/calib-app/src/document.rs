@@ -8,6 +8,9 @@ use crate::app::App;
 use crate::files;
 use crate::shelf::News;
 
+/// What a browser saves is a download, and lies beside nothing.
+const HAS_FOLDERS: bool = cfg!(not(target_arch = "wasm32"));
+
 impl App {
     /// Goes on with what a crashed session left.
     pub fn recover(&mut self, index: usize) {
@@ -15,8 +18,8 @@ impl App {
             return;
         }
         let (slot, found) = self.found.remove(index);
-        self.autosave = Some(slot);
         self.open_site(found.site, found.images, found.path);
+        self.autosave = Some(slot);
         // It differs from its file, and is kept already.
         (self.session.generation, self.kept) = (1, 1);
     }
@@ -41,6 +44,7 @@ impl App {
                 }
                 News::Trouble(error) => self.error = Some(error),
                 News::Note(note) => self.session.note = Some(note),
+                News::Again => self.kept = u64::MAX,
             }
         }
     }
@@ -62,7 +66,7 @@ impl App {
         match files::save(&path, &solved, &self.session.images) {
             Ok(()) => {
                 // From now on images are looked for beside the file.
-                let folder = path.parent().map(Path::to_path_buf);
+                let folder = path.parent().filter(|_| HAS_FOLDERS).map(Path::to_path_buf);
                 if let Some(folder) = folder.filter(|f| self.session.images.folder.as_ref() != Some(f)) {
                     self.session.rebase(&folder);
                     self.pictures.clear();
@@ -94,9 +98,12 @@ impl App {
         let Some(entry) = self.session.entry_mut() else { return };
         let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
         let id = entry.id.clone();
+        let taken: Vec<String> = entry.annotations.iter().filter_map(|known| known.id.clone()).collect();
         for mut annotation in copied {
             scale(&mut annotation, ratio);
-            annotation.id.take_if(|id| entry.annotations.iter().any(|known| known.id.as_ref() == Some(id)));
+            annotation.id.take_if(|id| taken.contains(id));
+            // What it was tied to has lost its id, or is another's by now.
+            annotation.at_right_angles_to.take_if(|id| taken.contains(id));
             entry.annotations.push(annotation);
         }
         self.session.commit(format!("paste annotations onto {id}"));
@@ -120,6 +127,9 @@ impl App {
             id.clone_into(name);
         }
         session.commit(format!("rename {old}"));
+        if let Some(still) = self.old_still.as_mut().filter(|still| still.camera == old) {
+            id.clone_into(&mut still.camera);
+        }
     }
 
     /// Removes the camera in hand and what refers to it.
@@ -141,9 +151,13 @@ impl App {
                 lens.like.take_if(|like| *like == id);
             }
         }
+        crate::edit::keep_distances(&mut session.site);
         session.selection.clear();
         session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
-        session.commit(format!("remove {id}"));
+        if self.old_still.as_ref().is_some_and(|old| old.camera == id) {
+            self.old_still = None;
+        }
+        self.session.commit(format!("remove {id}"));
     }
 }
 

@@ -95,6 +95,7 @@ impl Edges {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.stills.clear();
+        self.stopped = false;
     }
 }
 

@@ -145,17 +145,26 @@ pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel
 
 /// Deletes parts: a line that is left without two points goes, an annotation without lines goes.
 pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
-    // From the back, so that the indices in front stay true.
+    // Both ends of a line are one sighting; from the back, so that the indices in front stay true, and pins
+    // before the marks that they belong to.
+    let sightings: BTreeSet<(usize, usize)> = parts
+        .iter()
+        .filter_map(|part| if let Part::Link { link, seen, .. } = *part { Some((link, seen)) } else { None })
+        .collect();
+    for (link, seen) in sightings.into_iter().rev() {
+        delete_sighting(site, link, seen);
+    }
+    for &part in parts.iter().rev() {
+        if let Part::Pin { mark, seen } = part
+            && let Some(mark) = site.marks.get_mut(mark)
+            && seen < mark.seen.len()
+        {
+            mark.seen.remove(seen);
+        }
+    }
     for &part in parts.iter().rev() {
         match part {
-            Part::Link { link, seen, .. } => delete_sighting(site, link, seen),
-            Part::Pin { mark, seen } => {
-                if let Some(mark) = site.marks.get_mut(mark)
-                    && seen < mark.seen.len()
-                {
-                    mark.seen.remove(seen);
-                }
-            }
+            Part::Link { .. } | Part::Pin { .. } => {}
             Part::Mark(mark) => delete_mark(site, mark),
             _ => {
                 if let Some(entry) = site.cameras.get_mut(camera) {
@@ -186,7 +195,7 @@ fn delete_mark(site: &mut Site, mark: usize) {
 }
 
 /// A distance to what is gone is gone.
-fn keep_distances(site: &mut Site) {
+pub(crate) fn keep_distances(site: &mut Site) {
     let ids: BTreeSet<String> = site
         .links
         .iter()

@@ -133,7 +133,8 @@ fn line_at(entry: &SiteCamera, at: Pixel, radius: f64) -> Option<Hit> {
 /// The mark that is drawn under a pixel.
 #[must_use]
 pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
-    let hits = site.marks.iter().enumerate().filter_map(|(mark, drawn)| {
+    let used = site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
+    let hits = used.filter_map(|(mark, drawn)| {
         let shape = drawn.shape();
         let lines = shape.polylines();
         let pieces = lines.iter().flat_map(|line| on_image(pose, line));

@@ -102,7 +102,12 @@ fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
             camera.id, size[0], size[1]
         ));
     }
-    let by = ratio[0];
+    scale_lens(&mut lens, ratio[0]);
+    Ok(lens)
+}
+
+/// Brings a lens to images that are so many times as large.
+pub(crate) fn scale_lens(lens: &mut LensEntry, by: f64) {
     if let Some(focal) = &mut lens.focal_px {
         (focal.value, focal.sigma) = (by * focal.value, focal.sigma.map(|sigma| by * sigma));
     }
@@ -110,5 +115,4 @@ fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
     if let Some(focal) = lens.distortion.as_mut().and_then(|distortion| distortion.focal_px.as_mut()) {
         *focal *= by;
     }
-    Ok(lens)
 }

@@ -18,6 +18,7 @@ use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
 use crate::panels::context;
 use crate::picture::Piece;
+use crate::stills::OldStill;
 use crate::theme::{self, on_image};
 use crate::tools::{Pane, Phase, Pointer};
 
@@ -55,6 +56,8 @@ pub struct Panes {
     pressed: Pos2,
     moved: bool,
     double: bool,
+    /// Whether nothing was in the hand before the last press.
+    pub(crate) was_idle: bool,
     last_press: Option<(f64, Pos2)>,
     /// The pane that was used last: zoom keys mean it.
     pub active: Option<(Place, Pane)>,
@@ -185,6 +188,7 @@ fn pressed(
         .last_press
         .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
     panes.double = recent;
+    panes.was_idle = app.tool.is_idle();
     panes.last_press = (!recent).then_some((time, at));
     (panes.captured, panes.active) = (Some(key), Some(key));
     (panes.pressed, panes.moved) = (at, false);
@@ -232,7 +236,7 @@ fn canvas(
     app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
-    context::show(app, ui, &response, key.1, &mapping);
+    context::show(app, ui, &response, key, &mapping);
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     (mapping, painter)
@@ -275,10 +279,12 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
 
 /// The still that was replaced, over the new one.
 fn blend_old(app: &mut App, painter: &Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
-    let Some((own, name, share)) = app.old_still.clone() else { return };
+    let Some(OldStill { camera: own, image: name, share, .. }) = app.old_still.clone() else { return };
     let images = &app.session.images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
-    if let Some(picture) = picture.filter(|_| own == camera) {
+    if let Some(picture) =
+        picture.filter(|_| app.session.site.cameras.get(camera).is_some_and(|entry| entry.id == own))
+    {
         let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
         whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
     }

@@ -20,7 +20,7 @@ impl Refining {
     pub fn begin(ctx: &Context, site: &Site) -> Self {
         let (from, site) = (site.clone(), site.clone());
         #[cfg(not(target_arch = "wasm32"))]
-        let task = Task::spawn(ctx, move || Ok(refined(site)));
+        let task = Task::spawn_apart(ctx, move || Ok(refined(site)));
         #[cfg(target_arch = "wasm32")]
         let task = Task::wait(ctx, async move { crate::web::worker::refine(&site).await });
         Self { from, task }
@@ -29,7 +29,8 @@ impl Refining {
     /// The refined site, once.
     #[must_use]
     pub fn poll(&self) -> Option<Result<Site, String>> {
-        self.task.poll()
+        let lost = |_| "the solve ended without a result".to_owned();
+        Some(self.task.outcome()?.map_err(lost).flatten())
     }
 }
 

@@ -176,11 +176,16 @@ impl Session {
         &self.settled
     }
 
-    /// Ends a gesture under this name.
+    /// Ends a gesture under this name. One that would make a site that no file can hold is put back.
     pub fn commit(&mut self, name: impl Into<String>) {
+        if let Err(error) = self.site.check() {
+            self.revert();
+            self.note = Some(format!("Not possible: {}.", error.message));
+        }
         self.solve();
         if self.history.commit(name, &self.site) {
             self.generation += 1;
+            self.before_refine = None;
         }
         self.settle();
     }
@@ -209,6 +214,7 @@ impl Session {
     fn restore(&mut self, site: Site, note: String) {
         self.site = site;
         self.selection.clear();
+        self.before_refine = None;
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
         self.generation += 1;
         self.note = Some(note);

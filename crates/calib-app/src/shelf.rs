@@ -46,6 +46,8 @@ pub enum News {
     Trouble(String),
     /// Something that went right in a way one should know of.
     Note(String),
+    /// What is open is to be kept once more, whole.
+    Again,
 }
 
 /// A place that keeps sites.

@@ -1,7 +1,7 @@
 //! The results of the site: recomputed where what they follow from differs, never edited.
 
 use calib_core::{
-    Camera, Failure, Options, Pixel, Placement, Plan, Report, Site, SiteCamera, Solution, Stage,
+    Camera, Failure, FailureCode, Options, Pixel, Placement, Plan, Report, Site, SiteCamera, Solution, Stage,
 };
 use web_time::Instant;
 
@@ -40,7 +40,7 @@ impl Input {
         let first = report.cameras.into_iter().find(|(index, _)| *index == 0).map(|(_, result)| result);
         first.unwrap_or_else(|| {
             Err(Failure {
-                code: calib_core::FailureCode::NoSolution,
+                code: FailureCode::NoSolution,
                 message: "The camera was not solved.".into(),
                 advice: String::new(),
             })
@@ -103,6 +103,7 @@ impl Solved {
     /// Solves what differs from what was solved before. Whether anything did.
     pub fn update(&mut self, site: &Site) -> bool {
         if self.paused {
+            self.realign(site);
             return false;
         }
         self.current = self.joint.iter().rposition(|joint| is_same_site(&joint.site, site));
@@ -125,6 +126,36 @@ impl Solved {
             self.milliseconds = start.elapsed().as_secs_f64() * 1e3;
         }
         changed
+    }
+
+    /// While nothing is solved, results stay with their cameras, whichever were added or removed.
+    fn realign(&mut self, site: &Site) {
+        let is_aligned = self.entries.len() == site.cameras.len()
+            && self
+                .entries
+                .iter()
+                .zip(&site.cameras)
+                .all(|(entry, camera)| entry.input.camera.id == camera.id);
+        if is_aligned {
+            return;
+        }
+        let waits = |camera: &SiteCamera| Entry {
+            input: Input::of(site, &SiteCamera::new(camera.id.clone(), camera.size_px)),
+            result: Err(Failure {
+                code: FailureCode::NoSolution,
+                message: "Solving is paused.".into(),
+                advice: "Resume it to have this camera solved.".into(),
+            }),
+            pose: None,
+        };
+        let known =
+            |camera: &SiteCamera| self.entries.iter().find(|entry| entry.input.camera.id == camera.id);
+        self.entries = site
+            .cameras
+            .iter()
+            .map(|camera| known(camera).cloned().unwrap_or_else(|| waits(camera)))
+            .collect();
+        self.current = None;
     }
 
     fn solve(&self, site: &Site, camera: &SiteCamera) -> Entry {

@@ -6,6 +6,7 @@ use calib_core::{Plan, PlanPixel, SiteCamera};
 use egui::Context;
 
 use crate::app::{App, Mode};
+use crate::arrivals::mime;
 use crate::dialog::{Chosen, Purpose};
 use crate::document::scale;
 use crate::files;
@@ -23,6 +24,19 @@ pub(crate) struct Still {
     size: [u32; 2],
     /// A drawing as the picture that stands for it.
     drawn: Option<Vec<u8>>,
+}
+
+/// The still that a camera had before the one it has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OldStill {
+    /// Id of the camera.
+    pub camera: String,
+    /// What the site called it.
+    pub image: String,
+    /// How much of it shows.
+    pub share: f32,
+    /// Its size, where that is another and nothing was rescaled yet.
+    pub size: Option<[u32; 2]>,
 }
 
 /// What reading gives.
@@ -44,9 +58,7 @@ impl App {
             },
             (Purpose::AddImages, _) => self.add_still(ctx, file),
             (Purpose::LoadPlan, _) => self.load_plan(ctx, file),
-            (Purpose::ReplaceStill, _) => {
-                self.replacing = Some((self.session.camera, self.read_still(ctx, file)));
-            }
+            (Purpose::ReplaceStill, _) => self.replacing = Some(self.read_still(ctx, file)),
             (Purpose::Export, Some(folder)) => self.write_export(&folder),
             (Purpose::SavePicture, path) => {
                 self.save_picture(&path.unwrap_or_else(|| PathBuf::from(&file.name)));
@@ -69,9 +81,7 @@ impl App {
         let name = match (&file.path, file.bytes) {
             (Some(path), _) => path.to_string_lossy().into_owned(),
             (None, Some(bytes)) => {
-                let mime =
-                    if file.name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" };
-                self.session.images.store(bytes.into(), mime, Some(&file.name))
+                self.session.images.store(bytes.into(), mime(&file.name), Some(&file.name))
             }
             (None, None) => file.name.clone(),
         };
@@ -82,27 +92,27 @@ impl App {
     pub(crate) fn poll_stills(&mut self) {
         let was_empty = self.session.site.cameras.is_empty();
         // Threads finish in any order; cameras come in that of their files.
-        while let Some(still) = self.adding.first().and_then(Task::poll) {
+        while let Some(still) = self.adding.first().and_then(Task::outcome) {
             self.adding.remove(0);
-            match still {
+            match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
                 Ok(still) => {
                     let name = self.stored(&still);
                     self.add_camera(name, &still.title, still.size);
                 }
-                Err(error) => self.error = Some(error),
+                Err(error) => self.complain(error),
             }
         }
         if was_empty && !self.session.site.cameras.is_empty() {
             self.session.camera = 0;
         }
-        if let Some((camera, task)) = self.replacing.take() {
+        if let Some(task) = self.replacing.take() {
             match task.poll() {
-                None => self.replacing = Some((camera, task)),
+                None => self.replacing = Some(task),
                 Some(Ok(still)) => {
                     let name = self.stored(&still);
-                    self.replace_still(camera, name, still.size);
+                    self.replace_still(name, still.size);
                 }
-                Some(Err(error)) => self.error = Some(error),
+                Some(Err(error)) => self.complain(error),
             }
         }
         if let Some(task) = self.planning.take() {
@@ -112,8 +122,17 @@ impl App {
                     let name = self.stored(&still);
                     self.set_plan(name, still.size);
                 }
-                Some(Err(error)) => self.error = Some(error),
+                Some(Err(error)) => self.complain(error),
             }
+        }
+    }
+
+    /// Shows one more thing that went wrong: one error does not hide another.
+    pub(crate) fn complain(&mut self, error: String) {
+        match &mut self.error {
+            Some(told) if !told.contains(&error) => *told = format!("{told}\n{error}"),
+            Some(_) => {}
+            none => *none = Some(error),
         }
     }
 
@@ -131,24 +150,36 @@ impl App {
         self.planning = Some(self.read_still(ctx, file));
     }
 
+    /// How many files were chosen and are not taken yet.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.adding.len() + usize::from(self.replacing.is_some()) + usize::from(self.planning.is_some())
+    }
+
     /// Whether images are being read, edges looked for, cameras refined.
     #[must_use]
     pub fn is_working(&self) -> bool {
-        let reads = !self.adding.is_empty() || self.replacing.is_some() || self.planning.is_some();
-        reads || self.refining.is_some() || self.pictures.loading() > 0 || self.edges.looking() > 0
+        self.waiting() > 0
+            || self.refining.is_some()
+            || self.pictures.loading() > 0
+            || self.edges.looking() > 0
     }
 
     /// Waits no longer for images, edges and refined cameras.
     pub fn stop_work(&mut self) {
-        self.adding.clear();
         if self.refining.take().is_some() {
             self.session.note = Some("Cancelled: no camera was moved.".into());
             return;
         }
+        let count = self.waiting();
+        self.adding.clear();
         (self.replacing, self.planning) = (None, None);
         self.pictures.stop();
         self.edges.stop();
-        self.session.note = Some("Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into());
+        self.session.note = Some(match count {
+            0 => "Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into(),
+            count => format!("Cancelled: {count} images were not taken. Add them again if they are wanted."),
+        });
     }
 
     pub(crate) fn add_camera(&mut self, image: String, title: &str, size: [u32; 2]) {
@@ -162,26 +193,48 @@ impl App {
         self.session.commit(format!("add {id}"));
     }
 
-    /// Another still of one camera: annotations stay; on an image of another size they are rescaled.
-    pub(crate) fn replace_still(&mut self, camera: usize, image: String, size: [u32; 2]) {
-        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
-        if entry.size_px != size {
-            let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(entry.size_px[axis].max(1)));
-            for annotation in &mut entry.annotations {
-                scale(annotation, ratio);
-            }
-            let points = entry.efov_px.iter_mut().flatten();
-            for pixel in points.chain(entry.control_points.iter_mut().map(|point| &mut point.px)) {
-                (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
-            }
-            self.session.note = Some("Annotations were rescaled to the new size.".into());
-        }
-        let Some(entry) = self.session.site.cameras.get_mut(camera) else { return };
-        let old = entry.image.replace(image);
-        entry.size_px = size;
-        let id = entry.id.clone();
-        self.old_still = old.map(|old| (camera, old, 0.5));
+    /// Another still of the camera that it was asked for: what is drawn stays where it is, in pixels.
+    pub(crate) fn replace_still(&mut self, image: String, size: [u32; 2]) {
+        let id = self.replaced.clone();
+        let Some(entry) = self.session.site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
+        let size = Some(from).filter(|from| *from != size);
+        self.old_still = old.map(|image| OldStill { camera: id.clone(), image, share: 0.5, size });
         self.session.commit(format!("replace the still of {id}"));
+        if let Some([w, h]) = size {
+            self.session.note = Some(format!(
+                "The old still was {w} \u{d7} {h} px: what is drawn can be rescaled in the panel."
+            ));
+        }
+    }
+
+    /// Brings everything that is drawn on the replaced still to the size of the new one.
+    pub(crate) fn rescale_to_still(&mut self) {
+        let Some(OldStill { camera: id, size, .. }) = &mut self.old_still else { return };
+        let (id, Some(from)) = (id.clone(), size.take()) else { return };
+        let site = &mut self.session.site;
+        let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
+        for annotation in &mut entry.annotations {
+            scale(annotation, ratio);
+        }
+        if let Some(lens) = &mut entry.lens {
+            crate::import::scale_lens(lens, ratio[0]);
+        }
+        let points = entry.efov_px.iter_mut().flatten();
+        let points = points.chain(entry.control_points.iter_mut().map(|point| &mut point.px));
+        let pins = site.marks.iter_mut().flat_map(|mark| &mut mark.seen);
+        let pins = pins.filter(|seen| seen.camera == id).map(|seen| &mut seen.px);
+        let sightings =
+            site.links.iter_mut().flat_map(|link| &mut link.seen).filter(|seen| seen.camera == id);
+        let sightings = sightings.flat_map(|seen| {
+            let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
+            ends.chain(seen.segment.iter_mut().flatten())
+        });
+        for pixel in points.chain(pins).chain(sightings) {
+            (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
+        }
+        self.session.commit(format!("rescale what is drawn on {id}"));
     }
 
     pub(crate) fn set_plan(&mut self, image: String, size: [u32; 2]) {
@@ -215,7 +268,18 @@ impl App {
             self.open_path(&path);
             return;
         }
-        let images = if files::is_image(&path) { vec![path] } else { files::images_in(&path) };
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            self.load_plan(ctx, Chosen { name, path: Some(path), bytes: None });
+            return;
+        }
+        let images = if files::is_image(&path) { vec![path.clone()] } else { files::images_in(&path) };
+        if images.is_empty() {
+            self.complain(format!(
+                "{}: neither a site (.json) nor an image (.png, .jpg), nor a folder of images",
+                path.display()
+            ));
+        }
         for path in images {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
             self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });

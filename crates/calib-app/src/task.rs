@@ -11,6 +11,10 @@ pub struct Task<T> {
     result: std::rc::Rc<std::cell::RefCell<Option<T>>>,
 }
 
+/// Work that ended without a result, by a fault of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lost;
+
 /// As many at once as there are processors: a folder of forty stills does not fill the memory.
 #[cfg(not(target_arch = "wasm32"))]
 mod gate {
@@ -62,11 +66,36 @@ impl<T: Send + 'static> Task<T> {
         Self { result, wanted }
     }
 
-    /// The result, once.
+    /// Starts work that waits for no other.
+    #[must_use]
+    pub fn spawn_apart(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        let (sender, result) = std::sync::mpsc::channel();
+        let ctx = ctx.clone();
+        std::thread::spawn(move || {
+            let done = work();
+            // Nobody waits any more when the receiver is gone.
+            if sender.send(done).is_ok() {
+                ctx.request_repaint();
+            }
+        });
+        Self { result, wanted: std::sync::Arc::new(()) }
+    }
+
+    /// The result, once; work that was lost has none.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
+        self.outcome()?.ok()
+    }
+
+    /// How the work ended, once.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Result<T, Lost>> {
         debug_assert!(std::sync::Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
-        self.result.try_recv().ok()
+        match self.result.try_recv() {
+            Ok(result) => Some(Ok(result)),
+            Err(std::sync::mpsc::TryRecvError::Empty) => None,
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some(Err(Lost)),
+        }
     }
 }
 
@@ -110,10 +139,16 @@ impl<T: 'static> Task<T> {
         Self { result }
     }
 
-    /// The result, once.
+    /// The result, once; work that was lost has none.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
-        self.result.take()
+        self.outcome()?.ok()
+    }
+
+    /// How the work ended, once.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Result<T, Lost>> {
+        self.result.take().map(Ok)
     }
 }
 

@@ -161,7 +161,7 @@
 
   // Keys that mean something here, and that the browser would take for its own.
   addEventListener("keydown", (event) => {
-    if ((event.ctrlKey || event.metaKey) && !event.altKey && /^[adikosz]$/i.test(event.key) && at("trouble").hidden) event.preventDefault();
+    if ((event.ctrlKey || event.metaKey) && (/^[adeikosz]$/i.test(event.key) || (event.shiftKey && /^[cpv]$/i.test(event.key)) || (event.altKey && event.key === "n")) && at("trouble").hidden) event.preventDefault();
   });
   addEventListener("contextmenu", (event) => { if (event.target === canvas()) event.preventDefault(); });
   addEventListener("beforeunload", (event) => { if (calib.unkept && !calib.broken) event.preventDefault(); });
@@ -220,6 +220,7 @@
     // A worker that broke is replaced with the next piece of work; what waited for it is told.
     const dismiss = (why) => {
       hired.terminate();
+      URL.revokeObjectURL(url);
       workers.delete(lane);
       for (const [, reject] of asked.values()) reject(why);
       asked.clear();

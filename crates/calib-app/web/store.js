@@ -72,7 +72,7 @@ calib.store = (() => {
   };
 
   /** A kept site with its images: [record, [[id, bytes]]]. */
-  const open = async (id) => {
+  const load = async (id) => {
     const base = await database();
     const transaction = base.transaction([SITES, IMAGES]);
     const [record, keys, values] = await Promise.all([
@@ -81,7 +81,22 @@ calib.store = (() => {
       done(transaction.objectStore(IMAGES).getAll(range(id))),
     ]);
     if (!record) throw new DOMException("the site is gone", "NotFoundError");
-    return [JSON.stringify(record), keys.map((key, i) => [key[1], values[i]])];
+    return [record, keys.map((key, i) => [key[1], values[i]])];
+  };
+
+  /** The bytes of images with their types, by id. */
+  const typed = (record, entries) => {
+    const types = new Map((record.images ?? []).map((image) => [image.id, image.mime]));
+    return new Map(entries.map(([id, bytes]) => [id, { type: types.get(id) ?? "", bytes }]));
+  };
+
+  /** As `load`, the record as text; from now on the site is the one in the lifeboat. */
+  const open = async (id) => {
+    const [record, entries] = await load(id);
+    boat.record = record;
+    boat.images.clear();
+    for (const [own, image] of typed(record, entries)) boat.images.set(own, image);
+    return [JSON.stringify(record), entries];
   };
 
   const remove = async (id) => {
@@ -111,10 +126,8 @@ calib.store = (() => {
 
   /** Downloads a kept site. */
   const rescueKept = async (id) => {
-    const [text, entries] = await open(id);
-    const record = JSON.parse(text);
-    const types = new Map((record.images ?? []).map((image) => [image.id, image.mime]));
-    return rescue(record, new Map(entries.map(([name, bytes]) => [name, { type: types.get(name) ?? "", bytes }])));
+    const [record, entries] = await load(id);
+    return rescue(record, typed(record, entries));
   };
 
   const download = (name, type, data) => {

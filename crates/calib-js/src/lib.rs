@@ -67,7 +67,9 @@ impl Site {
     #[wasm_bindgen(js_name = pixelsToFloor)]
     pub fn pixels_to_floor(&self, camera: &str, pixels: &[f64]) -> Result<Float64Array, JsError> {
         let (_, camera) = self.calibrated(camera)?;
-        let (pairs, _) = pixels.as_chunks::<2>();
+        let (pairs, []) = pixels.as_chunks::<2>() else {
+            return Err(JsError::new("an odd number of coordinates: u, v, u, v and so on are expected"));
+        };
         let [u, v] = [0, 1].map(|axis| pairs.iter().map(|pair| pair[axis]).collect::<Vec<f64>>());
         let (mut x, mut y) = (vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]);
         FloorProjector::new(&camera, 0.0).pixels_to_floor(&u, &v, &mut x, &mut y);

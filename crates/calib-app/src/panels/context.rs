@@ -6,6 +6,7 @@ use crate::app::App;
 use crate::canvas::Mapping;
 use crate::command::{self, Command};
 use crate::hit;
+use crate::pane::Place;
 use crate::panels::topbar;
 use crate::theme;
 use crate::tools::Pane;
@@ -18,15 +19,18 @@ const MENU: [&[Command]; 4] = [
 ];
 
 /// The menu of a canvas, while it is open.
-pub fn show(app: &mut App, ui: &Ui, response: &Response, pane: Pane, mapping: &Mapping) {
-    if response.long_touched() {
+pub fn show(app: &mut App, ui: &Ui, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+    if response.long_touched() && app.panes.was_idle {
         // The finger that is held draws nothing.
         app.cancel();
         app.panes.forget_pointer();
     }
+    if response.secondary_clicked() {
+        app.panes.active = Some(key);
+    }
     if response.secondary_clicked() && app.tool.is_idle() {
         let at = response.interact_pointer_pos().map(|at| mapping.document(at));
-        if let (Pane::Image(camera), Some(at)) = (pane, at) {
+        if let (Pane::Image(camera), Some(at)) = (key.1, at) {
             select(app, camera, at, mapping.units(theme::HIT));
         }
     }

@@ -56,7 +56,9 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     let name = app.session.part_name(part);
     let WorldPoint { x, y, .. } = mark.at_m;
     let units = app.session.units;
+    let mut on = !mark.off;
     ui.horizontal(|ui| {
+        ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}"));
         icons::inline(ui, icon(mark.kind), palette.text);
         if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
             app.session.selection = [part].into();
@@ -70,6 +72,12 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
             });
         });
     });
+    if on == mark.off {
+        app.cancel();
+        app.session.site.marks[index].off = !on;
+        app.session.commit(format!("switch {name} {}", if on { "on" } else { "off" }));
+        return;
+    }
     if !selected {
         return;
     }
@@ -88,15 +96,24 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
             };
             field(ui, title, edit);
         }
-        let turn = DragValue::new(&mut mark.turn_deg).speed(0.1).suffix("\u{b0}").max_decimals(3);
+        let turn = DragValue::new(&mut mark.turn_deg)
+            .speed(0.1)
+            .range(-360.0..=360.0)
+            .suffix("\u{b0}")
+            .max_decimals(3);
         field(ui, "turn", turn.update_while_editing(false));
         field(ui, "above the floor", units.field(&mut mark.at_m.z, -1e5));
     });
     let was_fixed = mark.fixed;
-    ui.checkbox(&mut mark.fixed, "held in a joint solve");
+    ui.checkbox(&mut mark.fixed, "stays where it is when all cameras are refined");
     if changed || was_fixed != mark.fixed {
         for size in &mut mark.size_m {
             *size = size.clamp(1e-3, 1e4);
+        }
+        for (title, count) in mark.kind.size_names().iter().zip(&mut mark.size_m) {
+            if ["columns", "rows"].contains(title) {
+                *count = count.round();
+            }
         }
         app.cancel();
         app.session.site.marks[index] = mark;
@@ -117,6 +134,10 @@ pub fn links(app: &mut App, ui: &mut Ui) {
         let waits = link.seen.len() < 2;
         let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
         ui.horizontal(|ui| {
+            let mut on = !link.off;
+            if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
+                change = Some((index, Link { off: !on, ..link.clone() }));
+            }
             let colour = if waits { palette.warn } else { palette.text };
             let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
             let response = ui.add(egui::Button::new(text).frame(false));
@@ -180,7 +201,7 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
         let old = saved.camera(&camera.id).and_then(calib_core::SiteCamera::camera);
         let text = match (old, app.session.solved.pose(index)) {
             (Some(old), Some(new)) => {
-                let turned = (old.yaw - new.yaw).to_degrees().abs();
+                let turned = turned(&old, new);
                 let moved = app.session.units.small(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
@@ -195,6 +216,12 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
     if ui.button("Done").clicked() {
         app.compared = None;
     }
+}
+
+/// By how much two poses are turned against each other about the vertical, in degrees.
+fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
+    let by = (a.yaw - b.yaw).to_degrees().rem_euclid(360.0);
+    by.min(360.0 - by)
 }
 
 /// What a link is and how high it is; the link as it is to become.
@@ -322,7 +349,7 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
                 continue;
             };
             let moved = old.position.distance(new.position);
-            let turned = (old.yaw - new.yaw).to_degrees().abs();
+            let turned = turned(old, new);
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
                 let moved = app.session.units.small(moved);

@@ -237,7 +237,11 @@ impl App {
         let count = files.len();
         match written {
             Ok(()) => {
-                self.session.note = Some(format!("Wrote {count} files to {}.", folder.display()));
+                self.session.note = Some(if folder.as_os_str().is_empty() {
+                    format!("{count} files were handed over as downloads.")
+                } else {
+                    format!("Wrote {count} files to {}.", folder.display())
+                });
                 self.export.close();
             }
             Err(error) => self.error = Some(error),

@@ -5,6 +5,7 @@ use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::app::App;
 use crate::panels::heading;
+use crate::stills::OldStill;
 use crate::theme;
 
 /// Where the distortion comes from.
@@ -93,7 +94,8 @@ fn names(app: &mut App, ui: &mut Ui) {
             return false;
         }
         ui.data_mut(|data| data.remove::<String>(salt));
-        let is_new = response.lost_focus() && typed != *text;
+        let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+        let is_new = response.lost_focus() && !is_dropped && typed != *text;
         *text = typed;
         is_new
     };
@@ -171,10 +173,9 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
 
 /// The still before this one, blended over it, to see whether the camera moved.
 pub fn old_still(app: &mut App, ui: &mut Ui) {
-    let Some((camera, _, mut share)) = app.old_still.clone() else { return };
-    if camera != app.session.camera {
-        return;
-    }
+    let Some(OldStill { camera, mut share, size, .. }) = app.old_still.clone() else { return };
+    let Some(entry) = app.session.entry().filter(|entry| entry.id == camera) else { return };
+    let [w, h] = entry.size_px;
     let palette = theme::palette(ui.ctx());
     let mut done = false;
     ui.horizontal(|ui| {
@@ -182,8 +183,11 @@ pub fn old_still(app: &mut App, ui: &mut Ui) {
         ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
         done = ui.button("Done").clicked();
     });
+    if size.is_some() && ui.button(format!("Rescale what is drawn to {w} \u{d7} {h} px")).clicked() {
+        app.rescale_to_still();
+    }
     match (&mut app.old_still, done) {
-        (Some((.., kept)), false) => *kept = share,
+        (Some(old), false) => old.share = share,
         (old, _) => *old = None,
     }
 }

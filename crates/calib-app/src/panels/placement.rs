@@ -24,7 +24,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         return;
     }
     let Some(mut placement) = app.session.placement(camera) else {
-        ui.label(RichText::new("Complete stage 1 first: lines on the image.").color(palette.text2));
+        ui.label(
+            RichText::new("Draw lines on the image first: they tell how the camera looks at the floor.")
+                .color(palette.text2),
+        );
         return;
     };
     let mut turn = placement.turn.to_degrees();
@@ -48,7 +51,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     };
     let units = app.session.units;
     let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some((value(sigma?)?, unit));
-    let degrees = DragValue::new(&mut turn).speed(0.1).suffix("\u{b0}").max_decimals(3);
+    let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
     field(ui, "x", units.field(&mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()));
     field(ui, "y", units.field(&mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()));
     field(ui, "Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0));
@@ -183,7 +186,11 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     }
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Turn of x axis").color(palette.text2));
-        let field = DragValue::new(&mut plan.x_axis_deg).speed(0.1).suffix(" \u{b0}").max_decimals(3);
+        let field = DragValue::new(&mut plan.x_axis_deg)
+            .speed(0.1)
+            .range(-360.0..=360.0)
+            .suffix(" \u{b0}")
+            .max_decimals(3);
         if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
             changed = Some("turn the plan's axes");
         }

@@ -48,6 +48,11 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
         let text = format!("refining {} cameras", refining.from.cameras.len());
         ui.label(RichText::new(text).color(palette.text2));
     }
+    let waiting = app.waiting();
+    if waiting > 0 {
+        ui.spinner();
+        ui.label(RichText::new(format!("{waiting} to be taken")).color(palette.text2));
+    }
     if loading > 0 {
         ui.spinner();
         ui.label(RichText::new(format!("reading {loading} images")).color(palette.text2));

@@ -145,7 +145,7 @@ pub fn next(session: &Session, camera: usize) -> (String, bool) {
         }
         _ => match session.solved.solution(camera).and_then(|s| s.warnings.iter().find(|w| is_grave(w.code)))
         {
-            Some(warning) => (warning.code.as_str().replace('-', " "), false),
+            Some(warning) => (warning.message.trim_end_matches('.').to_owned(), false),
             None => ("done".into(), true),
         },
     }

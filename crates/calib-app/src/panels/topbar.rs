@@ -75,7 +75,8 @@ fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
 /// Commands of a menu, a row each.
 pub fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
     ui.set_min_width(260.0);
-    for row in COMMANDS.iter().filter(|row| group.contains(&row.command)) {
+    let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
+    for row in rows {
         let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
         let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
         if ui.add_enabled(command::is_enabled(app, row.command), button).clicked() {

@@ -123,12 +123,19 @@ fn first_outlier(app: &App) -> Option<Part> {
 pub fn error(app: &mut App, ui: &mut Ui) {
     let Some(error) = app.error.clone() else { return };
     let palette = theme::palette(ui.ctx());
-    let mut close = false;
+    let (mut close, mut save) = (false, false);
     egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
         ui.set_width(ui.available_width());
         ui.label(RichText::new(error).color(palette.bad));
-        close = ui.button("Close").clicked();
+        ui.horizontal(|ui| {
+            close = ui.button("Close").clicked();
+            save = !app.session.is_saved() && ui.button("Save the site").clicked();
+        });
     });
+    if save {
+        let ctx = ui.ctx().clone();
+        command::run(app, &ctx, Command::Save, egui::Modifiers::NONE);
+    }
     if close {
         app.error = None;
     }

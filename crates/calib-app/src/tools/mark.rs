@@ -74,7 +74,7 @@ impl MarkDrag {
     /// The mark whose foot is under the pointer on the plan.
     pub(super) fn under(session: &Session, pointer: &Pointer) -> Option<usize> {
         session.site.marks.iter().position(|mark| {
-            (mark.at_m.x - pointer.at[0]).hypot(mark.at_m.y - pointer.at[1]) <= pointer.radius
+            !mark.off && (mark.at_m.x - pointer.at[0]).hypot(mark.at_m.y - pointer.at[1]) <= pointer.radius
         })
     }
 
@@ -152,6 +152,7 @@ impl MarkDrag {
             .site
             .marks
             .iter()
+            .filter(|mark| !mark.off)
             .flat_map(|mark| mark.seen.iter().map(move |seen| (mark, seen)))
             .filter(|(_, seen)| seen.camera == id)
             .filter_map(|(mark, seen)| {

@@ -1,7 +1,7 @@
 //! The shelf of a browser: `web/store.js` keeps, this hands over what is new and takes what comes back.
 
 use std::cell::RefCell;
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::rc::Rc;
 
@@ -50,12 +50,14 @@ struct StoredImage {
 struct State {
     entries: Vec<Entry>,
     news: VecDeque<News>,
-    /// The id and revision of the open site; none before its first gesture.
-    own: Option<(String, u32)>,
-    /// Images of it that were handed over.
+    /// The id of the open site; none before its first gesture.
+    own: Option<String>,
+    /// How often every site was written, as far as is known here.
+    revisions: BTreeMap<String, u32>,
+    /// Images of the open site that were handed over.
     sent: BTreeSet<String>,
-    /// What waits while something is written.
-    waiting: Option<(Record, Array)>,
+    /// What waits while something is written, one record for every site.
+    waiting: VecDeque<(Record, Array)>,
     writing: bool,
     /// The last attempt failed.
     failed: bool,
@@ -106,9 +108,8 @@ impl Database {
         if state.writing {
             return;
         }
-        let Some((mut record, images)) = state.waiting.take() else { return };
-        let (id, revision) = state.own.get_or_insert_with(|| (fresh_id(), 0)).clone();
-        (record.id, record.revision) = (id, revision);
+        let Some((mut record, images)) = state.waiting.pop_front() else { return };
+        record.revision = state.revisions.get(&record.id).copied().unwrap_or_default();
         state.writing = true;
         drop(state);
         let own = self.clone();
@@ -122,34 +123,38 @@ impl Database {
     fn written(&self, record: Record, images: Array, result: Result<JsValue, JsValue>) {
         let mut state = self.state.borrow_mut();
         state.writing = false;
-        let is_own = state.own.as_ref().is_some_and(|(id, _)| *id == record.id);
+        let is_own = state.own.as_ref() == Some(&record.id);
         match result {
             Ok(revision) => {
                 state.failed = false;
-                if let (true, Some(revision)) = (is_own, revision.as_f64()) {
-                    state.own = Some((record.id, revision as u32));
+                if let Some(revision) = revision.as_f64() {
+                    state.revisions.insert(record.id, revision as u32);
                 }
                 drop(state);
                 self.list();
             }
             Err(error) if name_of(&error) == "VersionError" && is_own => {
-                // What the other tab did stays; this goes on beside it.
+                // What the other tab did stays; this goes on beside it, with every image.
                 state.own = None;
                 state.sent.clear();
-                let name = if record.name.is_empty() { "This site".to_owned() } else { record.name.clone() };
-                state.waiting.get_or_insert((record, images));
+                state.waiting.retain(|(waiting, _)| waiting.id != record.id);
+                let name = if record.name.is_empty() { "This site".to_owned() } else { record.name };
+                state.news.push_back(News::Again);
                 state.news.push_back(News::Note(format!(
                     "{name} was changed in another tab. What you do here is kept beside it, as a site of its own."
                 )));
-                // The copy needs every image: they are sent again with the next gesture, and these now.
                 drop(state);
             }
             Err(error) => {
                 let was_known = std::mem::replace(&mut state.failed, true);
-                // They did not arrive.
+                // They did not arrive: they go with what waits, or with the next gesture.
+                let waits = state.waiting.iter().find(|(waiting, _)| waiting.id == record.id);
+                let waits = waits.map(|(_, waiting)| waiting.clone());
                 for image in images.iter() {
-                    if let Some(id) = Array::from(&image).get(0).as_string() {
-                        state.sent.remove(&id);
+                    match (&waits, Array::from(&image).get(0).as_string()) {
+                        (Some(waiting), _) => drop(waiting.push(&image)),
+                        (None, Some(id)) if is_own => drop(state.sent.remove(&id)),
+                        (None, _) => {}
                     }
                 }
                 drop(state);
@@ -179,7 +184,10 @@ impl Shelf for Database {
                 );
             }
         }
-        if let Some((_, waiting)) = state.waiting.take() {
+        let id = state.own.get_or_insert_with(fresh_id).clone();
+        if let Some(at) = state.waiting.iter().position(|(waiting, _)| waiting.id == id)
+            && let Some((_, waiting)) = state.waiting.remove(at)
+        {
             for image in waiting.iter() {
                 images.push(&image);
             }
@@ -192,6 +200,7 @@ impl Shelf for Database {
         let stem = work.path.as_deref().and_then(std::path::Path::file_stem);
         let name = work.site.name.clone().or_else(|| stem.map(|stem| stem.to_string_lossy().into_owned()));
         let record = Record {
+            id,
             name: name.unwrap_or_default(),
             cameras: work.site.cameras.len(),
             last: work.last.to_owned(),
@@ -201,7 +210,7 @@ impl Shelf for Database {
             images: stored.collect(),
             ..Record::default()
         };
-        state.waiting = Some((record, images));
+        state.waiting.push_back((record, images));
         let asks = !std::mem::replace(&mut state.asked, true);
         drop(state);
         if asks && let Some(window) = web_sys::window() {
@@ -212,8 +221,9 @@ impl Shelf for Database {
     }
 
     fn begin(&mut self) {
+        // What waits for the site before is written all the same.
         let mut state = self.state.borrow_mut();
-        (state.own, state.waiting, state.failed) = (None, None, false);
+        (state.own, state.failed) = (None, false);
         state.sent.clear();
     }
 
@@ -227,7 +237,8 @@ impl Shelf for Database {
             {
                 Ok((record, found)) => {
                     let mut state = own.state.borrow_mut();
-                    state.own = Some((record.id, record.revision));
+                    state.revisions.insert(record.id.clone(), record.revision);
+                    state.own = Some(record.id);
                     state.sent = found.images.stored().map(|(id, ..)| id.to_owned()).collect();
                     drop(state);
                     own.tell(News::Opened(Box::new(found)));
@@ -253,7 +264,7 @@ impl Shelf for Database {
 
     fn is_behind(&self) -> bool {
         let state = self.state.borrow();
-        state.writing || state.failed || state.waiting.is_some()
+        state.writing || state.failed || !state.waiting.is_empty()
     }
 }
 
