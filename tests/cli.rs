@@ -1,4 +1,4 @@
-//! The command line as the contract has it: data on stdout, messages on stderr, exit codes.
+//! The command line: data on stdout, messages on stderr, exit codes.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

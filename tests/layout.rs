@@ -1,4 +1,4 @@
-//! The law of the layout, and the words that do not belong into the project.
+//! The law of the layout.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -41,7 +41,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if path.is_dir() {
-            if !matches!(name.as_str(), "target" | ".git" | "corpus" | "artifacts" | "calib-demo-out") {
+            if !matches!(name.as_str(), "target" | ".git" | "corpus" | "artifacts") {
                 files(&path, found);
             }
         } else if matches!(path.extension().and_then(|e| e.to_str()), Some("rs" | "md" | "toml" | "css")) {

@@ -10,7 +10,7 @@ use calib_tests::{Scratch, root};
 /// Name and version of the crates of others that a program is linked from, on any system.
 fn linked(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
-        .args(["tree", "--offline", "--locked", "--package", package, "--target", "all"])
+        .args(["tree", "--locked", "--package", package, "--target", "all"])
         .args(["--edges", "normal,no-proc-macro", "--prefix", "none", "--no-dedupe", "--format", "{p}"])
         .current_dir(root())
         .output()
@@ -34,6 +34,7 @@ fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
     for (package, path) in [
         ("calib-cli", "crates/calib-cli/THIRD-PARTY.txt"),
         ("calib-app", "crates/calib-app/assets/THIRD-PARTY.txt"),
+        ("calib-js", "crates/calib-js/THIRD-PARTY.txt"),
     ] {
         let notices = std::fs::read_to_string(root().join(path)).unwrap();
         let missing = missing(package, &notices);

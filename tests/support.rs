@@ -161,14 +161,16 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or_else(|| panic!("no workspace"))
 }
 
-/// A file beside the workspace that is not part of it; says so and gives `None` when it is absent.
+/// A file of real data that is not part of the project, in the folder that `CALIB_SHARED` names, or else in
+/// `shared` beside the workspace; says so and gives `None` when it is absent.
 #[must_use]
 pub fn shared(path: &str) -> Option<PathBuf> {
-    let found = root().join("../shared").join(path);
+    let folder = std::env::var_os("CALIB_SHARED").map_or_else(|| root().join("../shared"), PathBuf::from);
+    let found = folder.join(path);
     if found.exists() {
         return Some(found);
     }
-    skip(&format!("../shared/{path} is absent"), true);
+    skip(&format!("{path} is absent: CALIB_SHARED names the folder of real data"), true);
     None
 }
 

@@ -59,8 +59,10 @@ pub struct App {
     pub edges: Edges,
     /// What lies on images.
     pub layers: Layers,
-    /// Opacity of images on the plan.
-    pub opacity: f32,
+    /// The image stands beside the plan.
+    pub beside_plan: bool,
+    /// The image stands beside the scene.
+    pub beside_scene: bool,
     /// Images of all cameras lie on the plan.
     pub blend: bool,
     /// Fields are filled on the plan.
@@ -113,9 +115,9 @@ pub struct App {
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) autosave: Option<Autosave>,
     /// Where autosaves are.
-    folder: Option<PathBuf>,
+    pub(crate) folder: Option<PathBuf>,
     /// The autosaves that no other window touches while this one lives.
-    claims: Vec<(PathBuf, Claim)>,
+    pub(crate) claims: Vec<(PathBuf, Claim)>,
     pub(crate) kept: u64,
     pub(crate) dialog: Option<Dialog>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
@@ -156,7 +158,8 @@ impl App {
             pictures: Pictures::default(),
             edges: Edges::default(),
             layers: Layers::default(),
-            opacity: 0.8,
+            beside_plan: true,
+            beside_scene: false,
             blend: false,
             coverage: true,
             above: true,
@@ -225,30 +228,6 @@ impl App {
         (self.export, self.tour) = (panels::export::Sheet::default(), panels::tour::Tour::default());
         self.compares_views = false;
         self.take_tool(0);
-    }
-
-    /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
-    fn put_aside(&mut self) {
-        let Some(slot) = self.autosave.clone() else { return };
-        if self.session.is_saved() {
-            slot.forget();
-            return;
-        }
-        let (images, path) = (self.session.images.clone(), self.session.path.clone());
-        self.found.push((slot, Found { site: self.session.history.site(), images, path }));
-        self.autosave = None;
-        for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
-            let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
-            let own = self.claims.iter().any(|(folder, _)| folder == slot.folder());
-            let claim = if own { None } else { Claim::of(slot.folder()) };
-            if is_taken || !(own || claim.is_some()) || slot.find().is_some() {
-                continue;
-            }
-            self.claims.extend(claim.map(|claim| (slot.folder().to_path_buf(), claim)));
-            slot.forget();
-            self.autosave = Some(slot);
-            return;
-        }
     }
 
     /// Asks for files.

@@ -126,6 +126,7 @@ commands! {
         ViewPlan "View: plan" NONE Num2;
         ViewAll "View: all cameras" NONE Num3;
         ViewScene "View: scene" NONE Num4;
+        Beside "Show or hide the image beside the plan, or beside the scene" NONE Z;
         Fit "Fit the view" NONE Home;
         ZoomIn "Zoom in" NONE Plus;
         ZoomOut "Zoom out" NONE Minus;

@@ -6,6 +6,7 @@ use crate::app::{App, Mode};
 use crate::command::{Command, Told};
 use crate::dialog::Purpose;
 use crate::hit::Part;
+use crate::scene3d::Orbit;
 use crate::tools::Pane;
 use crate::{edit, snap};
 use calib_core::{Kind, Known, Site};
@@ -196,6 +197,19 @@ pub(crate) fn nudge(app: &mut App, told: Told<'_>) {
     if !app.tool.is_idle() {
         app.cancel();
     }
+    if app.mode == Mode::Scene {
+        /// Points of a drag.
+        const DRAG: f32 = 12.0;
+        let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(&app.session));
+        let by = egui::Vec2::new(-DRAG * by[0] as f32, -DRAG * by[1] as f32);
+        if modifiers.shift {
+            orbit.pan(by)
+        } else {
+            orbit.turn(by)
+        }
+        app.orbit = Some(orbit);
+        return;
+    }
     let session = &mut app.session;
     let on_plan = app.mode == Mode::Plan && matches!(app.panes.active, Some((_, Pane::Plan)));
     let marks: Vec<usize> = session
@@ -333,6 +347,15 @@ pub(crate) fn on_view(app: &mut App, Told { command, .. }: Told<'_>) {
         C::Fit => {
             app.panes.views.clear();
             app.orbit = None;
+        }
+        C::Beside => {
+            let beside = if app.mode == Mode::Scene { &mut app.beside_scene } else { &mut app.beside_plan };
+            *beside = !*beside;
+        }
+        C::ZoomIn | C::ZoomOut if app.mode == Mode::Scene => {
+            let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(&app.session));
+            orbit.zoom(if command == C::ZoomIn { 1.25 } else { 0.8 });
+            app.orbit = Some(orbit);
         }
         _ => {
             let factor = if command == C::ZoomIn { 1.25 } else { 0.8 };

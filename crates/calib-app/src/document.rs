@@ -5,7 +5,8 @@ use std::path::Path;
 use calib_core::{Annotation, LensEntry};
 
 use crate::app::App;
-use crate::files;
+use crate::claim::Claim;
+use crate::files::{self, Autosave, Found};
 use crate::shelf::News;
 
 /// What a browser saves is a download, and lies beside nothing.
@@ -22,6 +23,30 @@ impl App {
         self.autosave = Some(slot);
         // It differs from its file, and is kept already.
         (self.session.generation, self.kept) = (1, 1);
+    }
+
+    /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
+    pub(crate) fn put_aside(&mut self) {
+        let Some(slot) = self.autosave.clone() else { return };
+        if self.session.is_saved() {
+            slot.forget();
+            return;
+        }
+        let (images, path) = (self.session.images.clone(), self.session.path.clone());
+        self.found.push((slot, Found { site: self.session.history.site(), images, path }));
+        self.autosave = None;
+        for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
+            let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
+            let own = self.claims.iter().any(|(folder, _)| folder == slot.folder());
+            let claim = if own { None } else { Claim::of(slot.folder()) };
+            if is_taken || !(own || claim.is_some()) || slot.find().is_some() {
+                continue;
+            }
+            self.claims.extend(claim.map(|claim| (slot.folder().to_path_buf(), claim)));
+            slot.forget();
+            self.autosave = Some(slot);
+            return;
+        }
     }
 
     /// Forgets what a crashed session left.

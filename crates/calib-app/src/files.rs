@@ -51,6 +51,14 @@ impl Images {
         })
     }
 
+    /// What an operator calls an image: the name of its file, without folders.
+    #[must_use]
+    pub fn shown_name(&self, name: &str) -> String {
+        let own = self.stored.get(name).map_or(Some(name), |stored| stored.name.as_deref());
+        let base = own.and_then(|own| own.rsplit(['/', '\\']).next());
+        base.unwrap_or("a picture of this site").to_owned()
+    }
+
     /// Stores bytes under the id that they had before.
     pub fn restore(&mut self, id: &str, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) {
         let stored = Stored { bytes, mime: mime.to_owned(), name: name.map(str::to_owned) };

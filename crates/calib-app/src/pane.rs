@@ -47,6 +47,8 @@ pub struct Panes {
     pub views: HashMap<(Place, Pane), View>,
     /// What the views were when they were made to fit.
     fitted: HashMap<(Place, Pane), View>,
+    /// The plan whose picture was shown last.
+    plan: Option<String>,
     /// Whether there are more tiles than the window shows.
     pub tiles_overflow: bool,
     /// Where the cursor is, in the pane's units.
@@ -406,6 +408,15 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
 /// The floor from above, on its plan.
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
+    // A plan whose picture has just arrived is looked at as a whole.
+    let shown = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.tool.is_idle());
+    if shown.is_some() && app.panes.plan != shown && app.panes.views.get(&key) == app.panes.fitted.get(&key) {
+        app.panes.views.remove(&key);
+    }
+    if shown.is_some() {
+        app.panes.plan = shown;
+    }
     let [low, high] = app.floor_bounds();
     let whole = View::of(low, high, rect, true, false);
     // Once cameras are moved about, the floor under them stays put.
@@ -420,7 +431,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let floor = Floor {
         session: &app.session,
         mapping,
-        opacity: app.opacity,
+        opacity: app.opacity(ui.ctx()),
         blend: app.blend,
         coverage: app.coverage,
         before: &before,

@@ -141,7 +141,10 @@ impl App {
         let drawn = still.drawn.as_ref();
         drawn.map_or_else(
             || still.name.clone(),
-            |png| self.session.images.store(png.as_slice().into(), "image/png", None),
+            |png| {
+                let name = format!("{}.png", still.title);
+                self.session.images.store(png.as_slice().into(), "image/png", Some(&name))
+            },
         )
     }
 

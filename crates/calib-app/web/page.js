@@ -94,28 +94,28 @@
   /** A drawing as PNG on white, its longer side so many pixels. As an image it loads and runs nothing. */
   calib.draw = async (bytes, side) => {
     const PER_UNIT = { px: 1, "": 1, pt: 96 / 72, pc: 16, in: 96, cm: 96 / 2.54, mm: 96 / 25.4 };
-    const svg = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
-    if (svg.localName !== "svg") throw new Error("The plan is no whole SVG drawing: save it again, or as PNG.");
-    const box = (svg.getAttribute("viewBox") ?? "").trim().split(/[\s,]+/).map(Number);
+    const text = new TextDecoder().decode(bytes);
+    const [tag] = /<svg\b(?:[^>"']|"[^"]*"|'[^']*')*>/.exec(text) ?? [];
+    if (!tag) throw new Error("The plan is no whole SVG drawing: save it again, or as PNG.");
+    const own = (name) => new RegExp(`\\s${name}\\s*=\\s*(?:"([^"]*)"|'([^']*)')`).exec(tag)?.slice(1).find((value) => value != null);
+    const box = (own("viewBox") ?? "").trim().split(/[\s,]+/).map(Number);
     const length = (name) => {
-      const [, number, unit] = /^\s*([\d.eE+-]+)\s*([a-z]*)\s*$/.exec(svg.getAttribute(name) ?? "") ?? [];
+      const [, number, unit] = /^\s*([\d.eE+-]+)\s*([a-z]*)\s*$/.exec(own(name) ?? "") ?? [];
       return number * PER_UNIT[unit];
     };
     const [w, h] = [length("width") || box[2], length("height") || box[3]];
     if (!(w > 0 && h > 0 && w < 1e9 && h < 1e9)) throw new Error("The drawing has no size: give it a viewBox, or save it as PNG.");
-    if (!svg.hasAttribute("viewBox")) svg.setAttribute("viewBox", `0 0 ${w} ${h}`);
-    const picture = document.createElement("canvas");
     const zoom = side / Math.max(w, h);
-    for (const [name, own] of [["width", w], ["height", h]]) {
-      picture[name] = Math.max(1, Math.round(own * zoom));
-      svg.setAttribute(name, picture[name]);
-    }
-    const url = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
+    const picture = document.createElement("canvas");
+    [picture.width, picture.height] = [w, h].map((length) => Math.max(1, Math.round(length * zoom)));
+    const rest = tag.slice(4).replace(/\s(?:width|height)\s*=\s*(?:"[^"]*"|'[^']*')/g, "");
+    const sized = `<svg width="${picture.width}" height="${picture.height}"${box.length === 4 ? "" : ` viewBox="0 0 ${w} ${h}"`}${rest}`;
+    const url = URL.createObjectURL(new Blob([text.replace(tag, () => sized)], { type: "image/svg+xml" }));
     try {
       const image = new Image();
       await new Promise((resolve, reject) => {
         image.onload = resolve;
-        image.onerror = () => reject(new Error("The browser cannot draw this SVG: save it as PNG."));
+        image.onerror = () => reject(new Error("The plan is no whole SVG drawing: save it again, or as PNG."));
         image.src = url;
       });
       const paint = picture.getContext("2d");

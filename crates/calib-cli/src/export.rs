@@ -8,7 +8,10 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
 use crate::stop::Stop;
+use crate::table_parquet;
 
+/// A type of the table that the formats leave to this program: it has what writes it.
+const PARQUET: &str = "parquet";
 /// Longest side of a stream that is asked for, in pixels.
 const MAX_SIDE: u32 = 16_384;
 
@@ -35,7 +38,7 @@ pub(crate) struct Args {
     /// For a stream of this size, in pixels
     #[arg(long, value_name = "WxH", value_parser = size)]
     rescale: Option<[u32; 2]>,
-    /// One of the format's file types; by default that of PATH, or else the format's first
+    /// One of the format's file types (a table may be parquet, too); by default that of PATH, or else the format's first
     #[arg(long, value_name = "EXTENSION")]
     file_type: Option<String>,
     /// Overwrite files that are there
@@ -67,11 +70,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
-    let options = options(args, format, &file)?;
-    let export = calib_formats::export(format, &file.site, &options).map_err(|error| {
+    let mut options = options(args, format, &file)?;
+    let is_parquet = format.name == "table" && options.extension.take_if(|asked| asked == PARQUET).is_some();
+    let mut export = calib_formats::export(format, &file.site, &options).map_err(|error| {
         let nothing = file.site.cameras.iter().all(|camera| camera.camera().is_none());
         if nothing { Stop::Unsolved(error.to_string()) } else { Stop::Usage(error.to_string()) }
     })?;
+    if is_parquet {
+        for file in &mut export.files {
+            (file.name, file.bytes) = ("cameras.parquet".into(), table_parquet::encode(&file.bytes)?);
+        }
+    }
     agree(args, format, &export)?;
     let targets = targets(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
@@ -92,7 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 }
 
 fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, Stop> {
-    let of_path = extension(&args.output).filter(|found| format.extensions.contains(&found.as_str()));
+    let of_path = extension(&args.output).filter(|found| is_type(format, found));
     let plan = if matches!(format.name, "nvidia" | "svg") { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
         Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: files::png(&image)? })
@@ -104,6 +113,11 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
         camera: args.camera.clone(),
         plan: plan.transpose()?,
     })
+}
+
+/// Whether a format is written as files that end so.
+fn is_type(format: &Format, extension: &str) -> bool {
+    format.extensions.contains(&extension) || format.name == "table" && extension == PARQUET
 }
 
 fn extension(path: &str) -> Option<String> {
@@ -127,7 +141,7 @@ fn agree(args: &Args, format: &Format, export: &Export) -> Result<(), Stop> {
 /// Where every file goes: PATH itself, if it is a file's name, else into the folder PATH.
 fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, Stop> {
     let path = Path::new(&args.output);
-    let is_file = extension(&args.output).is_some_and(|found| format.extensions.contains(&found.as_str()));
+    let is_file = extension(&args.output).is_some_and(|found| is_type(format, &found));
     if args.output == "-" || is_file && !path.is_dir() {
         if let [_] = export.files[..] {
             return Ok(vec![path.to_owned()]);

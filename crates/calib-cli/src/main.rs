@@ -30,6 +30,7 @@ mod solve;
 mod stop;
 mod style;
 mod svg;
+mod table_parquet;
 mod undistort;
 mod words;
 

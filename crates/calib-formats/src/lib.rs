@@ -152,7 +152,7 @@ pub const FORMATS: &[Format] = &[
     Format {
         name: "table",
         about: "a row of matrices for every camera, directions in the names",
-        extensions: if cfg!(feature = "parquet") { &["json", "csv", "parquet"] } else { &["json", "csv"] },
+        extensions: &["json", "csv"],
         holds: "everything but standard deviations",
         lacks: "standard deviations",
         write: Some(table::write),

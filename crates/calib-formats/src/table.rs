@@ -4,9 +4,6 @@
 //! Pixels count from the corner, as ours. A pixel shows the floor only where the third coordinate of
 //! `floor_from_undistorted_px` is positive: elsewhere it is above the horizon.
 
-#[cfg(feature = "parquet")]
-use std::sync::Arc;
-
 use calib_core::{Distortion, Pixel};
 use serde_json::{Map, Value, json};
 
@@ -16,32 +13,13 @@ use crate::view::View;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let rows: Vec<Map<String, Value>> = scene.views.iter().map(row).collect();
-    match scene.extension {
-        "csv" => export.push("cameras.csv", csv(&rows)),
-        #[cfg(feature = "parquet")]
-        "parquet" => match parquet(&rows) {
-            Ok(bytes) => export.files.push(crate::file::File { name: "cameras.parquet".into(), bytes }),
-            Err(error) => {
-                export.losses.push(crate::export::Loss { camera: None, what: format!("all of it: {error}") });
-            }
-        },
-        _ => {
-            let mut document = about();
-            document.insert("cameras".to_owned(), json!(rows));
-            export.push("cameras.json", pretty(&Value::from(document)));
-        }
+    if scene.extension == "csv" {
+        export.push("cameras.csv", csv(&rows));
+    } else {
+        let document = json!({"format": "calib-table", "version": 1, "units": "m, px",
+            "pixel_origin": "corner", "cameras": rows});
+        export.push("cameras.json", pretty(&document));
     }
-}
-
-/// What holds for every row.
-fn about() -> Map<String, Value> {
-    let about = [
-        ("format", json!("calib-table")),
-        ("version", json!(1)),
-        ("units", json!("m, px")),
-        ("pixel_origin", json!("corner")),
-    ];
-    about.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
 }
 
 fn row(view: &View) -> Map<String, Value> {
@@ -79,38 +57,6 @@ fn row(view: &View) -> Map<String, Value> {
     put("valid_polygon_px", json!(polygon));
     put("valid_polygon_m", json!(floor));
     row
-}
-
-/// Lists stay lists, polygons lists of points.
-#[cfg(feature = "parquet")]
-fn parquet(rows: &[Map<String, Value>]) -> Result<Vec<u8>, ::parquet::errors::ParquetError> {
-    use ::parquet::arrow::ArrowWriter;
-    use arrow::datatypes::{DataType, Field, Schema};
-    use arrow::json::ReaderBuilder;
-
-    let list = |of| DataType::new_list(of, true);
-    let column = |(key, value): (&String, &Value)| {
-        let kind = match value {
-            Value::Number(number) if number.is_u64() => DataType::Int32,
-            Value::Number(_) => DataType::Float64,
-            Value::Array(_) if key.starts_with("valid_polygon") => list(list(DataType::Float64)),
-            Value::Array(_) => list(DataType::Float64),
-            _ => DataType::Utf8,
-        };
-        Field::new(key, kind, true)
-    };
-    let columns: Vec<Field> = rows.iter().take(1).flatten().map(column).collect();
-    let about = about().iter().map(|(key, value)| (key.clone(), cell(value))).collect();
-    let schema = Arc::new(Schema::new(columns).with_metadata(about));
-    let mut decoder = ReaderBuilder::new(Arc::clone(&schema)).build_decoder()?;
-    decoder.serialize(rows)?;
-    let mut bytes = Vec::new();
-    let mut writer = ArrowWriter::try_new(&mut bytes, schema, None)?;
-    if let Some(batch) = decoder.flush()? {
-        writer.write(&batch)?;
-    }
-    writer.close()?;
-    Ok(bytes)
 }
 
 /// Lists become one cell, its numbers with blanks between them.

@@ -1,6 +1,6 @@
 //! `cargo xtask test`: every check there is, in the order in which they fail fastest.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
@@ -20,88 +20,112 @@ struct Check {
     name: &'static str,
     command: &'static [&'static str],
     environment: &'static [(&'static str, &'static str)],
-    /// Folders that the command wants to be there.
-    folders: &'static [&'static str],
+    /// A folder that the command wants to be there, and empty.
+    empty: Option<&'static str>,
     tools: &'static [&'static Tool],
+    /// It runs without its tools, too, and says by itself what it leaves out.
+    runs_without: bool,
 }
 
-const VENV: &str = "target/peers-venv";
+/// A folder of Python packages at these versions; where they are raised, it is made anew.
+macro_rules! python {
+    ($name:literal, $folder:literal, $pins:literal) => {
+        Tool {
+            name: $name,
+            is_there: || is_made($folder, $pins),
+            install: &[&[
+                "sh",
+                "-c",
+                concat!(
+                    "python3 -m venv --clear ",
+                    $folder,
+                    " || { apt-get update --quiet && apt-get install --quiet --yes python3-venv && python3 -m venv --clear ",
+                    $folder,
+                    "; }"
+                ),
+            ], &[
+                "sh",
+                "-c",
+                concat!(
+                    $folder,
+                    "/bin/python -m pip install --quiet ",
+                    $pins,
+                    " && printf %s '",
+                    $pins,
+                    "' > ",
+                    $folder,
+                    "/ready"
+                ),
+            ]],
+        }
+    };
+}
 
-const PEERS: Tool = Tool {
-    name: "the peers' Python packages",
-    is_there: || !shared("peers").exists() || root().join(VENV).join("ready").exists(),
-    install: &[
-        &["python3", "-m", "venv", VENV],
-        &[
-            "target/peers-venv/bin/python",
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--requirement",
-            "../shared/peers/requirements.txt",
-        ],
-        &["touch", "target/peers-venv/ready"],
-    ],
-};
+const PEERS: Tool = python!(
+    "the peers' Python packages",
+    "target/peers-venv",
+    "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93"
+);
 
 /// `DuckDB` and Spark, for the tests and the benchmark of archives.
-const ENGINES: Tool = Tool {
-    name: "the engines' Python packages, and Java",
-    is_there: || root().join("target/engines-venv/ready").exists() && is_on_path("java"),
-    install: &[
-        &[
-            "sh",
-            "-c",
-            "command -v java || { apt-get update --quiet && apt-get install --quiet --yes default-jre-headless; }",
-        ],
-        &["python3", "-m", "venv", "target/engines-venv"],
-        &[
-            "target/engines-venv/bin/python",
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "duckdb==2.0.0",
-            "pandas==3.1.1",
-            "pyarrow==26.0.1",
-            "pyspark==4.3.0",
-        ],
-        &["touch", "target/engines-venv/ready"],
-    ],
-};
+const ENGINES: Tool = python!(
+    "the engines' Python packages",
+    "target/engines-venv",
+    "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1 pyspark==4.3.0"
+);
 
-const TYPOS: Tool = Tool {
-    name: "typos",
-    is_there: || runs("target/tools-venv/bin/typos", &["--version"]),
+const TYPOS: Tool = python!("typos", "target/tools-venv", "typos==1.52.0");
+
+/// For Spark.
+const JAVA: Tool = Tool {
+    name: "Java",
+    is_there: || is_on_path("java"),
     install: &[
-        &["python3", "-m", "venv", "target/tools-venv"],
-        &["target/tools-venv/bin/python", "-m", "pip", "install", "--quiet", "typos==1.52.0"],
+        &["apt-get", "update", "--quiet"],
+        &["apt-get", "install", "--quiet", "--yes", "default-jre-headless"],
     ],
 };
 
 const FUZZ: Tool = Tool {
-    name: "cargo-fuzz",
-    is_there: || runs("target/tools/bin/cargo-fuzz", &["--version"]),
-    install: &[&["cargo", "install", "--quiet", "--locked", "--root", "target/tools", "cargo-fuzz"]],
+    name: "cargo-fuzz, and the C++ compiler that its engine wants",
+    is_there: || says("target/tools/bin/cargo-fuzz", "cargo-fuzz 0.13.2") && is_on_path("c++"),
+    install: &[
+        &["sh", "-c", "command -v c++ || { apt-get update --quiet && apt-get install --quiet --yes g++; }"],
+        &[
+            "cargo",
+            "install",
+            "--quiet",
+            "--locked",
+            "--force",
+            "--root",
+            "target/tools",
+            "cargo-fuzz@0.13.2",
+        ],
+    ],
 };
 
 const WEB: Tool = Tool {
     name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
     is_there: wasm::is_there,
-    install: &[
-        &["apt-get", "update", "--quiet"],
-        &["apt-get", "install", "--quiet", "--yes", "rustc-web", "cargo-web", "rust-web-src", "lld"],
-    ],
+    install: &[&[
+        "sh",
+        "-c",
+        "timeout 300 rustup target add wasm32-unknown-unknown || { apt-get update --quiet && \
+         apt-get install --quiet --yes rustc-web cargo-web rust-web-src lld; }",
+    ]],
 };
 
+/// What is wanted of npm, beside what was installed for it.
+const LOCK: [&str; 2] = ["crates/calib-app/tests/browser/package-lock.json", "target/browser/ready"];
+
 const BROWSER: Tool = Tool {
-    name: "Chromium, Node and what drives a browser",
+    name: "Chromium, Node 20 or newer, and what drives a browser",
     is_there: || {
-        let modules = root().join("target/browser/node_modules");
-        let installed =
-            ["playwright-core", "typescript", "@types/node"].map(|name| modules.join(name).exists());
-        runs("/usr/bin/chromium", &["--version"]) && is_on_path("node") && !installed.contains(&false)
+        let [wanted, made] = LOCK.map(|path| std::fs::read(root().join(path)).ok());
+        let mut node = Command::new("node");
+        node.args(["--eval", "process.exit(parseInt(process.versions.node) < 20)"]);
+        let has_node = node.status().is_ok_and(|status| status.success());
+        runs("/usr/bin/chromium", &["--version"]) && has_node && wanted.is_some() && wanted == made
     },
     install: &[
         &["apt-get", "update", "--quiet"],
@@ -109,17 +133,14 @@ const BROWSER: Tool = Tool {
         &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
         &["apt-get", "install", "--quiet", "--yes", "chromium"],
         &["mkdir", "-p", "target/browser"],
-        &[
-            "cp",
-            "crates/calib-app/tests/browser/package.json",
-            "crates/calib-app/tests/browser/package-lock.json",
-            "target/browser",
-        ],
+        &["cp", "crates/calib-app/tests/browser/package.json", LOCK[0], "target/browser"],
         &["npm", "ci", "--prefix", "target/browser", "--no-fund", "--no-audit"],
+        &["cp", LOCK[0], LOCK[1]],
     ],
 };
 
-const PLAIN: Check = Check { name: "", command: &[], environment: &[], folders: &[], tools: &[] };
+const PLAIN: Check =
+    Check { name: "", command: &[], environment: &[], empty: None, tools: &[], runs_without: false };
 
 /// The list is the registry.
 const CHECKS: &[Check] = &[
@@ -141,7 +162,7 @@ const CHECKS: &[Check] = &[
     },
     Check {
         name: "documentation",
-        command: &["cargo", "doc", "--workspace", "--no-deps", "--document-private-items"],
+        command: &["cargo", "doc", "--workspace", "--all-features", "--no-deps", "--document-private-items"],
         environment: &[("RUSTDOCFLAGS", "--deny warnings")],
         ..PLAIN
     },
@@ -160,7 +181,7 @@ const CHECKS: &[Check] = &[
             "site",
             "--fuzz-dir",
             "crates/calib-core/fuzz",
-            "crates/calib-core/fuzz/corpus/site",
+            "target/fuzz-corpus/site",
             "crates/calib-core/fuzz/seeds",
             "--",
             // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
@@ -171,8 +192,9 @@ const CHECKS: &[Check] = &[
         ],
         // The fuzzer's instrumentation is unstable; a stable compiler has it, too.
         environment: &[("RUSTC_BOOTSTRAP", "1")],
-        folders: &["crates/calib-core/fuzz/corpus/site"],
+        empty: Some("target/fuzz-corpus/site"),
         tools: &[&FUZZ],
+        ..PLAIN
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
     Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
@@ -191,7 +213,8 @@ const CHECKS: &[Check] = &[
     Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features"],
-        tools: &[&PEERS, &ENGINES],
+        tools: &[&PEERS, &ENGINES, &JAVA],
+        runs_without: true,
         ..PLAIN
     },
 ];
@@ -205,7 +228,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     for check in CHECKS {
         let missing: Vec<&str> =
             check.tools.iter().filter(|tool| !ready(tool, install)).map(|tool| tool.name).collect();
-        if !missing.is_empty() {
+        if !missing.is_empty() && !check.runs_without {
             skipped.push(format!("{}: {} is missing", check.name, missing.join(", ")));
             continue;
         }
@@ -232,6 +255,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     }
     let listed = std::fs::read_to_string(&skips)?;
     println!();
+    let count = skipped.len() + listed.lines().count();
     for line in listed.lines().chain(skipped.iter().map(String::as_str)) {
         println!("SKIPPED {}", line.trim_start_matches("SKIPPED ").trim_start_matches("MISSING "));
     }
@@ -242,7 +266,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     if !failed.is_empty() {
         bail!("failed: {}", failed.join("; "));
     }
-    println!("{} passed, 0 failed, {} skipped", CHECKS.len() - skipped.len(), skipped.len());
+    println!("{} passed, 0 failed, {count} skipped", CHECKS.len() - skipped.len());
     Ok(())
 }
 
@@ -258,8 +282,8 @@ pub(crate) fn rerun(build: &[&str], command: &[String]) -> anyhow::Result<()> {
 
 fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
     let (program, arguments) = check.command.split_first().context("a check without a command")?;
-    for folder in check.folders {
-        std::fs::create_dir_all(root().join(folder))?;
+    if let Some(folder) = check.empty {
+        make_empty(folder)?;
     }
     let mut command = tool_command(program, skips)?;
     command.args(arguments).envs(check.environment.iter().copied());
@@ -275,11 +299,10 @@ fn fuzz_formats(skips: &Path) -> anyhow::Result<bool> {
     }
     targets.sort();
     for target in &targets {
-        let corpus = format!("{FUZZ_DIR}/corpus/{target}");
+        let corpus = format!("target/fuzz-corpus/{target}");
         let seeds = format!("{FUZZ_DIR}/seeds/{target}");
-        for folder in [&corpus, &seeds] {
-            std::fs::create_dir_all(root().join(folder))?;
-        }
+        make_empty(&corpus)?;
+        std::fs::create_dir_all(root().join(&seeds))?;
         let command = ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, &corpus, &seeds];
         // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
         let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
@@ -291,6 +314,15 @@ fn fuzz_formats(skips: &Path) -> anyhow::Result<bool> {
         }
     }
     Ok(true)
+}
+
+/// Makes a folder anew: what is tried does not depend on what was tried before.
+fn make_empty(folder: &str) -> anyhow::Result<()> {
+    let folder = root().join(folder);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder)?;
+    }
+    Ok(std::fs::create_dir_all(folder)?)
 }
 
 /// A command that finds the tools that were installed for the checks.
@@ -330,6 +362,17 @@ pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     output.is_ok_and(|output| output.status.success())
 }
 
+/// Whether a program of the workspace's tools is this version.
+fn says(program: &str, version: &str) -> bool {
+    let output = Command::new(root().join(program)).arg("--version").output();
+    output.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).trim() == version)
+}
+
+/// Whether a folder of packages was made with these.
+fn is_made(folder: &str, pins: &str) -> bool {
+    std::fs::read_to_string(root().join(folder).join("ready")).is_ok_and(|made| made == pins)
+}
+
 /// Whether there is a program of this name, wherever it is installed.
 fn is_on_path(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
@@ -338,8 +381,4 @@ fn is_on_path(program: &str) -> bool {
 /// The folder of the workspace.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
-}
-
-fn shared(path: &str) -> PathBuf {
-    root().join("../shared").join(path)
 }

@@ -37,7 +37,9 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
         "sideEffects": false,
     });
     fs::write(out.join("package.json"), format!("{package:#}\n"))?;
-    for name in ["LICENSE-MIT", "LICENSE-APACHE", "crates/calib-js/README.md"] {
+    for name in
+        ["LICENSE-MIT", "LICENSE-APACHE", "crates/calib-js/README.md", "crates/calib-js/THIRD-PARTY.txt"]
+    {
         let from = root().join(name);
         let to = out.join(from.file_name().unwrap_or_default());
         fs::copy(&from, to).with_context(|| name.to_owned())?;

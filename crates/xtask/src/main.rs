@@ -70,6 +70,9 @@ enum Command {
         /// Which script of crates/calib-app/tests/browser
         #[arg(long, default_value = "flow.mjs")]
         script: String,
+        /// With the page as it is there
+        #[arg(long)]
+        as_is: bool,
         /// Where pictures of the screens go
         #[arg(long)]
         pictures: Option<PathBuf>,
@@ -108,10 +111,11 @@ fn main() -> anyhow::Result<()> {
         #[cfg(feature = "web")]
         Command::Web { out, built } => web::run(&check::root().join(out), built.as_deref()),
         #[cfg(feature = "web")]
-        Command::Browser { out, script, pictures } => browser::run(
+        Command::Browser { out, script, pictures, as_is } => browser::run(
             &check::root().join(out),
             &script,
             pictures.map(|p| check::root().join(p)).as_deref(),
+            as_is,
         ),
         #[cfg(feature = "web")]
         Command::Js { out, test } => {

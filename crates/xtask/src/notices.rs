@@ -8,9 +8,10 @@ use anyhow::bail;
 use crate::check::{self, root};
 
 /// A program's crate, and where its notices are.
-const PROGRAMS: [(&str, &str); 2] = [
+const PROGRAMS: [(&str, &str); 3] = [
     ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY.txt"),
     ("crates/calib-cli/Cargo.toml", "crates/calib-cli/THIRD-PARTY.txt"),
+    ("crates/calib-js/Cargo.toml", "crates/calib-js/THIRD-PARTY.txt"),
 ];
 
 const ABOUT: check::Tool = check::Tool {

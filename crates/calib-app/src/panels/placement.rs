@@ -128,7 +128,7 @@ fn pose_rows(app: &App, ui: &mut Ui) {
 pub fn plan(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let name = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let name = name.map(|name| name.rsplit(['/', '\\']).next().unwrap_or_default().to_owned());
+    let name = name.map(|name| app.session.images.shown_name(&name));
     heading(ui, "Plan", name.as_deref().unwrap_or("none"));
     if app.session.site.plan.is_none() {
         ui.label(RichText::new("A floor is shown without one.").color(palette.text2));
@@ -140,8 +140,12 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
     }
     let label = ui.label(RichText::new("Image on plan").color(palette.text2));
     ui.horizontal(|ui| {
-        ui.add(egui::Slider::new(&mut app.opacity, 0.0..=1.0).show_value(false)).labelled_by(label.id);
-        ui.label(format!("{:.0} %", 100.0 * app.opacity));
+        let mut opacity = app.opacity(ui.ctx());
+        let slider = egui::Slider::new(&mut opacity, 0.0..=1.0).show_value(false);
+        if ui.add(slider).labelled_by(label.id).changed() {
+            app.set_opacity(ui.ctx(), opacity);
+        }
+        ui.label(format!("{:.0} %", 100.0 * opacity));
     });
     ui.horizontal(|ui| {
         ui.checkbox(&mut app.blend, "all cameras");
@@ -199,5 +203,22 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         app.cancel();
         app.session.site.plan = Some(plan);
         app.session.commit(name);
+    }
+}
+
+impl App {
+    /// Opacity of images on the plan, remembered for every site.
+    #[must_use]
+    pub fn opacity(&self, ctx: &egui::Context) -> f32 {
+        ctx.data_mut(|data| data.get_persisted(self.opacity_id())).unwrap_or(0.8)
+    }
+
+    /// Sets the opacity of images on the plan.
+    pub fn set_opacity(&self, ctx: &egui::Context, opacity: f32) {
+        ctx.data_mut(|data| data.insert_persisted(self.opacity_id(), opacity));
+    }
+
+    fn opacity_id(&self) -> egui::Id {
+        egui::Id::unique(("opacity", &self.session.site.name, &self.session.path))
     }
 }

@@ -37,13 +37,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             }
         }
         Mode::Plan => {
-            let is_tall = rect.height() > 1.2 * rect.width();
-            let (left, right) = if is_tall {
-                rect.split_top_bottom_at_fraction(0.46)
-            } else {
-                rect.split_left_right_at_fraction(0.46)
-            };
-            images(app, ui, left);
+            let right = beside(app, ui, rect, app.beside_plan);
             header(
                 app,
                 ui,
@@ -52,13 +46,31 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 &[Command::Coverage, Command::Blend, Command::Snap],
             );
             pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
-            let line = Stroke::new(1.0, theme::palette(ui.ctx()).line);
-            let ends = [right.left_top(), if is_tall { right.right_top() } else { right.left_bottom() }];
-            ui.painter().line_segment(ends, line);
         }
         Mode::All => all(app, ui, rect),
-        Mode::Scene => scene(app, ui, rect),
+        Mode::Scene => {
+            let right = beside(app, ui, rect, app.beside_scene);
+            scene(app, ui, right);
+        }
     }
+}
+
+/// The image on one side, if it is wanted there; what is left.
+fn beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
+    const SHARE: f32 = 0.46;
+    if !is_wanted {
+        return rect;
+    }
+    let is_tall = rect.height() > 1.2 * rect.width();
+    let (left, right) = if is_tall {
+        rect.split_top_bottom_at_fraction(SHARE)
+    } else {
+        rect.split_left_right_at_fraction(SHARE)
+    };
+    images(app, ui, left);
+    let ends = [right.left_top(), if is_tall { right.right_top() } else { right.left_bottom() }];
+    ui.painter().line_segment(ends, Stroke::new(1.0, theme::palette(ui.ctx()).line));
+    right
 }
 
 fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
