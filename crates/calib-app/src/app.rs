@@ -9,6 +9,7 @@ use crate::canvas::{Mapping, View};
 use crate::claim::Claim;
 use crate::command;
 use crate::dialog::{Chosen, Dialog, Purpose};
+use crate::document::Slots;
 use crate::edges::{self, Edge, Edges};
 use crate::files::{Autosave, Found, Images};
 use crate::hit::Part;
@@ -135,20 +136,7 @@ impl App {
     #[must_use]
     pub fn new(ctx: &Context, folder: Option<PathBuf>) -> Self {
         theme::install(ctx);
-        let slots: Vec<Autosave> = folder.iter().flat_map(|folder| Autosave::slots(folder)).collect();
-        let mut found = Vec::new();
-        let (mut autosave, mut claims) = (None, Vec::new());
-        for slot in slots {
-            // What another window keeps is its own; what was found stays until the operator has decided.
-            let Some(claim) = Claim::of(slot.folder()) else { continue };
-            let slot_folder = slot.folder().to_path_buf();
-            match slot.find() {
-                Some(work) => found.push((slot, work)),
-                None if autosave.is_none() => autosave = Some(slot),
-                None => continue,
-            }
-            claims.push((slot_folder, claim));
-        }
+        let Slots { found, autosave, claims } = Slots::of(folder.as_deref());
         Self {
             session: Session::new(Site::new(), Images::default(), None),
             tool: (TOOLS[0].make)(),

@@ -203,9 +203,9 @@ pub(crate) fn nudge(app: &mut App, told: Told<'_>) {
         let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(&app.session));
         let by = egui::Vec2::new(-DRAG * by[0] as f32, -DRAG * by[1] as f32);
         if modifiers.shift {
-            orbit.pan(by)
+            orbit.pan(by);
         } else {
-            orbit.turn(by)
+            orbit.turn(by);
         }
         app.orbit = Some(orbit);
         return;

@@ -1,6 +1,6 @@
 //! What is done with the document as a whole: recovered, saved; cameras renamed, removed, given lenses.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib_core::{Annotation, LensEntry};
 
@@ -11,6 +11,34 @@ use crate::shelf::News;
 
 /// What a browser saves is a download, and lies beside nothing.
 const HAS_FOLDERS: bool = cfg!(not(target_arch = "wasm32"));
+
+/// The autosaves of a folder, as one window finds them.
+#[derive(Debug, Default)]
+pub(crate) struct Slots {
+    /// What crashed sessions left.
+    pub(crate) found: Vec<(Autosave, Found)>,
+    /// Where this one keeps its own.
+    pub(crate) autosave: Option<Autosave>,
+    pub(crate) claims: Vec<(PathBuf, Claim)>,
+}
+
+impl Slots {
+    pub(crate) fn of(folder: Option<&Path>) -> Self {
+        let mut slots = Self::default();
+        for slot in folder.into_iter().flat_map(Autosave::slots) {
+            // What another window keeps is its own; what was found stays until the operator has decided.
+            let Some(claim) = Claim::of(slot.folder()) else { continue };
+            let folder = slot.folder().to_path_buf();
+            match slot.find() {
+                Some(work) => slots.found.push((slot, work)),
+                None if slots.autosave.is_none() => slots.autosave = Some(slot),
+                None => continue,
+            }
+            slots.claims.push((folder, claim));
+        }
+        slots
+    }
+}
 
 impl App {
     /// Goes on with what a crashed session left.

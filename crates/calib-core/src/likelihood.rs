@@ -12,7 +12,7 @@ use crate::dual::{Dual, Slope};
 use crate::evidence::{Evidence, Length, Line, Source, Toward, Upright};
 use crate::minimize::LeastSquares;
 use crate::residual::{
-    Angles, Core, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, Vanishing, floor_length, line_residual,
+    Angles, Core, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, Unrolled, Vanishing, floor_length, line_residual,
     upright_residuals,
 };
 use crate::vanishing::line_through;
@@ -285,8 +285,9 @@ impl<'a> Problem<'a> {
             *angle = 0.5 * sin.atan2(*cos);
         }
         let mut totals = vec![(0.0, 0.0); self.evidence.length_groups.len()];
+        let at = Unrolled::new(&core);
         for length in self.lengths() {
-            let (log_length, _) = floor_length(&core, &length.ends)?;
+            let (log_length, _) = floor_length(&at, &length.ends)?;
             totals[length.group].0 += log_length.value;
             totals[length.group].1 += 1.0;
         }
@@ -328,8 +329,9 @@ impl<'a> Problem<'a> {
             let beside = group.map(|group| (group, slope(&vanishing.by_angle)));
             sink(scale * residual, &core_slope, beside, Some(line.source));
         }
+        let at = Unrolled::new(core);
         for length in self.lengths() {
-            let (log_length, noise) = floor_length(core, &length.ends)?;
+            let (log_length, noise) = floor_length(&at, &length.ends)?;
             let index = self.evidence.groups + length.group;
             let (expected, beside) = match self.evidence.length_groups[length.group] {
                 Some(metres) => {
@@ -342,7 +344,7 @@ impl<'a> Problem<'a> {
             sink(residual.value, &residual.slope, beside, Some(length.source));
         }
         for upright in self.uprights() {
-            for residual in upright_residuals(core, upright, self.sigma)? {
+            for residual in upright_residuals(&at, upright, self.sigma)? {
                 sink(residual.value, &residual.slope, None, Some(upright.source));
             }
         }
@@ -485,8 +487,9 @@ pub(crate) fn residuals_at(
 /// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
 pub(crate) fn predictable(evidence: &Evidence, core: &Core) -> Evidence {
     let mut evidence = evidence.clone();
-    evidence.lengths.retain(|length| floor_length(core, &length.ends).is_some());
-    evidence.uprights.retain(|upright| upright_residuals(core, upright, 1.0).is_some());
+    let at = Unrolled::new(core);
+    evidence.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
+    evidence.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
     evidence
 }
 

@@ -20,7 +20,7 @@ impl OddPolynomial {
     /// No more than the slope anywhere up to this radius: of what only takes from it. Where that leaves some,
     /// no root need be looked for.
     pub(crate) fn least_slope(&self, r: f64) -> f64 {
-        OddPolynomial(self.0.map(|k| k.min(0.0))).slope(r)
+        Self(self.0.map(|k| k.min(0.0))).slope(r)
     }
 
     /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.

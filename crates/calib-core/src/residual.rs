@@ -110,15 +110,33 @@ fn across(ends: &[End; 2], line: &[f64; 3]) -> [f64; 2] {
     })
 }
 
+/// Sines, cosines, focal and height of a core, with their derivatives: what every length and upright asks for.
+pub(crate) struct Unrolled {
+    roll: (Dual, Dual),
+    pitch: (Dual, Dual),
+    focal: Dual,
+    /// One over the height of the camera.
+    per_height: Dual,
+}
+
+impl Unrolled {
+    pub(crate) fn new(core: &Core) -> Self {
+        Self {
+            roll: Dual::unknown(core[ROLL], ROLL).sin_cos(),
+            pitch: Dual::unknown(core[PITCH], PITCH).sin_cos(),
+            focal: Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp(),
+            per_height: (-Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+        }
+    }
+}
+
 /// Log of the length on the floor of a segment in camera heights, and its standard deviation for
 /// pixels with one of 1 (Sampson's form: the gradient by all four pixel coordinates).
 ///
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
-pub(crate) fn floor_length(core: &Core, ends: &[End; 2]) -> Option<(Dual, Dual)> {
-    let (sr, cr) = Dual::unknown(core[ROLL], ROLL).sin_cos();
-    let (sp, cp) = Dual::unknown(core[PITCH], PITCH).sin_cos();
-    let f = Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp();
+pub(crate) fn floor_length(at: &Unrolled, ends: &[End; 2]) -> Option<(Dual, Dual)> {
+    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let on_floor = |end: &End| {
         let [x, y] = end.at;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
@@ -151,11 +169,8 @@ pub(crate) fn floor_length(core: &Core, ends: &[End; 2]) -> Option<(Dual, Dual)>
 /// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
 /// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
-pub(crate) fn upright_residuals(core: &Core, upright: &Upright, sigma: f64) -> Option<[Dual; 2]> {
-    let (sr, cr) = Dual::unknown(core[ROLL], ROLL).sin_cos();
-    let (sp, cp) = Dual::unknown(core[PITCH], PITCH).sin_cos();
-    let f = Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp();
-    let per_height = (-Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp();
+pub(crate) fn upright_residuals(at: &Unrolled, upright: &Upright, sigma: f64) -> Option<[Dual; 2]> {
+    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
     let [x, y] = upright.foot.at;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;

@@ -11,7 +11,12 @@ use crate::panels::topbar;
 use crate::theme;
 use crate::tools::Pane;
 
-const MENU: [&[Command]; 4] = [
+const ON_PLAN: [&[Command]; 3] = [
+    &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
+    &[Command::Coverage, Command::Blend, Command::Snap, Command::Beside],
+    &[Command::Fit, Command::SavePicture],
+];
+const ON_IMAGE: [&[Command]; 4] = [
     &[Command::Accept, Command::StepBack, Command::Cancel],
     &[Command::UseAnyway, Command::OnOff, Command::PullOntoEdge, Command::Duplicate, Command::Delete],
     &[Command::TakeSuggestion, Command::NewGroup, Command::PasteLines, Command::SelectAll],
@@ -35,12 +40,17 @@ pub fn show(app: &mut App, ui: &Ui, response: &Response, key: (Place, Pane), map
         }
     }
     let mut chosen = None;
+    let on_plan = key.1 == Pane::Plan;
     Popup::context_menu(response).show(|ui| {
-        if !app.session.selection.is_empty() {
-            ui.label(RichText::new(app.session.selection_name()).font(theme::medium(12.0)));
+        let title = match (on_plan, app.session.entry()) {
+            (true, entry) => entry.map(|entry| entry.id.clone()),
+            (false, _) => Some(app.session.selection_name()).filter(|_| !app.session.selection.is_empty()),
+        };
+        if let Some(title) = title {
+            ui.label(RichText::new(title).font(theme::medium(12.0)));
         }
         let mut is_first = true;
-        for group in MENU {
+        for group in if on_plan { &ON_PLAN[..] } else { &ON_IMAGE[..] } {
             let offered: Vec<Command> =
                 group.iter().copied().filter(|&command| is_offered(app, command)).collect();
             if offered.is_empty() {
@@ -70,6 +80,20 @@ fn select(app: &mut App, camera: usize, at: [f64; 2], near: f64) {
 }
 
 fn is_offered(app: &App, command: Command) -> bool {
-    let ends = matches!(command, Command::Accept | Command::StepBack | Command::Cancel);
-    command::is_enabled(app, command) && (!ends || !app.tool.is_idle())
+    let makes_sense = match command {
+        Command::Accept | Command::StepBack | Command::Cancel => !app.tool.is_idle(),
+        Command::UseAnyway => is_suspected(app),
+        _ => true,
+    };
+    makes_sense && command::is_enabled(app, command)
+}
+
+/// Whether a selected line was set aside.
+fn is_suspected(app: &App) -> bool {
+    let residuals = app.session.solution().map_or(&[][..], |solution| &solution.residuals);
+    let lines = crate::edit::lines_of(&app.session.selection);
+    residuals
+        .iter()
+        .filter(|residual| residual.outlier)
+        .any(|residual| residual.annotation.zip(residual.segment).is_some_and(|line| lines.contains(&line)))
 }

@@ -1,6 +1,6 @@
 //! What cameras share: marks, links, control points, and how well views agree.
 
-use calib_core::{Link, LinkKind, MarkKind, Pixel, ResidualOf, WorldPoint};
+use calib_core::{Link, LinkKind, Mark, MarkKind, Pixel, ResidualOf, WorldPoint};
 use egui::{DragValue, RichText, Ui, Vec2};
 
 use crate::app::App;
@@ -50,7 +50,7 @@ pub fn marks(app: &mut App, ui: &mut Ui) {
 
 fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     let palette = theme::palette(ui.ctx());
-    let Some(mut mark) = app.session.site.marks.get(index).cloned() else { return };
+    let Some(mark) = app.session.site.marks.get(index).cloned() else { return };
     let part = Part::Mark(index);
     let selected = app.session.selection.contains(&part);
     let name = app.session.part_name(part);
@@ -78,9 +78,15 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
         app.session.commit(format!("switch {name} {}", if on { "on" } else { "off" }));
         return;
     }
-    if !selected {
-        return;
+    if selected {
+        mark_fields(app, ui, index, mark);
     }
+}
+
+/// Size, turn and height of the mark that is selected.
+fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
+    let palette = theme::palette(ui.ctx());
+    let units = app.session.units;
     let mut changed = false;
     let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
         let label = ui.label(RichText::new(title).small().color(palette.text2));
@@ -115,6 +121,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
                 *count = count.round();
             }
         }
+        let name = app.session.part_name(Part::Mark(index));
         app.cancel();
         app.session.site.marks[index] = mark;
         app.session.commit(format!("change {name}"));

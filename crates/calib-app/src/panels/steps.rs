@@ -40,7 +40,7 @@ fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let lens = match (distortion, edges) {
         _ if like.is_some() => format!("like {}", like.map_or("", String::as_str)),
         (Some(given), _) if given.fit.is_none() => "given".into(),
-        (_, 0) => "pinhole, as no edge is drawn".into(),
+        (_, 0) => "taken as straight".into(),
         (_, edges) => format!("from {edges} straight edges"),
     };
     let (verticals, uprights) = (count(Kind::Vertical).0, count(Kind::Upright).0);

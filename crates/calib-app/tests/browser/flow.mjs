@@ -320,7 +320,7 @@ async function drawing() {
     const picture = Object.assign(new Image(), { src: image });
     await picture.decode();
     const canvas = Object.assign(document.createElement("canvas"), { width: picture.width, height: picture.height });
-    const pen = canvas.getContext("2d");
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
     pen.drawImage(picture, 0, 0);
     return [[100, 100], [3000, 1000]].map(([x, y]) => [...pen.getImageData(x, y, 1, 1).data]);
   }, image);
