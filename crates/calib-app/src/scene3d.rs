@@ -60,7 +60,7 @@ impl Orbit {
     }
 
     fn screen(rect: Rect, [x, y, z]: [f64; 3]) -> Pos2 {
-        let focal = 0.9 * f64::from(rect.height());
+        let focal = 0.9 * f64::from(rect.height().min(rect.width()));
         rect.center() + Vec2::new((focal * x / z) as f32, (focal * y / z) as f32)
     }
 
