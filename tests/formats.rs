@@ -720,3 +720,50 @@ fn regions_have_the_numbers_of_their_streams() {
     let text = exported("nvdsanalytics", &both, "txt");
     assert!(text_of(&text, "nvdsanalytics.txt").contains("[roi-filtering-stream-1]"));
 }
+
+#[test]
+fn pycolmap_and_pyyaml_read_what_is_for_them() {
+    let Some(python) = peers_python() else { return };
+    let scratch = Scratch::new();
+    let (bent, straight) = (bent(), straight());
+    for (name, camera, extension) in [
+        ("colmap", &bent, "txt"),
+        ("ros", &bent, "yaml"),
+        ("nvidia", &straight, "json"),
+        ("frigate", &straight, "yml"),
+    ] {
+        for file in exported(name, &site(camera), extension).files {
+            let path = scratch.path(&format!("{name}/{}", file.name));
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, file.bytes).unwrap();
+        }
+    }
+    let points = scene(&bent);
+    let script = calib_tests::root().join("tests/formats_readers.py");
+    let mut command = std::process::Command::new(python);
+    command.arg(script).arg(scratch.path("")).arg(json!(points).to_string());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (point, pixel) in points.iter().zip(told["colmap"].as_array().unwrap()) {
+        let pixel: [f64; 2] = serde_json::from_value(pixel.clone()).unwrap();
+        assert_near(pixel, &bent, *point, 0.0, "pycolmap");
+    }
+    let k = numbers(&told["ros"]["camera_matrix"]["data"]);
+    assert_eq!([k[0], k[2] + 0.5], [bent.focal, bent.lens.principal_point.u]);
+    // k1, k2, p1, p2, k3, as `bent` has them.
+    assert_eq!(
+        numbers(&told["ros"]["distortion_coefficients"]["data"]),
+        [-0.25, 0.06, 0.001, -0.0007, -0.004]
+    );
+    let p = numbers(&told["nvidia"]["projectionMatrix_3x4_w2p"]);
+    for point in scene(&straight) {
+        let w: Vec<f64> = (0..3)
+            .map(|i| p[4 * i] * point.x + p[4 * i + 1] * point.y + p[4 * i + 2] * point.z + p[4 * i + 3])
+            .collect();
+        assert_near([w[0] / w[2], w[1] / w[2]], &straight, point, 0.0, "nvidia");
+    }
+    let corners = told["frigate"]["cameras"]["yard"]["zones"]["floor"]["coordinates"].as_str().unwrap();
+    let corners: Vec<f64> = corners.split(',').map(|number| number.parse().unwrap()).collect();
+    assert!(corners.len() >= 6 && corners.iter().all(|share| (0.0..=1.0).contains(share)), "{corners:?}");
+}

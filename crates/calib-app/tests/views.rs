@@ -12,7 +12,7 @@ use calib_app::tools::{Pane, PlanHandle, plan_handles};
 use calib_core::{Kind, Pixel};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
+use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
 fn tell(desk: &mut Desk, command: Command) {
@@ -300,120 +300,6 @@ fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
 }
 
 #[test]
-fn what_comes_in_waits_until_the_hand_is_empty() {
-    let scratch = Scratch::new();
-    still(&scratch, "new.png", [64, 48]);
-    let mut desk = Desk::new(demo());
-    let count = desk.site().cameras.len();
-    let lines = desk.site().cameras[0].annotations.clone();
-    desk.take("Vertical");
-    let [from, to] = [[900.0, 300.0], [905.0, 500.0]].map(|at| desk.screen(Pane::Image(0), at));
-    desk.harness.event(Event::PointerMoved(from));
-    desk.press(from, Modifiers::NONE);
-    desk.harness.event(Event::PointerMoved(to));
-    desk.harness.step();
-    let ctx = desk.harness.ctx.clone();
-    desk.app().take_path(&ctx, scratch.path("new.png"));
-    for _ in 0..40 {
-        desk.harness.step();
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    assert_eq!(desk.site().cameras.len(), count, "a line is under way");
-    desk.release(to, Modifiers::NONE);
-    wait(&mut desk, |app| app.session.site.cameras.len() > count);
-    assert_eq!(desk.harness.state().session.history.depth(), 2, "the line, and the camera");
-    desk.undo();
-    desk.undo();
-    assert_eq!(desk.site().cameras[0].annotations, lines);
-}
-
-#[test]
-fn a_site_that_no_file_can_hold_is_put_back() {
-    let mut desk = Desk::new(demo());
-    let before = desk.site().clone();
-    desk.app().session.site.cameras[0].height_m = Some(calib_core::Known::fixed(0.0));
-    desk.app().session.commit("hold a height of nothing");
-    assert_eq!(*desk.site(), before);
-    assert!(desk.harness.state().session.note.as_ref().unwrap().starts_with("Not possible"));
-    assert_eq!(desk.harness.state().session.history.depth(), 0);
-}
-
-#[test]
-fn unsaved_work_is_put_aside_when_another_site_is_opened() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
-    app.open_site(demo(), calib_app::files::Images::default(), None);
-    let mut harness = egui_kittest::Harness::builder()
-        .with_context_setup(calib_app::theme::install)
-        .build_ui_state(|ui, app: &mut calib_app::App| app.show_ui(ui), app);
-    harness.run_steps(2);
-    harness.state_mut().session.site.name = Some("Mine".into());
-    harness.state_mut().session.commit("name the site");
-    harness.run_steps(2);
-    harness.state_mut().open_site(calib_core::Site::new(), calib_app::files::Images::default(), None);
-    harness.state_mut().session.site.name = Some("Another".into());
-    harness.state_mut().session.commit("name the site");
-    harness.run_steps(2);
-    assert_eq!(harness.state().found.len(), 1, "it is offered");
-    harness.state_mut().recover(0);
-    assert_eq!(harness.state().session.site.name.as_deref(), Some("Mine"));
-    drop(harness);
-    let app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
-    let mut names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
-    names.sort();
-    assert_eq!(names, ["Another", "Mine"], "and both outlive the program");
-}
-
-#[test]
-fn while_solving_is_paused_results_stay_with_their_cameras() {
-    let mut desk = Desk::new(demo());
-    let poses: Vec<_> = (0..3).map(|i| desk.app().session.solved.pose(i).copied()).collect();
-    tell(&mut desk, Command::Pause);
-    tell(&mut desk, Command::RemoveCamera);
-    assert_eq!(desk.app().session.solved.pose(0).copied(), poses[1]);
-    assert_eq!(desk.app().session.solved.pose(1).copied(), poses[2]);
-    desk.undo();
-    assert_eq!(desk.app().session.solved.pose(1).copied(), poses[1]);
-}
-
-#[test]
-fn escape_in_a_field_leaves_the_field_and_nothing_else() {
-    let mut desk = Desk::new(demo());
-    desk.take("Select");
-    desk.app().session.select_only(0, calib_app::hit::Part::Line { annotation: 0, segment: 0 });
-    desk.harness.run_steps(2);
-    let id = desk.site().cameras[0].id.clone();
-    desk.harness.get_by_label("Id").focus();
-    desk.harness.run_steps(2);
-    desk.harness.event(Event::Text("x".into()));
-    desk.harness.run_steps(2);
-    desk.key(Key::Escape);
-    assert_eq!(desk.site().cameras[0].id, id, "what was typed is dropped");
-    assert!(!desk.app().session.selection.is_empty(), "the selection is not the field's");
-    desk.key(Key::Escape);
-    assert!(desk.app().session.selection.is_empty());
-}
-
-#[test]
-fn a_camera_is_turned_and_scaled_on_the_plan_by_keys() {
-    let mut desk = Desk::new(demo());
-    let free = desk.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
-    desk.app().session.choose(free);
-    desk.key(Key::Num2);
-    let before = desk.app().session.placement(free).unwrap();
-    desk.keys(Modifiers::COMMAND, Key::ArrowLeft);
-    let turned = desk.app().session.placement(free).unwrap();
-    assert!(((turned.turn - before.turn).to_degrees() - 0.1).abs() < 1e-5, "{turned:?}");
-    desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::ArrowUp);
-    let grown = desk.app().session.placement(free).unwrap();
-    assert!((grown.scale / turned.scale - 1.01).abs() < 1e-6, "{grown:?}");
-    desk.keys(Modifiers::COMMAND, Key::ArrowRight);
-    desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::ArrowDown);
-    let back = desk.app().session.placement(free).unwrap();
-    assert!((back.turn - before.turn).abs() < 1e-6 && (back.scale - before.scale).abs() < 1e-6);
-}
-
-#[test]
 fn a_saved_version_is_compared_camera_by_camera() {
     let scratch = Scratch::new();
     let mut site = demo();
@@ -509,25 +395,4 @@ fn a_chooser_that_is_closed_changes_nothing() {
         desk.harness.run_steps(3);
         assert!(*desk.site() == before && desk.app().error.is_none(), "{purpose:?}");
     }
-}
-
-#[test]
-fn a_right_click_offers_what_can_be_done_to_what_is_under_it() {
-    let mut desk = Desk::new(demo());
-    let before = desk.site().clone();
-    let line = &before.cameras[0].annotations[0].segments.as_ref().unwrap()[0];
-    let (a, b) = (line[0], line[1]);
-    let at = desk.screen(Pane::Image(0), [0.5 * (a.u + b.u), 0.5 * (a.v + b.v)]);
-    let button = PointerButton::Secondary;
-    for pressed in [true, false] {
-        desk.harness.event(Event::PointerMoved(at));
-        desk.harness.event(Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
-        desk.harness.step();
-    }
-    desk.harness.run_steps(2);
-    desk.harness.get_by_label_contains("Delete what is selected").click();
-    desk.harness.run_steps(2);
-    assert!(desk.site().cameras[0].annotations != before.cameras[0].annotations, "it is deleted");
-    desk.undo();
-    assert_eq!(desk.site().cameras[0].annotations, before.cameras[0].annotations);
 }

@@ -64,7 +64,7 @@ macro_rules! python {
 const PEERS: Tool = python!(
     "the peers' Python packages",
     "target/peers-venv",
-    "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93"
+    "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 PyYAML==6.0.3"
 );
 
 /// `DuckDB` and Spark, for the tests and the benchmark of archives.

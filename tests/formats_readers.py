@@ -1,0 +1,34 @@
+"""Reads exports with the programs that they are for, and prints as JSON what those make of them.
+
+    formats_readers.py FOLDER POINTS
+
+FOLDER has a folder for every format; POINTS is a JSON list of points of the world.
+"""
+
+import json
+import pathlib
+import sys
+
+import pycolmap
+import yaml
+
+folder = pathlib.Path(sys.argv[1])
+points = json.loads(sys.argv[2])
+(image,) = pycolmap.Reconstruction(str(folder / "colmap")).images.values()
+
+
+def read(path):
+    with open(folder / path) as text:
+        return yaml.safe_load(text)
+
+
+print(
+    json.dumps(
+        {
+            "colmap": [list(map(float, image.project_point(point))) for point in points],
+            "ros": read("ros/yard.yaml"),
+            "nvidia": read("nvidia/camInfo/yard.yml"),
+            "frigate": read("frigate/zones.yml"),
+        }
+    )
+)
