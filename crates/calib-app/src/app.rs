@@ -297,7 +297,7 @@ impl App {
         let Some(refining) = self.refining.take() else { return };
         match refining.poll() {
             Some(Ok(refined)) => self.session.take_refined(&refining.from, &refined),
-            Some(Err(error)) => self.error = Some(format!("Refining stopped: {error}")),
+            Some(Err(error)) => self.complain(format!("Refining stopped: {error}")),
             None => self.refining = Some(refining),
         }
     }

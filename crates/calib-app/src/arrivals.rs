@@ -24,7 +24,7 @@ impl Chosen {
     }
 
     fn is_site(&self) -> bool {
-        Path::new(&self.name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+        files::has_ending(Path::new(&self.name), "json")
     }
 }
 
@@ -85,7 +85,7 @@ impl App {
         self.attach(&mut files);
         for file in files {
             let name = Path::new(&file.name);
-            if file.bytes.is_some() && name.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
+            if file.bytes.is_some() && files::has_ending(name, "svg") {
                 self.load_plan(ctx, file);
             } else if file.bytes.is_none() || !files::is_image(name) {
                 self.complain(format!("{}: neither a site (.json) nor an image (.png, .jpg)", file.name));

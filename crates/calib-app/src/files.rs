@@ -243,11 +243,16 @@ pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> 
     Ok((site, images))
 }
 
+/// Whether a name has this ending, in capitals or not.
+#[must_use]
+pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+}
+
 /// Whether a name ends like an image that can be read.
 #[must_use]
 pub fn is_image(path: &Path) -> bool {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    extension.is_some_and(|extension| ["png", "jpg", "jpeg"].contains(&extension.as_str()))
+    ["png", "jpg", "jpeg"].iter().any(|ending| has_ending(path, ending))
 }
 
 #[cfg(not(target_arch = "wasm32"))]

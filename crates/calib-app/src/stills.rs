@@ -266,12 +266,11 @@ impl App {
 
     /// Takes what was dropped or named: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
-        let is_site = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-        if is_site {
+        if files::has_ending(&path, "json") {
             self.open_path(&path);
             return;
         }
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+        if files::has_ending(&path, "svg") {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
             self.load_plan(ctx, Chosen { name, path: Some(path), bytes: None });
             return;

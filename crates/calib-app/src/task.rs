@@ -48,12 +48,26 @@ impl<T: Send + 'static> Task<T> {
     /// Starts the work; `ctx` is asked for a frame when it is done.
     #[must_use]
     pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        Self::start(ctx, || Some(gate::enter()), work)
+    }
+
+    /// Starts work that waits for no other.
+    #[must_use]
+    pub fn spawn_apart(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        Self::start(ctx, || None, work)
+    }
+
+    fn start(
+        ctx: &egui::Context,
+        enter: fn() -> Option<gate::Place>,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Self {
         let (sender, result) = std::sync::mpsc::channel();
         let ctx = ctx.clone();
         let wanted = std::sync::Arc::new(());
         let is_wanted = std::sync::Arc::downgrade(&wanted);
         std::thread::spawn(move || {
-            let _place = gate::enter();
+            let _place = enter();
             if is_wanted.strong_count() == 0 {
                 return;
             }
@@ -64,21 +78,6 @@ impl<T: Send + 'static> Task<T> {
             }
         });
         Self { result, wanted }
-    }
-
-    /// Starts work that waits for no other.
-    #[must_use]
-    pub fn spawn_apart(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
-        let (sender, result) = std::sync::mpsc::channel();
-        let ctx = ctx.clone();
-        std::thread::spawn(move || {
-            let done = work();
-            // Nobody waits any more when the receiver is gone.
-            if sender.send(done).is_ok() {
-                ctx.request_repaint();
-            }
-        });
-        Self { result, wanted: std::sync::Arc::new(()) }
     }
 
     /// The result, once; work that was lost has none.

@@ -4,33 +4,12 @@
 
 mod desk;
 
-use calib_app::command::{self, Command};
+use calib_app::command::Command;
 use calib_app::tools::Pane;
 use calib_tests::Scratch;
-use desk::{Desk, demo};
+use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, PointerButton};
 use egui_kittest::kittest::Queryable as _;
-
-fn tell(desk: &mut Desk, command: Command) {
-    let ctx = desk.harness.ctx.clone();
-    command::run(desk.app(), &ctx, command, Modifiers::NONE);
-    desk.harness.run_steps(3);
-}
-
-/// A still of one colour, as a file.
-fn still(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
-    let mut png = std::io::Cursor::new(Vec::new());
-    image::RgbImage::new(w, h).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    scratch.write(name, png.get_ref());
-}
-
-fn wait(desk: &mut Desk, is_done: impl Fn(&calib_app::App) -> bool) {
-    let patience = std::time::Instant::now();
-    while !is_done(desk.harness.state()) {
-        desk.harness.step();
-        assert!(patience.elapsed().as_secs() < 60, "{:?}", desk.harness.state().error);
-    }
-}
 
 #[test]
 fn what_comes_in_waits_until_the_hand_is_empty() {
@@ -53,7 +32,7 @@ fn what_comes_in_waits_until_the_hand_is_empty() {
     }
     assert_eq!(desk.site().cameras.len(), count, "a line is under way");
     desk.release(to, Modifiers::NONE);
-    wait(&mut desk, |app| app.session.site.cameras.len() > count);
+    desk.wait(|app| app.session.site.cameras.len() > count);
     assert_eq!(desk.harness.state().session.history.depth(), 2, "the line, and the camera");
     desk.undo();
     desk.undo();
@@ -101,8 +80,8 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
 fn while_solving_is_paused_results_stay_with_their_cameras() {
     let mut desk = Desk::new(demo());
     let poses: Vec<_> = (0..3).map(|i| desk.app().session.solved.pose(i).copied()).collect();
-    tell(&mut desk, Command::Pause);
-    tell(&mut desk, Command::RemoveCamera);
+    desk.tell(Command::Pause);
+    desk.tell(Command::RemoveCamera);
     assert_eq!(desk.app().session.solved.pose(0).copied(), poses[1]);
     assert_eq!(desk.app().session.solved.pose(1).copied(), poses[2]);
     desk.undo();

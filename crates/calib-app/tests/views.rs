@@ -11,15 +11,9 @@ use calib_app::pane::Place;
 use calib_app::tools::{Pane, PlanHandle, plan_handles};
 use calib_core::{Kind, Pixel};
 use calib_tests::Scratch;
-use desk::{Desk, demo};
+use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
-
-fn tell(desk: &mut Desk, command: Command) {
-    let ctx = desk.harness.ctx.clone();
-    command::run(desk.app(), &ctx, command, Modifiers::NONE);
-    desk.harness.run_steps(3);
-}
 
 /// Everything that is on screen.
 fn words(desk: &Desk) -> String {
@@ -43,7 +37,7 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
         all
     };
     assert!(shown(&mut desk).contains(" m"));
-    tell(&mut desk, Command::Feet);
+    desk.tell(Command::Feet);
     assert_eq!(desk.app().session.units, Units::Feet);
     let feet = shown(&mut desk);
     let metres = |line: &&str| {
@@ -59,7 +53,7 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
 #[test]
 fn a_height_typed_in_feet_is_metres_in_the_site() {
     let mut desk = Desk::new(demo());
-    tell(&mut desk, Command::Feet);
+    desk.tell(Command::Feet);
     for camera in &mut desk.app().session.site.cameras {
         camera.control_points.clear();
     }
@@ -110,7 +104,7 @@ fn what_is_dragged_snaps_only_when_that_is_asked_for() {
         let mut desk = Desk::new(site);
         desk.key(Key::Num2);
         if snaps {
-            tell(&mut desk, Command::Snap);
+            desk.tell(Command::Snap);
         }
         desk.take("Select");
         let foot = plan_handles(&desk.app().session, 0)[0];
@@ -227,7 +221,7 @@ fn a_lens_of_another_program_goes_to_the_camera_in_hand() {
         ),
     );
     desk.answer(Some(scratch.path("elsewhere.yaml")));
-    tell(&mut desk, Command::Import);
+    desk.tell(Command::Import);
     assert_eq!(desk.app().error, None);
     let lens = desk.site().cameras[0].lens.clone().unwrap();
     assert_eq!(lens.focal_px.map(|focal| focal.value), Some(1400.0));
@@ -249,21 +243,6 @@ fn annotations_are_copied_to_another_camera_at_its_size() {
     assert_eq!(desk.site().cameras[1].annotations.len(), before);
 }
 
-/// A still of one colour, as a file.
-fn still(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
-    let mut png = std::io::Cursor::new(Vec::new());
-    image::RgbImage::new(w, h).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    scratch.write(name, png.get_ref());
-}
-
-fn wait(desk: &mut Desk, is_done: impl Fn(&calib_app::App) -> bool) {
-    let patience = std::time::Instant::now();
-    while !is_done(desk.harness.state()) {
-        desk.harness.step();
-        assert!(patience.elapsed().as_secs() < 60, "{:?}", desk.harness.state().error);
-    }
-}
-
 #[test]
 fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
     let scratch = Scratch::new();
@@ -283,8 +262,8 @@ fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
     };
     let before = drawn(&desk);
     desk.answer(Some(scratch.path("new.png")));
-    tell(&mut desk, Command::ReplaceStill);
-    wait(&mut desk, |app| app.old_still.is_some());
+    desk.tell(Command::ReplaceStill);
+    desk.wait(|app| app.old_still.is_some());
     assert_eq!(drawn(&desk), before, "nothing is rescaled that nobody asked for");
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Old still").is_some(), "old and new are blended");
@@ -312,7 +291,7 @@ fn a_saved_version_is_compared_camera_by_camera() {
     site.cameras[1].placement.as_mut().unwrap().move_m.x += 0.5;
     let mut desk = Desk::new(site);
     desk.answer(Some(scratch.path("saved.json")));
-    tell(&mut desk, Command::Compare);
+    desk.tell(Command::Compare);
     let told = words(&desk);
     assert!(told.contains("50.0 cm") && told.contains("0.0 cm"), "{told}");
 }
@@ -328,10 +307,10 @@ fn reading_is_cancelled_and_gone_on_with() {
     }
     let mut desk = Desk::new(site);
     assert!(desk.app().is_working());
-    tell(&mut desk, Command::StopWork);
+    desk.tell(Command::StopWork);
     assert!(!desk.app().is_working(), "nothing is waited for");
-    tell(&mut desk, Command::ReadAgain);
-    wait(&mut desk, |app| app.pictures.loading() == 0);
+    desk.tell(Command::ReadAgain);
+    desk.wait(|app| app.pictures.loading() == 0);
     let name = desk.site().cameras[0].image.clone().unwrap();
     assert!(desk.app().pictures.ready(&name).is_some());
 }
@@ -344,8 +323,8 @@ fn a_drawing_becomes_a_plan_that_every_program_shows() {
     desk.answer(Some(scratch.path("plan.svg")));
     desk.app().session.site.plan = None;
     desk.app().session.commit("no plan");
-    tell(&mut desk, Command::LoadPlan);
-    wait(&mut desk, |app| app.session.site.plan.is_some());
+    desk.tell(Command::LoadPlan);
+    desk.wait(|app| app.session.site.plan.is_some());
     let images = desk.app().session.images.clone();
     let saved = images.put_into(desk.site(), None);
     let image = saved.plan.and_then(|plan| plan.image).unwrap();

@@ -4,12 +4,14 @@
 use std::path::PathBuf;
 
 use calib_app::App;
+use calib_app::command::{self, Command};
 use calib_app::dialog::{Chosen, Dialog};
 use calib_app::files::Images;
 use calib_app::pane::Place;
 use calib_app::theme;
 use calib_app::tools::{Pane, TOOLS};
 use calib_core::{Pixel, Site};
+use calib_tests::Scratch;
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -72,15 +74,26 @@ impl Desk {
         self.harness.run_steps(2);
     }
 
+    /// Has the app do something.
+    pub(crate) fn tell(&mut self, command: Command) {
+        let ctx = self.harness.ctx.clone();
+        command::run(self.app(), &ctx, command, Modifiers::NONE);
+        self.harness.run_steps(3);
+    }
+
+    /// Lets frames pass until something is so.
+    pub(crate) fn wait(&mut self, is_done: impl Fn(&App) -> bool) {
+        let patience = std::time::Instant::now();
+        while !is_done(self.harness.state()) {
+            self.harness.step();
+            assert!(patience.elapsed().as_secs() < 60, "{:?}", self.harness.state().error);
+        }
+    }
+
     /// Improves all cameras together, and waits for it.
     pub(crate) fn refine(&mut self) {
         self.key(Key::F9);
-        let patience = std::time::Instant::now();
-        while self.app().is_working() {
-            assert!(patience.elapsed().as_secs() < 60, "refining does not end");
-            std::thread::sleep(std::time::Duration::from_millis(5));
-            self.harness.step();
-        }
+        self.wait(|app| !app.is_working());
         self.harness.step();
     }
 
@@ -161,6 +174,13 @@ impl Desk {
     pub(crate) fn line(&mut self, camera: usize, from: Pixel, to: Pixel) {
         self.drag(Pane::Image(camera), from.into(), to.into());
     }
+}
+
+/// A still of one colour, as a file.
+pub(crate) fn still(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(w, h).write_to(&mut png, image::ImageFormat::Png).expect("an image in memory");
+    scratch.write(name, png.get_ref());
 }
 
 /// The demonstration site without its images, which tests need not wait for.
