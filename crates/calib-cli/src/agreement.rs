@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use calib_core::{
-    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Site, SiteCamera, Stage, WorldPoint,
+    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Site, SiteCamera, WorldPoint,
 };
 
 /// A link or a mark that has a place, and what the cameras make of it.
@@ -75,7 +75,7 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 pub(crate) fn elements(site: &Site) -> Vec<Element<'_>> {
     let mut cameras: HashMap<&str, (usize, Camera)> = HashMap::new();
     for (index, entry) in site.cameras.iter().enumerate() {
-        let stands = entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed);
+        let stands = entry.is_placed();
         if let Some(camera) = entry.camera().filter(|_| stands) {
             cameras.entry(&entry.id).or_insert((index, camera));
         }

@@ -6,7 +6,7 @@ use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
 use arrow::datatypes::{DataType, Schema, TimeUnit, TimestampNanosecondType};
-use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera, Stage};
+use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
 use serde_json::json;
 
 use crate::archive::{is_json, plain};
@@ -96,12 +96,9 @@ impl Calibrations {
             ByCamera::Only(id) => entry.id == *id,
             ByCamera::Column(_) => true,
         };
-        let is_placed = |entry: &&SiteCamera| {
-            entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
-        };
-        if file.site.cameras.iter().any(|entry| is_placed(&entry)) {
+        if file.site.cameras.iter().any(SiteCamera::is_placed) {
             let loose =
-                file.site.cameras.iter().filter(wanted).filter(|c| c.camera().is_some() && !is_placed(c));
+                file.site.cameras.iter().filter(wanted).filter(|c| c.camera().is_some() && !c.is_placed());
             for entry in loose {
                 say(format_args!(
                     "calib: camera \"{}\" is not placed: its metres are from its own foot, not of the site",

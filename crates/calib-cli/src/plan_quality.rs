@@ -1,7 +1,7 @@
 //! What the plan shows of how well a site is known: where each camera may stand, and how far cameras
 //! put links and marks from where they are.
 
-use calib_core::{Camera, FloorPoint, Site, Stage, position_ellipse};
+use calib_core::{Camera, FloorPoint, Site, position_ellipse};
 
 use crate::agreement::{Element, elements};
 use crate::style::{self, BAD_ON_LIGHT, INK};
@@ -31,9 +31,7 @@ impl<'a> PlanQuality<'a> {
     /// `scale` is that of the drawing, as in [`Svg::scale`].
     pub(crate) fn new(site: &'a Site, scale: f64, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> Self {
         let cameras = || {
-            let placed = site.cameras.iter().enumerate().filter(|(_, entry)| {
-                entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
-            });
+            let placed = site.cameras.iter().enumerate().filter(|(_, entry)| entry.is_placed());
             placed.filter_map(|(index, entry)| Some((index, entry.camera()?)))
         };
         // The largest must show beside the dot of its camera; the others are drawn alike, to be compared.

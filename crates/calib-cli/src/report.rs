@@ -52,7 +52,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
         Err(stop) => return Err(stop),
     };
     let (ground, svg) = plan_view(&file.site, picture);
-    if file.site.cameras.iter().any(|c| c.solution.as_ref().is_some_and(|s| s.stage >= Stage::Placed)) {
+    if file.site.cameras.iter().any(SiteCamera::is_placed) {
         let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", figure(&ground, &svg)?);
     }
     for camera in &file.site.cameras {

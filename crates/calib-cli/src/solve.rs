@@ -226,11 +226,8 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
 
 /// Root mean square, worst and number of the residuals of the control points that were used.
 fn worst_control_point(camera: &SiteCamera, residuals: &[Residual]) -> Option<(f64, f64, usize)> {
-    let off: Vec<String> = (0..)
-        .zip(&camera.control_points)
-        .filter(|(_, point)| point.off)
-        .map(|(index, point): (usize, _)| point.id.clone().unwrap_or_else(|| index.to_string()))
-        .collect();
+    let off = camera.control_points.iter().enumerate().filter(|(_, point)| point.off);
+    let off: Vec<String> = off.map(|(index, point)| point.label(index)).collect();
     let is_used = |r: &&Residual| !r.outlier && !r.id.as_ref().is_some_and(|id| off.contains(id));
     let points: Vec<f64> =
         residuals.iter().filter(|r| r.of == ResidualOf::ControlPoint).filter(is_used).map(|r| r.px).collect();

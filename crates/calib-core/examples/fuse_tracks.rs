@@ -16,7 +16,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 
-use calib_core::{Camera, Covariance, Options, Pixel, Site, Stage};
+use calib_core::{Camera, Covariance, Options, Pixel, Site};
 use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2, Vector4};
 
 /// Standard deviation of a detected foot, in pixels.
@@ -249,13 +249,12 @@ pub(crate) fn cameras(json: &str) -> Result<Vec<(String, Camera)>, Box<dyn Error
     }
     let mut placed: Vec<(String, Camera)> = Vec::new();
     for entry in &site.cameras {
-        let is_placed = entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed);
         if placed.iter().any(|(id, _)| *id == entry.id) {
             return Err(
                 format!("camera {:?} has several periods: keep the one of the detections", entry.id).into()
             );
         }
-        placed.extend(entry.camera().filter(|_| is_placed).map(|camera| (entry.id.clone(), camera)));
+        placed.extend(entry.camera().filter(|_| entry.is_placed()).map(|camera| (entry.id.clone(), camera)));
     }
     Ok(placed)
 }

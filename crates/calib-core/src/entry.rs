@@ -70,6 +70,12 @@ impl From<Placement> for PlacementEntry {
 }
 
 impl ControlPointEntry {
+    /// What residuals call it: its id, or its number in the list of its camera.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        self.id.clone().unwrap_or_else(|| index.to_string())
+    }
+
     /// The point with its place in the base system; `None` for a plan pixel without a plan.
     #[must_use]
     pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
@@ -206,6 +212,12 @@ impl SiteCamera {
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
+    }
+
+    /// Whether it was solved, and stands where it belongs in the site.
+    #[must_use]
+    pub fn is_placed(&self) -> bool {
+        self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
     }
 
     /// The calibrated camera, if it was solved beyond its lens.

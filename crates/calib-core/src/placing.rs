@@ -9,7 +9,7 @@ use crate::covariance::Covariance;
 use crate::fit::grid;
 use crate::placement::{ControlPoint, from_control_points, with_placement_covariance};
 use crate::report::{Code, Residual, ResidualOf, Warning};
-use crate::site::{ControlPointEntry, Site, SiteCamera};
+use crate::site::{Site, SiteCamera};
 use crate::solution::{CovarianceEntry, Sigmas, Solution, Stage};
 
 /// Relative: what a hand can tell of a camera's height by dragging a polygon over a plan.
@@ -55,7 +55,7 @@ impl Site {
     pub(crate) fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, solution: &mut Solution) {
         let mut lost = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            let id = name((index, point));
+            let id = point.label(index);
             let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {
                 if !point.off {
@@ -83,17 +83,12 @@ impl Site {
     }
 }
 
-/// What a control point is called: its id, or its number.
-fn name((index, point): (usize, &ControlPointEntry)) -> String {
-    point.id.clone().unwrap_or_else(|| index.to_string())
-}
-
 /// Control points that are farther from their pixels than drawing explains.
 fn far_off(entry: &SiteCamera, solution: &mut Solution) {
     /// Root mean square, in sigmas; pitch and focal carry some of their own error into it.
     const MOST: f64 = 8.0;
-    let names = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off).map(name);
-    let on: BTreeSet<String> = names.collect();
+    let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
+    let on: BTreeSet<String> = used.map(|(index, point)| point.label(index)).collect();
     let used =
         |r: &&Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref().is_some_and(|id| on.contains(id));
     let points: Vec<&Residual> = solution.residuals.iter().filter(used).collect();

@@ -3,8 +3,7 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, Stage, UndistortedPixel,
-    WorldPoint,
+    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel, WorldPoint,
 };
 
 use crate::file::file_name;
@@ -99,7 +98,7 @@ impl View {
             efov_m,
             valid_from: entry.valid_from.clone(),
             valid_to: entry.valid_to.clone(),
-            is_placed: entry.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed),
+            is_placed: entry.is_placed(),
         };
         view.efov_px = drawn.into_iter().map(|pixel| view.in_stream(pixel)).collect();
         Some(view)

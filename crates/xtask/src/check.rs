@@ -123,7 +123,7 @@ const BROWSER: Tool = Tool {
     is_there: || {
         let [wanted, made] = LOCK.map(|path| std::fs::read(root().join(path)).ok());
         let mut node = Command::new("node");
-        node.args(["--eval", "process.exit(parseInt(process.versions.node) < 20)"]);
+        node.args(["--eval", "process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)"]);
         let has_node = node.status().is_ok_and(|status| status.success());
         runs("/usr/bin/chromium", &["--version"]) && has_node && wanted.is_some() && wanted == made
     },
@@ -353,7 +353,11 @@ pub(crate) fn ready(tool: &Tool, install: bool) -> bool {
             }
         }
     }
-    (tool.is_there)()
+    let is_there = (tool.is_there)();
+    if install && !is_there {
+        println!("== {} was installed and is still not what the checks want", tool.name);
+    }
+    is_there
 }
 
 /// Whether a program of the workspace's tools runs.

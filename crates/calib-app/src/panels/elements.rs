@@ -391,7 +391,7 @@ pub fn controls(app: &mut App, ui: &mut Ui) {
     let plan = app.session.site.plan.clone();
     let mut change = None;
     for (index, point) in points.iter().enumerate() {
-        let name = point.id.clone().unwrap_or_else(|| index.to_string());
+        let name = point.label(index);
         let residual = app.session.solution().and_then(|solution| {
             let own =
                 |r: &&calib_core::Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref() == Some(&name);
