@@ -4,8 +4,9 @@ use crate::accuracy::floor_length_rel;
 use crate::annotation::{Annotation, Kind, line_name};
 use crate::evidence::{End, Evidence, Length, Line, Source, Toward};
 use crate::fit::{Fit, FitOptions, grid};
-use crate::likelihood::{Problem, State, Uncertainty};
+use crate::likelihood::{Problem, State};
 use crate::minima::OPEN_FOCAL;
+use crate::normal::Uncertainty;
 use crate::report::{Code, Warning};
 
 /// Relative error of floor lengths above which a result is weak, and above which it is unusable.

@@ -5,6 +5,81 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Derivatives with respect to roll, pitch, log focal and log height.
 pub(crate) type Slope = [f64; 4];
 
+/// What a formula is evaluated in: values alone, or values with their derivatives. Searches ask for
+/// the values of many states, and for the derivatives of few.
+pub(crate) trait Number:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Mul<f64, Output = Self>
+{
+    /// Whether it carries derivatives.
+    const HAS_SLOPE: bool;
+
+    /// A value with its derivatives, which a number without them drops.
+    fn new(value: f64, slope: Slope) -> Self;
+    fn value(self) -> f64;
+    /// A function of this number, with its value and derivative here.
+    fn chain(self, value: f64, derivative: f64) -> Self;
+
+    fn constant(value: f64) -> Self {
+        Self::new(value, [0.0; 4])
+    }
+
+    /// The unknown of this index.
+    fn unknown(value: f64, index: usize) -> Self {
+        let mut slope = [0.0; 4];
+        slope[index] = 1.0;
+        Self::new(value, slope)
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        let root = self.value().sqrt();
+        self.chain(root, 0.5 / root)
+    }
+
+    #[inline]
+    fn ln(self) -> Self {
+        self.chain(self.value().ln(), self.value().recip())
+    }
+
+    #[inline]
+    fn exp(self) -> Self {
+        let value = self.value().exp();
+        self.chain(value, value)
+    }
+
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = self.value().sin_cos();
+        (self.chain(sin, cos), self.chain(cos, -sin))
+    }
+}
+
+impl Number for f64 {
+    const HAS_SLOPE: bool = false;
+
+    #[inline]
+    fn new(value: f64, _: Slope) -> Self {
+        value
+    }
+
+    #[inline]
+    fn value(self) -> f64 {
+        self
+    }
+
+    #[inline]
+    fn chain(self, value: f64, _: f64) -> Self {
+        value
+    }
+}
+
 /// A value with its derivatives (forward differentiation).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dual {
@@ -12,76 +87,88 @@ pub(crate) struct Dual {
     pub(crate) slope: Slope,
 }
 
-impl Dual {
-    pub(crate) const fn constant(value: f64) -> Self {
-        Self { value, slope: [0.0; 4] }
-    }
+impl Number for Dual {
+    const HAS_SLOPE: bool = true;
 
-    /// The unknown of this index.
-    pub(crate) const fn unknown(value: f64, index: usize) -> Self {
-        let mut slope = [0.0; 4];
-        slope[index] = 1.0;
+    #[inline]
+    fn new(value: f64, slope: Slope) -> Self {
         Self { value, slope }
     }
 
-    /// A function of this number, with its value and derivative here.
+    #[inline]
+    fn value(self) -> f64 {
+        self.value
+    }
+
     #[inline]
     fn chain(self, value: f64, derivative: f64) -> Self {
         Self { value, slope: self.slope.map(|s| s * derivative) }
     }
+}
 
-    pub(crate) fn sqrt(self) -> Self {
-        let root = self.value.sqrt();
-        self.chain(root, 0.5 / root)
-    }
-
-    pub(crate) fn ln(self) -> Self {
-        self.chain(self.value.ln(), self.value.recip())
-    }
-
-    pub(crate) fn exp(self) -> Self {
-        let value = self.value.exp();
-        self.chain(value, value)
-    }
-
-    pub(crate) fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = self.value.sin_cos();
-        (self.chain(sin, cos), self.chain(cos, -sin))
+impl Add for Dual {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self {
+            value: self.value + other.value,
+            slope: std::array::from_fn(|i| self.slope[i] + other.slope[i]),
+        }
     }
 }
 
-macro_rules! operator {
-    ($trait:ident, $method:ident, |$a:ident, $b:ident| $value:expr, |$s:ident, $t:ident| $slope:expr) => {
-        impl $trait for Dual {
-            type Output = Self;
-            #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
-            #[inline]
-            fn $method(self, other: Self) -> Self {
-                let ($a, $b) = (self.value, other.value);
-                let slope = std::array::from_fn(|i| {
-                    let ($s, $t) = (self.slope[i], other.slope[i]);
-                    $slope
-                });
-                Self { value: $value, slope }
-            }
+impl Sub for Dual {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        Self {
+            value: self.value - other.value,
+            slope: std::array::from_fn(|i| self.slope[i] - other.slope[i]),
         }
-        impl $trait<f64> for Dual {
-            type Output = Self;
-            #[inline]
-            fn $method(self, other: f64) -> Self {
-                $trait::$method(self, Self::constant(other))
-            }
-        }
-    };
+    }
 }
 
-operator!(Add, add, |a, b| a + b, |s, t| s + t);
-operator!(Sub, sub, |a, b| a - b, |s, t| s - t);
-operator!(Mul, mul, |a, b| a * b, |s, t| s * b + a * t);
-operator!(Div, div, |a, b| a / b, |s, t| (s - a / b * t) / b);
+impl Mul for Dual {
+    type Output = Self;
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
+    #[inline]
+    fn mul(self, other: Self) -> Self {
+        let slope = |i: usize| self.slope[i] * other.value + self.value * other.slope[i];
+        Self { value: self.value * other.value, slope: std::array::from_fn(slope) }
+    }
+}
+
+impl Div for Dual {
+    type Output = Self;
+    #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
+    #[inline]
+    fn div(self, other: Self) -> Self {
+        // One division; the slopes are multiplied.
+        let (value, inverse) = (self.value / other.value, other.value.recip());
+        let slope = |i: usize| (self.slope[i] - value * other.slope[i]) * inverse;
+        Self { value, slope: std::array::from_fn(slope) }
+    }
+}
+
+impl Add<f64> for Dual {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: f64) -> Self {
+        Self { value: self.value + other, ..self }
+    }
+}
+
+impl Mul<f64> for Dual {
+    type Output = Self;
+    #[inline]
+    fn mul(self, other: f64) -> Self {
+        self.chain(self.value * other, other)
+    }
+}
 
 impl Neg for Dual {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         self * -1.0
     }

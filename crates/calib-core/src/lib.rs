@@ -116,6 +116,7 @@ mod criterion;
 mod placement;
 mod dual;
 mod residual;
+mod normal;
 mod likelihood;
 mod minima;
 mod outliers;

@@ -5,14 +5,13 @@
 //! angle and every group of equal segments a log length. A residual depends on the core and on one
 //! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
 
-use nalgebra::{Matrix4, SymmetricEigen};
-
 use crate::criterion::{Held, Orientation};
-use crate::dual::{Dual, Slope};
+use crate::dual::{Dual, Number};
 use crate::evidence::{Evidence, Length, Line, Source, Toward, Upright};
 use crate::minimize::LeastSquares;
+use crate::normal::{Normal, Uncertainty};
 use crate::residual::{
-    Angles, Core, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, Unrolled, Vanishing, floor_length, line_residual,
+    Angles, Core, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, ROLL, Unrolled, Vanishing, floor_length,
     upright_residuals,
 };
 use crate::vanishing::line_through;
@@ -69,139 +68,6 @@ impl State {
     pub(crate) fn orientation(&self) -> Orientation {
         let [roll, pitch, log_focal, _] = self.core;
         Orientation { roll, pitch, focal: log_focal.exp() }
-    }
-}
-
-/// Normal equations with one unknown beside the core per block.
-#[derive(Clone, Debug)]
-pub(crate) struct Normal {
-    cost: f64,
-    core: [[f64; 4]; 4],
-    gradient: [f64; 4],
-    blocks: Vec<Block>,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Block {
-    square: f64,
-    cross: [f64; 4],
-    gradient: f64,
-}
-
-impl Normal {
-    fn new(nuisances: usize) -> Self {
-        Self { cost: 0.0, core: [[0.0; 4]; 4], gradient: [0.0; 4], blocks: vec![Block::default(); nuisances] }
-    }
-
-    #[inline]
-    fn add(&mut self, residual: f64, slope: &Slope, nuisance: Option<(usize, f64)>) {
-        self.cost += residual * residual;
-        for i in 0..4 {
-            self.gradient[i] += slope[i] * residual;
-            for j in i..4 {
-                self.core[i][j] += slope[i] * slope[j];
-            }
-        }
-        if let Some((index, derivative)) = nuisance {
-            let block = &mut self.blocks[index];
-            block.square += derivative * derivative;
-            block.gradient += derivative * residual;
-            for i in 0..4 {
-                block.cross[i] += derivative * slope[i];
-            }
-        }
-    }
-
-    /// The core's equations with every block eliminated; damping multiplies the diagonal.
-    fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
-        let grow = 1.0 + damping;
-        let mut matrix = [[0.0; 4]; 4];
-        let mut right = self.gradient.map(|g| -g);
-        for i in 0..4 {
-            for j in i..4 {
-                matrix[i][j] = self.core[i][j] * if i == j { grow } else { 1.0 };
-            }
-        }
-        for block in self.blocks.iter().filter(|block| block.square > 0.0) {
-            let pivot = block.square * grow;
-            for i in 0..4 {
-                right[i] += block.cross[i] * block.gradient / pivot;
-                for j in i..4 {
-                    matrix[i][j] -= block.cross[i] * block.cross[j] / pivot;
-                }
-            }
-        }
-        for i in 0..4 {
-            for j in 0..i {
-                matrix[i][j] = matrix[j][i];
-            }
-        }
-        for i in (0..4).filter(|&i| !free[i]) {
-            for j in 0..4 {
-                matrix[i][j] = 0.0;
-                matrix[j][i] = 0.0;
-            }
-            matrix[i][i] = 1.0;
-            right[i] = 0.0;
-        }
-        (matrix, right)
-    }
-
-    /// Information about the core: the inverse of its covariance, held unknowns with rows of zeros.
-    pub(crate) fn information(&self, free: [bool; 4]) -> Matrix4<f64> {
-        let (matrix, _) = self.reduced(0.0, free);
-        let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
-        for i in (0..4).filter(|&i| !free[i]) {
-            information[(i, i)] = 0.0;
-        }
-        information
-    }
-}
-
-/// The covariance of the free unknowns and its weakest direction.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Uncertainty {
-    /// Of roll, pitch, log focal, log height; zeros for those held. Where the evidence leaves a
-    /// direction open, its variance is large, not infinite.
-    pub(crate) covariance: Matrix4<f64>,
-    /// Whether the evidence leaves a direction open.
-    pub(crate) singular: bool,
-}
-
-impl Uncertainty {
-    /// From information with rows of zeros for what is held.
-    pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
-        /// Relative to the best-known direction: below it the inverse is rounding.
-        const OPEN: f64 = 1e-13;
-        let scale: [f64; 4] = std::array::from_fn(|i| {
-            let diagonal = information[(i, i)];
-            if free[i] && diagonal > 0.0 { diagonal.sqrt().recip() } else { 0.0 }
-        });
-        let untouched = (0..4).any(|i| free[i] && scale[i] == 0.0);
-        let scaled = Matrix4::from_fn(|i, j| {
-            if scale[i] == 0.0 || scale[j] == 0.0 {
-                f64::from(u8::from(i == j))
-            } else {
-                information[(i, j)] * scale[i] * scale[j]
-            }
-        });
-        let eigen = SymmetricEigen::new(scaled);
-        let most = eigen.eigenvalues.max();
-        let least = OPEN * most;
-        let singular = untouched || eigen.eigenvalues.min() < least;
-        let inverse = eigen.eigenvectors
-            * Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(least).recip()))
-            * eigen.eigenvectors.transpose();
-        let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
-        for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
-            // Nothing at all is known of it: as uncertain as a factor of e^1000.
-            covariance[(i, i)] = 1e6;
-        }
-        Self { covariance, singular }
-    }
-
-    pub(crate) fn sigma(&self, index: usize) -> f64 {
-        self.covariance[(index, index)].max(0.0).sqrt()
     }
 }
 
@@ -285,10 +151,10 @@ impl<'a> Problem<'a> {
             *angle = 0.5 * sin.atan2(*cos);
         }
         let mut totals = vec![(0.0, 0.0); self.evidence.length_groups.len()];
-        let at = Unrolled::new(&core);
+        let at = Unrolled::<f64>::new(&core);
         for length in self.lengths() {
             let (log_length, _) = floor_length(&at, &length.ends)?;
-            totals[length.group].0 += log_length.value;
+            totals[length.group].0 += log_length;
             totals[length.group].1 += 1.0;
         }
         for (value, (sum, count)) in nuisance[self.evidence.groups..].iter_mut().zip(totals) {
@@ -297,21 +163,51 @@ impl<'a> Problem<'a> {
         Some(State { core, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, its slope, its unknown beside the core, and its source.
+    /// Calls `sink` with every residual in sigmas, its unknown beside the core, and its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
-    pub(crate) fn each_residual(
+    pub(crate) fn each_residual<N: Number>(
         &self,
         state: &State,
-        mut sink: impl FnMut(f64, &Slope, Option<(usize, f64)>, Option<Source>),
+        mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
     ) -> Option<()> {
         let core = &state.core;
         let focal = core[LOG_FOCAL].exp();
         if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || core[PITCH].abs() > 3.0 {
             return None;
         }
+        self.each_line(state, &mut sink);
         let scale = self.sigma.recip();
-        let angles = Angles::new(core);
+        let at = Unrolled::<N>::new(core);
+        for length in self.lengths() {
+            let (log_length, noise) = floor_length(&at, &length.ends)?;
+            let index = self.evidence.groups + length.group;
+            let (expected, beside) = match self.evidence.length_groups[length.group] {
+                Some(metres) => (-N::unknown(core[LOG_HEIGHT], LOG_HEIGHT) + metres.ln(), false),
+                None => (N::constant(state.nuisance[index]), true),
+            };
+            let residual = (log_length - expected) / noise * scale;
+            let beside = beside.then(|| (index, -scale / noise.value()));
+            sink(residual, beside, Some(length.source));
+        }
+        for upright in self.uprights() {
+            for residual in upright_residuals(&at, upright, self.sigma)? {
+                sink(residual, None, Some(upright.source));
+            }
+        }
+        self.each_prior(core, |residual| sink(residual, None, None));
+        Some(())
+    }
+
+    /// The residual of every line.
+    #[inline]
+    fn each_line<N: Number>(
+        &self,
+        state: &State,
+        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) {
+        let scale = self.sigma.recip();
+        let angles = Angles::new(&state.core);
         let down = angles.down();
         let directions: Vec<[Vanishing; 2]> = state.nuisance[..self.evidence.groups]
             .iter()
@@ -322,59 +218,42 @@ impl<'a> Problem<'a> {
                 Toward::Vertical => (&down, None),
                 Toward::Floor { group, quarter } => (&directions[group][usize::from(quarter)], Some(group)),
             };
-            let (residual, by_point) = line_residual(&line.ends, vanishing.at);
+            let residual = LineResidual::new(&line.ends, vanishing.at);
+            let value = scale * residual.pixels;
+            if !N::HAS_SLOPE {
+                sink(N::constant(value), None, Some(line.source));
+                continue;
+            }
+            let by_point = residual.by_point();
             let slope = |change: &[f64; 3]| scale * crate::camera::dot(&by_point, change);
-            let core_slope =
+            let by_core =
                 [slope(&vanishing.by_roll), slope(&vanishing.by_pitch), slope(&vanishing.by_log_focal), 0.0];
             let beside = group.map(|group| (group, slope(&vanishing.by_angle)));
-            sink(scale * residual, &core_slope, beside, Some(line.source));
+            sink(N::new(value, by_core), beside, Some(line.source));
         }
-        let at = Unrolled::new(core);
-        for length in self.lengths() {
-            let (log_length, noise) = floor_length(&at, &length.ends)?;
-            let index = self.evidence.groups + length.group;
-            let (expected, beside) = match self.evidence.length_groups[length.group] {
-                Some(metres) => {
-                    (Dual::constant(metres.ln()) - Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT), false)
-                }
-                None => (Dual::constant(state.nuisance[index]), true),
-            };
-            let residual = (log_length - expected) / noise * scale;
-            let beside = beside.then(|| (index, -scale / noise.value));
-            sink(residual.value, &residual.slope, beside, Some(length.source));
-        }
-        for upright in self.uprights() {
-            for residual in upright_residuals(&at, upright, self.sigma)? {
-                sink(residual.value, &residual.slope, None, Some(upright.source));
-            }
-        }
-        self.each_prior(core, |residual, slope| sink(residual, &slope, None, None));
-        Some(())
     }
 
     /// `(value - believed) / sigma` for every prior.
-    fn each_prior(&self, core: &Core, mut sink: impl FnMut(f64, Slope)) {
+    fn each_prior<N: Number>(&self, core: &Core, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
-        let mut add = |index: usize, prior: Option<Prior>, value: f64, derivative: f64| {
+        let mut add = |prior: Option<Prior>, value: N| {
             if let Some(Prior { value: believed, sigma }) = prior {
-                let mut slope = [0.0; 4];
-                slope[index] = derivative / sigma;
-                sink((value - believed) / sigma, slope);
+                sink((value + -believed) * sigma.recip());
             }
         };
-        add(ROLL, roll, core[ROLL], 1.0);
-        add(PITCH, pitch, core[PITCH], 1.0);
-        let (f, z) = (core[LOG_FOCAL].exp(), core[LOG_HEIGHT].exp());
-        add(LOG_FOCAL, focal, f, f);
-        add(LOG_FOCAL, weak_log_focal, core[LOG_FOCAL], 1.0);
-        add(LOG_HEIGHT, height, z, z);
+        let unknown = |index: usize| N::unknown(core[index], index);
+        add(roll, unknown(ROLL));
+        add(pitch, unknown(PITCH));
+        add(focal, unknown(LOG_FOCAL).exp());
+        add(weak_log_focal, unknown(LOG_FOCAL));
+        add(height, unknown(LOG_HEIGHT).exp());
     }
 
     /// Every piece of evidence with its distance from the prediction in pixels (of an upright, of both
     /// coordinates of its head together).
     pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
         let mut found: Vec<(Source, f64)> = Vec::new();
-        self.each_residual(state, |residual, _, _, source| {
+        self.each_residual(state, |residual: f64, _, source| {
             let Some(source) = source else { return };
             match found.last_mut() {
                 Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
@@ -387,14 +266,16 @@ impl<'a> Problem<'a> {
     /// Normal equations at a state; `None` where the geometry is impossible.
     pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
         let mut normal = Normal::new(self.nuisances());
-        self.each_residual(state, |residual, slope, beside, _| normal.add(residual, slope, beside))?;
+        self.each_residual(state, |residual: Dual, beside, _| {
+            normal.add(residual.value, &residual.slope, beside);
+        })?;
         normal.cost.is_finite().then_some(normal)
     }
 
     /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
     pub(crate) fn cost(&self, state: &State) -> Option<f64> {
         let mut cost = 0.0;
-        self.each_residual(state, |residual, _, _, _| cost += residual * residual)?;
+        self.each_residual(state, |residual: f64, _, _| cost += residual * residual)?;
         cost.is_finite().then_some(cost)
     }
 
@@ -414,58 +295,10 @@ impl LeastSquares for Problem<'_> {
     }
 
     fn step(&self, state: &State, normal: &Normal, damping: f64) -> Option<(State, f64, f64)> {
-        let (matrix, right) = normal.reduced(damping, self.free);
-        let core_step = solve_4(&matrix, &right)?;
-        let grow = 1.0 + damping;
         let mut next = state.clone();
-        let mut predicted = 0.0;
-        let mut size = 0.0_f64;
-        for i in 0..4 {
-            next.core[i] += core_step[i];
-            // Gain of the linear model under damping: step' (damping D step - gradient).
-            predicted += core_step[i] * (damping * normal.core[i][i] * core_step[i] - normal.gradient[i]);
-            size = size.max(core_step[i].abs());
-        }
-        for (value, block) in next.nuisance.iter_mut().zip(&normal.blocks) {
-            if block.square > 0.0 {
-                let coupled: f64 = block.cross.iter().zip(&core_step).map(|(c, s)| c * s).sum();
-                let step = -(block.gradient + coupled) / (block.square * grow);
-                *value += step;
-                predicted += step * (damping * block.square * step - block.gradient);
-                size = size.max(step.abs());
-            }
-        }
-        Some((next, predicted, size))
+        let (gain, size) = normal.step(&mut next.core, &mut next.nuisance, damping, self.free)?;
+        Some((next, gain, size))
     }
-}
-
-/// Solves a symmetric positive system by Cholesky; `None` when it is not positive.
-fn solve_4(matrix: &[[f64; 4]; 4], right: &[f64; 4]) -> Option<[f64; 4]> {
-    let mut lower = [[0.0; 4]; 4];
-    for i in 0..4 {
-        for j in 0..=i {
-            let sum: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
-            let rest = matrix[i][j] - sum;
-            if i == j {
-                if rest <= 1e-15 * matrix[i][i] || rest.is_nan() {
-                    return None;
-                }
-                lower[i][i] = rest.sqrt();
-            } else {
-                lower[i][j] = rest / lower[j][j];
-            }
-        }
-    }
-    let mut x = *right;
-    for i in 0..4 {
-        let sum: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
-        x[i] = (x[i] - sum) / lower[i][i];
-    }
-    for i in (0..4).rev() {
-        let sum: f64 = (i + 1..4).map(|k| lower[k][i] * x[k]).sum();
-        x[i] = (x[i] - sum) / lower[i][i];
-    }
-    Some(x)
 }
 
 /// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
@@ -487,7 +320,7 @@ pub(crate) fn residuals_at(
 /// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
 pub(crate) fn predictable(evidence: &Evidence, core: &Core) -> Evidence {
     let mut evidence = evidence.clone();
-    let at = Unrolled::new(core);
+    let at = Unrolled::<f64>::new(core);
     evidence.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
     evidence.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
     evidence
@@ -557,13 +390,13 @@ mod tests {
 
     fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
         let mut rows = Vec::new();
-        problem.each_residual(state, |residual, slope, beside, _| {
-            let mut row = slope.to_vec();
+        problem.each_residual(state, |residual: Dual, beside, _| {
+            let mut row = residual.slope.to_vec();
             row.resize(4 + state.nuisance.len(), 0.0);
             if let Some((index, derivative)) = beside {
                 row[4 + index] = derivative;
             }
-            rows.push((residual, row));
+            rows.push((residual.value, row));
         })?;
         Some(rows)
     }

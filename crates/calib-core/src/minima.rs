@@ -3,8 +3,9 @@
 
 use crate::criterion::Held;
 use crate::evidence::Toward;
-use crate::likelihood::{Prior, Problem, State, Uncertainty};
+use crate::likelihood::{Prior, Problem, State};
 use crate::minimize::least_squares;
+use crate::normal::Uncertainty;
 use crate::placement::STAGE_1_HEIGHT;
 use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
 use crate::vanishing::{roll_from_verticals, vanishing_point};
@@ -50,13 +51,10 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
     found
 }
 
-/// The minimum reached from a state nearby, as when one piece of evidence is taken away.
-pub(crate) fn minimum_near(problem: &Problem, state: &State) -> Option<Minimum> {
+/// The chi-square reached from a state nearby, as when one piece of evidence is taken away.
+pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
     let start = problem.state_at(state.core)?;
-    let (mut state, chi2, _) = least_squares(problem, start, ROUNDS)?;
-    fold(&mut state, problem);
-    let uncertainty = problem.uncertainty(&state)?;
-    Some(Minimum { state, chi2, uncertainty })
+    least_squares(problem, start, ROUNDS).map(|(_, chi2, _)| chi2)
 }
 
 /// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.

@@ -3,7 +3,7 @@
 use crate::criterion::Held;
 use crate::evidence::Source;
 use crate::likelihood::Problem;
-use crate::minima::{Found, Minimum, minimum_near, solve};
+use crate::minima::{Found, Minimum, chi2_near, solve};
 
 /// Normal quantile of the test's level of 1 %: at 5 % good lines would be dropped, and accuracy with them.
 pub(crate) const LEVEL: f64 = 2.326;
@@ -112,10 +112,10 @@ fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source,
             continue;
         }
         // Far from the truth a gross error hides it: look everywhere, not only near.
-        let near = minimum_near(&without, &best.state);
+        let near = chi2_near(&without, &best.state);
         let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.belief));
-        let anywhere = anywhere.and_then(|found| found.minima.into_iter().next());
-        let chi2 = near.iter().chain(&anywhere).map(|m| m.chi2).fold(f64::INFINITY, f64::min);
+        let anywhere = anywhere.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
+        let chi2 = near.into_iter().chain(anywhere).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
         if lowest.is_none_or(|(least, _, _)| score < least) {
             lowest = Some((score, source, chi2));

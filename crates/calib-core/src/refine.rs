@@ -9,6 +9,7 @@ use crate::annotation::Annotation;
 use crate::blocks::{BlockNormal, Blocks, Slope};
 use crate::camera::Camera;
 use crate::covariance::Covariance;
+use crate::dual::Dual;
 use crate::evidence::{Evidence, Source};
 use crate::lens::{Distortion, Lens};
 use crate::likelihood::{Prior, Problem, State};
@@ -479,7 +480,7 @@ fn unknowns_of(camera: &Camera) -> [f64; VIEW] {
 fn rows(problem: &Problem, evidence: Option<&Evidence>, state: &State) -> Option<Rows> {
     let mut rows = Rows::new();
     let mut sink =
-        |residual: f64, slope: &[f64; 4], beside, source| rows.push((residual, *slope, beside, source));
+        |residual: Dual, beside, source| rows.push((residual.value, residual.slope, beside, source));
     match evidence {
         Some(evidence) => Problem { evidence, ..problem.clone() }.each_residual(state, &mut sink)?,
         None => problem.each_residual(state, &mut sink)?,

@@ -1,7 +1,7 @@
 //! The residuals of stage 1: what a line, a length and an upright say about roll, pitch, focal and
 //! height, in pixels, with their derivatives.
 
-use crate::dual::Dual;
+use crate::dual::Number;
 use crate::evidence::{End, Upright};
 use crate::vanishing::line_through;
 
@@ -63,41 +63,70 @@ impl Angles {
 }
 
 /// How far, in pixels, the ends of a segment must move at least so that its line passes through the
-/// homogeneous point V = (Vxy, Vw); signed, with its derivative by V.
+/// homogeneous point V = (Vxy, Vw); signed.
 ///
 /// `l = p1 x p2`, `q_i = p_i Vw - Vxy`, `T = w1 |q1|^2 + w2 |q2|^2`, `D = w1 w2 (q1 x q2)^2`,
 /// `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`: the root of the least eigenvalue of
 /// the ends' scatter about V, exact, and finite for V at infinity. The weights `w_i` are the inverse
 /// variances of the ends across the line, 1 without distortion.
-pub(crate) fn line_residual(ends: &[End; 2], v: [f64; 3]) -> (f64, [f64; 3]) {
-    let [p1, p2] = [ends[0].at, ends[1].at];
-    let line = line_through(p1, p2);
-    let [w1, w2] = across(ends, &line);
-    let q1 = [p1[0] * v[2] - v[0], p1[1] * v[2] - v[1]];
-    let q2 = [p2[0] * v[2] - v[0], p2[1] * v[2] - v[1]];
-    let miss = crate::camera::dot(&line, &v);
-    let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
-    let weight = w1 * w2;
-    // q1 x q2 = Vw (l . V).
-    let determinant = weight * (v[2] * miss).powi(2);
-    let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
-    let sum = (trace + root).max(f64::MIN_POSITIVE);
-    let factor = (2.0 * weight / sum).sqrt();
-    let residual = factor * miss;
-    // Where both eigenvalues meet the root has a kink; the mean of its two slopes is 0.
-    let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
-    let derivative = std::array::from_fn(|k| {
-        let by_trace = match k {
-            0 => -2.0 * (w1 * q1[0] + w2 * q2[0]),
-            1 => -2.0 * (w1 * q1[1] + w2 * q2[1]),
-            _ => 2.0 * (w1 * (q1[0] * p1[0] + q1[1] * p1[1]) + w2 * (q2[0] * p2[0] + q2[1] * p2[1])),
-        };
-        let own = if k == 2 { miss } else { 0.0 };
-        let by_determinant = 2.0 * weight * v[2] * miss * (own + v[2] * line[k]);
-        let by_sum = by_trace + (trace * by_trace - 2.0 * by_determinant) * by_root;
-        factor * (line[k] - 0.5 * miss / sum * by_sum)
-    });
-    (residual, derivative)
+pub(crate) struct LineResidual {
+    pub(crate) pixels: f64,
+    ends: [[f64; 2]; 2],
+    v: [f64; 3],
+    line: [f64; 3],
+    weights: [f64; 2],
+    miss: f64,
+    trace: f64,
+    root: f64,
+    sum: f64,
+    factor: f64,
+}
+
+impl LineResidual {
+    #[inline]
+    pub(crate) fn new(ends: &[End; 2], v: [f64; 3]) -> Self {
+        let [p1, p2] = [ends[0].at, ends[1].at];
+        let line = line_through(p1, p2);
+        let weights = across(ends, &line);
+        let [w1, w2] = weights;
+        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
+        let miss = crate::camera::dot(&line, &v);
+        let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
+        let weight = w1 * w2;
+        // q1 x q2 = Vw (l . V).
+        let determinant = weight * (v[2] * miss).powi(2);
+        let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
+        let sum = (trace + root).max(f64::MIN_POSITIVE);
+        let factor = (2.0 * weight / sum).sqrt();
+        Self { pixels: factor * miss, ends: [p1, p2], v, line, weights, miss, trace, root, sum, factor }
+    }
+
+    /// Its derivative by V.
+    #[inline]
+    pub(crate) fn by_point(&self) -> [f64; 3] {
+        let Self { ends: [p1, p2], v, line, weights: [w1, w2], miss, trace, root, sum, factor, .. } = *self;
+        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
+        // Where both eigenvalues meet the root has a kink; the mean of its two slopes is 0.
+        let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
+        let share = 0.5 * miss / sum;
+        std::array::from_fn(|k| {
+            let by_trace = match k {
+                0 => -2.0 * (w1 * q1[0] + w2 * q2[0]),
+                1 => -2.0 * (w1 * q1[1] + w2 * q2[1]),
+                _ => 2.0 * (w1 * (q1[0] * p1[0] + q1[1] * p1[1]) + w2 * (q2[0] * p2[0] + q2[1] * p2[1])),
+            };
+            let own = if k == 2 { miss } else { 0.0 };
+            let by_determinant = 2.0 * w1 * w2 * v[2] * miss * (own + v[2] * line[k]);
+            let by_sum = by_trace + (trace * by_trace - 2.0 * by_determinant) * by_root;
+            factor * (line[k] - share * by_sum)
+        })
+    }
+}
+
+/// From the homogeneous point V to a pixel, times Vw.
+#[inline]
+fn toward(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
+    [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
 }
 
 /// Inverse variances of the two ends across the line.
@@ -111,21 +140,21 @@ fn across(ends: &[End; 2], line: &[f64; 3]) -> [f64; 2] {
 }
 
 /// Sines, cosines, focal and height of a core, with their derivatives: what every length and upright asks for.
-pub(crate) struct Unrolled {
-    roll: (Dual, Dual),
-    pitch: (Dual, Dual),
-    focal: Dual,
+pub(crate) struct Unrolled<N> {
+    roll: (N, N),
+    pitch: (N, N),
+    focal: N,
     /// One over the height of the camera.
-    per_height: Dual,
+    per_height: N,
 }
 
-impl Unrolled {
+impl<N: Number> Unrolled<N> {
     pub(crate) fn new(core: &Core) -> Self {
         Self {
-            roll: Dual::unknown(core[ROLL], ROLL).sin_cos(),
-            pitch: Dual::unknown(core[PITCH], PITCH).sin_cos(),
-            focal: Dual::unknown(core[LOG_FOCAL], LOG_FOCAL).exp(),
-            per_height: (-Dual::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+            roll: N::unknown(core[ROLL], ROLL).sin_cos(),
+            pitch: N::unknown(core[PITCH], PITCH).sin_cos(),
+            focal: N::unknown(core[LOG_FOCAL], LOG_FOCAL).exp(),
+            per_height: (-N::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp(),
         }
     }
 }
@@ -135,23 +164,24 @@ impl Unrolled {
 ///
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
-pub(crate) fn floor_length(at: &Unrolled, ends: &[End; 2]) -> Option<(Dual, Dual)> {
+#[inline]
+pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Option<(N, N)> {
     let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let on_floor = |end: &End| {
         let [x, y] = end.at;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
         // A millionth of a radian below the horizon.
-        (depth.value > 1e-6 * f.value).then(|| (u, depth, u / depth, (cp * f - sp * v) / depth))
+        (depth.value() > 1e-6 * f.value()).then(|| (u, depth, u / depth, (cp * f - sp * v) / depth))
     };
     let (first, second) = (on_floor(&ends[0])?, on_floor(&ends[1])?);
     let (dx, dy) = (first.2 - second.2, first.3 - second.3);
     let square = dx * dx + dy * dy;
-    if square.value <= 0.0 {
+    if square.value() <= 0.0 {
         return None;
     }
     // d log length / d (u, v) of one end, turned back into image axes.
-    let variance = |(u, depth, _, _): (Dual, Dual, Dual, Dual), end: &End| {
+    let variance = |(u, depth, _, _): (N, N, N, N), end: &End| {
         let across = dx / (square * depth);
         let along = -(dx * u * cp + dy * f) / (square * depth * depth);
         let by_u = cr * across + sr * along;
@@ -169,14 +199,18 @@ pub(crate) fn floor_length(at: &Unrolled, ends: &[End; 2]) -> Option<(Dual, Dual
 /// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
 /// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
-pub(crate) fn upright_residuals(at: &Unrolled, upright: &Upright, sigma: f64) -> Option<[Dual; 2]> {
+pub(crate) fn upright_residuals<N: Number>(
+    at: &Unrolled<N>,
+    upright: &Upright,
+    sigma: f64,
+) -> Option<[N; 2]> {
     let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
     let [x, y] = upright.foot.at;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;
     let k = depth * per_height * upright.height.value;
     let divisor = f - k * sp;
-    if depth.value <= 1e-6 * f.value || divisor.value <= 1e-6 * f.value {
+    if depth.value() <= 1e-6 * f.value() || divisor.value() <= 1e-6 * f.value() {
         return None;
     }
     let (a, b) = (f * u / divisor, f * (v - k * cp) / divisor);
@@ -233,7 +267,7 @@ mod tests {
         ) {
             let b = [a[0] + t * (v[0] - a[0]), a[1] + t * (v[1] - a[1])];
             let end = |at, w: f64| End { at, spread: [w, 0.0, w] };
-            let (residual, _) = line_residual(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]);
+            let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             prop_assert!(residual.abs() < 1e-8, "{residual}");
         }
 
@@ -243,7 +277,7 @@ mod tests {
             v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
             let end = |at, w: f64| End { at, spread: [1.0 / w, 0.0, 1.0 / w] };
-            let (residual, _) = line_residual(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]);
+            let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             // Every line through v, by its angle: the weighted squares of the distances of the ends.
             let cost = |angle: f64| {
                 let (sin, cos) = angle.sin_cos();
