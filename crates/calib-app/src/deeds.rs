@@ -137,20 +137,7 @@ fn pull(app: &mut App, parts: &BTreeSet<Part>, name: &str) {
         app.session.note = Some("The image is not there yet.".into());
         return;
     };
-    let mut pulled = 0;
-    for (annotation, segment) in edit::lines_of(parts) {
-        let ends = [0, 1].map(|vertex| Part::Vertex { annotation, segment, vertex });
-        let site = &mut app.session.site;
-        let a = edit::pixel_mut(site, camera, ends[0]).copied();
-        let b = edit::pixel_mut(site, camera, ends[1]).copied();
-        let Some(line) = a.zip(b).and_then(|(a, b)| snap::pull(&still, [a, b])) else { continue };
-        for (part, to) in ends.into_iter().zip(line) {
-            if let Some(pixel) = edit::pixel_mut(&mut app.session.site, camera, part) {
-                *pixel = to;
-            }
-        }
-        pulled += 1;
-    }
+    let pulled = snap::pull_parts(&mut app.session.site, camera, parts, &still);
     app.session.commit(format!("pull {name} onto the edge"));
     app.session.note = Some(match pulled {
         0 => "No edge runs along it.".into(),

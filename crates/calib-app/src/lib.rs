@@ -27,6 +27,7 @@ pub mod refine;
 pub mod family;
 pub mod snap;
 pub mod edges;
+pub mod epipolar;
 pub mod tools;
 pub mod overlay;
 mod lines;

@@ -8,11 +8,11 @@ use calib_core::{
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
+use crate::epipolar::Trace;
 use crate::hit::Part;
 use crate::paint::{Pen, handle, line, ring, tag};
 use crate::session::Session;
 use crate::theme::{self, on_image};
-use crate::tools::epipolar;
 use crate::units::Units;
 
 /// What is shown.
@@ -318,31 +318,25 @@ impl Overlay<'_> {
                     tag(painter, at + Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM, id, colour);
                 }
             } else if let (true, Some(camera)) = (waits, pose) {
-                self.paint_epipolar(painter, camera, link);
+                self.paint_trace(painter, camera, link);
             }
         }
     }
 
     /// Where this view must show the link that another view shows.
-    fn paint_epipolar(&self, painter: &Painter, camera: &Camera, link: &calib_core::Link) {
+    fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_core::Link) {
         let Some(seen) = link.seen.first() else { return };
-        let site = &self.session.site;
-        let other = site.cameras.iter().position(|entry| entry.id == seen.camera);
-        let (Some(from), Some(px)) = (other.and_then(|i| self.session.solved.placed(i)), seen.px) else {
-            return;
-        };
+        let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera);
+        let from = other.and_then(|index| self.session.solved.placed(index));
         if self.session.solved.placed(self.camera).is_none() {
             return;
         }
-        let height = link.height_m.unwrap_or(0.0);
-        let Some(ray) = epipolar(from, px, height) else { return };
-        self.world(painter, camera, &ray, Pen::new(on_image::WAITING, 1.75).dashed(&[5.0, 4.0]));
-        let point = from.pixel_to_floor(px, height).map(|floor| floor.at_height(height));
-        if let Some(at) = point.and_then(|point| camera.world_to_pixel(point)) {
+        let Some(trace) = from.and_then(|from| Trace::of(from, link, seen)) else { return };
+        self.world(painter, camera, &trace.path, Pen::new(on_image::WAITING, 1.75).dashed(&[5.0, 4.0]));
+        if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);
             painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::WAITING));
-            let id = link.id.as_deref().unwrap_or("the link");
-            let text = format!("{id} is on this line, click it");
+            let text = format!("{} {}", link.id.as_deref().unwrap_or("the link"), trace.invites);
             tag(painter, at + Vec2::new(12.0, 0.0), Align2::LEFT_CENTER, &text, on_image::WAITING);
         }
     }

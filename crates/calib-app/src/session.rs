@@ -170,6 +170,23 @@ impl Session {
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
+    /// A message about a camera with its annotations named as the screen names them: "V1", not
+    /// "Vertical (annotation 0)", which tells where it is in a file.
+    #[must_use]
+    pub fn as_on_screen(&self, camera: usize, message: &str) -> String {
+        let Some(entry) = self.site.cameras.get(camera) else { return message.to_owned() };
+        let mut text = message.to_owned();
+        for (index, annotation) in entry.annotations.iter().enumerate() {
+            let label = annotation.label(index);
+            let name = |segment| calib_core::line_name(&entry.annotations, index, segment);
+            let last = annotation.segments.as_ref().map_or(0, |segments| segments.len().saturating_sub(1));
+            let lines = if last == 0 { name(0) } else { format!("{} to {}", name(0), name(last)) };
+            // A line of it is named already.
+            text = text.replace(&format!(" of {label}"), "").replace(&label, &lines);
+        }
+        text
+    }
+
     /// Poses at the last finished gesture.
     #[must_use]
     pub fn settled(&self) -> &[Option<Camera>] {

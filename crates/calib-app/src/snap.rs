@@ -1,7 +1,12 @@
 //! Pulls a drawn line onto the image's edge, to a fraction of a pixel.
 
-use calib_core::Pixel;
+use std::collections::BTreeSet;
+
+use calib_core::{Pixel, Site};
 use image::RgbImage;
+
+use crate::edit;
+use crate::hit::Part;
 
 /// Samples along the line, at most.
 const SAMPLES: usize = 160;
@@ -62,6 +67,61 @@ pub fn pull(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<[Pixel; 2]> {
         Pixel::new(p.u + t * across[0], p.v + t * across[1])
     };
     Some([shifted(a, 0.0), shifted(b, length)])
+}
+
+/// A line of any number of points pulled onto the edge that runs along it; `None` where there is none.
+///
+/// Two points lie on one straight edge. Of more, each is pulled by itself, across the line at its
+/// place: what is straight in space may bend in the image. Points without an edge stay.
+#[must_use]
+pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
+    if let &[a, b] = points {
+        return pull(image, [a, b]).map(Vec::from);
+    }
+    let mut pulled = points.to_vec();
+    for (i, &point) in points.iter().enumerate() {
+        let before = points[i.saturating_sub(1)];
+        let after = points[(i + 1).min(points.len() - 1)];
+        // Half the way to the neighbour that is nearer, along the line through both.
+        let reach = [before, after].map(|p| p.distance(point)).into_iter().filter(|&reach| reach > 0.0);
+        let (half, apart) = (0.5 * reach.fold(f64::INFINITY, f64::min), before.distance(after));
+        if !half.is_finite() || apart == 0.0 {
+            continue;
+        }
+        let along = [(after.u - before.u) / apart * half, (after.v - before.v) / apart * half];
+        let at = |share: f64| Pixel::new(point.u + share * along[0], point.v + share * along[1]);
+        let ends =
+            [if i == 0 { point } else { at(-1.0) }, if i + 1 == points.len() { point } else { at(1.0) }];
+        let Some([a, b]) = pull(image, ends) else { continue };
+        let middle = Pixel::new(0.5 * (a.u + b.u), 0.5 * (a.v + b.v));
+        pulled[i] = if i == 0 {
+            a
+        } else if i + 1 == points.len() {
+            b
+        } else {
+            middle
+        };
+    }
+    (pulled != points).then_some(pulled)
+}
+
+/// Pulls every line that any of these parts belongs to onto its edge; how many had one.
+pub fn pull_parts(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, image: &RgbImage) -> usize {
+    let mut pulled = 0;
+    for (annotation, segment) in edit::lines_of(parts) {
+        let whole = [Part::Line { annotation, segment }].into();
+        let vertices: Vec<Part> = edit::points_of(site, camera, &whole).into_iter().collect();
+        let points: Vec<Pixel> =
+            vertices.iter().filter_map(|&part| edit::pixel_mut(site, camera, part).copied()).collect();
+        let Some(line) = pull_line(image, &points) else { continue };
+        for (&part, to) in vertices.iter().zip(line) {
+            if let Some(pixel) = edit::pixel_mut(site, camera, part) {
+                *pixel = to;
+            }
+        }
+        pulled += 1;
+    }
+    pulled
 }
 
 /// Where across the line the slope is strongest (of one sign, if given), with the slope.
@@ -137,8 +197,27 @@ mod tests {
     }
 
     #[test]
+    fn every_point_of_a_bent_edge_is_pulled_onto_it() {
+        // A parabola: 9 px off its chord.
+        let edge = |v: f64| 80.3 + 0.003 * (v - 75.0).powi(2);
+        let picture = RgbImage::from_fn(200, 150, |x, y| {
+            let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
+            Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+        });
+        let drawn: Vec<Pixel> =
+            [22.0, 50.0, 76.0, 101.0, 127.0].map(|v| Pixel::new(edge(v) + 2.0, v)).to_vec();
+        for p in pull_line(&picture, &drawn).unwrap() {
+            let off = p.u - edge(p.v);
+            assert!(off.abs() < 0.35, "{off} px off the edge at {}", p.v);
+        }
+    }
+
+    #[test]
     fn without_an_edge_nothing_is_pulled() {
         let flat = RgbImage::from_pixel(200, 150, Rgb([90; 3]));
-        assert_eq!(pull(&flat, [Pixel::new(20.0, 20.0), Pixel::new(150.0, 100.0)]), None);
+        let line = [Pixel::new(20.0, 20.0), Pixel::new(90.0, 50.0), Pixel::new(150.0, 100.0)];
+        assert_eq!(pull_line(&flat, &line[..2]), None);
+        assert_eq!(pull_line(&flat, &line), None);
+        assert_eq!(pull_line(&flat, &[line[0]; 3]), None);
     }
 }

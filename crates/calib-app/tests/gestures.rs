@@ -4,12 +4,14 @@
 
 mod desk;
 
+use calib_app::hit::Part;
 use calib_app::pane::Place;
 use calib_app::tools::{Pane, TOOLS, plan_scale};
 use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
+use egui_kittest::kittest::Queryable as _;
 
 /// The demonstration site before anything was drawn.
 fn blank() -> Site {
@@ -304,6 +306,42 @@ fn links_go_from_view_to_view() {
     let links = &desk.site().links;
     assert_eq!(links.len(), 1);
     assert_eq!(links[0].seen.len(), 2, "{links:?}");
+}
+
+#[test]
+fn posts_and_floor_lines_go_from_view_to_view_too() {
+    let mut site = demo();
+    site.links.clear();
+    site.distances.clear();
+    let mut desk = Desk::new(site);
+    desk.key(Key::Num3);
+    desk.take("Link");
+    let there = desk.site().marks[2].at_m;
+    let top = calib_core::WorldPoint { z: there.z + 0.6, ..there };
+    let shown = |desk: &mut Desk, camera: usize, at| {
+        desk.app().session.solved.pose(camera).unwrap().world_to_pixel(at).unwrap()
+    };
+    for camera in [0, 2] {
+        let (foot, head) = (shown(&mut desk, camera, there), shown(&mut desk, camera, top));
+        desk.line(camera, foot, head);
+        desk.harness.run_steps(30);
+        if camera == 0 {
+            // A drag is a floor line until the operator says that it stands.
+            assert_eq!(desk.site().links[0].kind, calib_core::LinkKind::Line);
+            desk.app().session.selection = [Part::Link { link: 0, seen: 0, point: 0 }].into();
+            desk.harness.run_steps(2);
+            desk.harness.get_by_label("It is a post").click();
+            desk.harness.run_steps(2);
+        }
+    }
+    let links = &desk.site().links;
+    assert_eq!((links.len(), links[0].kind), (1, calib_core::LinkKind::Post));
+    let heads: Vec<_> = links[0].seen.iter().map(|seen| (seen.foot.is_some(), seen.head.is_some())).collect();
+    assert_eq!(heads, [(true, true); 2]);
+    desk.undo();
+    desk.undo();
+    desk.undo();
+    assert!(desk.site().links.is_empty());
 }
 
 /// Small, fast, and the same on every machine (Marsaglia 2003).

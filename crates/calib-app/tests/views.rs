@@ -7,6 +7,7 @@ mod desk;
 use calib_app::Units;
 use calib_app::command::{self, Command};
 use calib_app::dialog::Purpose;
+use calib_app::files::Images;
 use calib_app::pane::Place;
 use calib_app::tools::{Pane, PlanHandle, plan_handles};
 use calib_core::{Kind, Pixel};
@@ -115,6 +116,49 @@ fn what_is_dragged_snaps_only_when_that_is_asked_for() {
         let off = (10.0 * at.x - (10.0 * at.x).round()).abs() + (10.0 * at.y - (10.0 * at.y).round()).abs();
         assert_eq!(off < 1e-4, snaps, "{at:?}");
     }
+}
+
+#[test]
+fn a_line_that_is_dragged_with_alt_is_pulled_onto_the_edge() {
+    let edge = |v: f64| 800.3 + 0.1 * v;
+    let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
+        let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
+        image::Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+    });
+    let mut png = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let (mut images, mut site) = (Images::default(), demo());
+    site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
+    let mut desk = Desk::with(site, images);
+    desk.wait(|app| app.pictures.loading() == 0);
+    desk.take("Vertical");
+    desk.line(0, Pixel::new(edge(300.0) + 60.0, 300.0), Pixel::new(edge(700.0) + 60.0, 700.0));
+    desk.take("Select");
+    let drawn = |desk: &Desk| {
+        let last = desk.site().cameras[0].annotations.iter().rfind(|a| a.kind == Kind::Vertical).unwrap();
+        last.segments.as_ref().unwrap().last().unwrap().clone()
+    };
+    let middle = Pixel::new(edge(500.0) + 60.0, 500.0);
+    let [from, to] = [0.0, 57.0].map(|by| desk.screen(Pane::Image(0), [middle.u - by, middle.v]));
+    desk.drag_screen(&[from, to], Modifiers::ALT);
+    for p in drawn(&desk) {
+        assert!((p.u - edge(p.v)).abs() < 0.15, "{} px off the edge", p.u - edge(p.v));
+    }
+}
+
+#[test]
+fn warnings_name_lines_as_the_list_does() {
+    let mut desk = Desk::new(demo());
+    desk.take("Vertical");
+    desk.line(0, Pixel::new(300.0, 900.0), Pixel::new(900.0, 300.0));
+    desk.harness.run_steps(3);
+    let words = words(&desk);
+    let name = desk.site().cameras[0].annotations.iter().rposition(|a| a.kind == Kind::Vertical).unwrap();
+    let annotations = &desk.site().cameras[0].annotations;
+    let last = annotations[name].segments.as_ref().unwrap().len() - 1;
+    let name = calib_core::line_name(annotations, name, last);
+    assert!(words.contains(&format!("{name} contradicts the others")), "{name}: {words}");
+    assert!(!words.contains("(annotation"), "{words}");
 }
 
 #[test]

@@ -250,13 +250,23 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
                 (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
             }
         }
-        LinkKind::Post if ui.button("It is a floor line").clicked() => {
-            (new.kind, new.length_m) = (LinkKind::Line, None);
-            for seen in &mut new.seen {
-                seen.segment = seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
+        LinkKind::Post => {
+            let mut is_measured = link.length_m.is_some();
+            if ui.checkbox(&mut is_measured, "measured").on_hover_text("How long the post is").changed() {
+                new.length_m = is_measured.then(|| calib_core::Known::prior(1.0, 0.01));
+            }
+            if let Some(length) = &mut new.length_m {
+                ui.add(app.session.units.field(&mut length.value, 1e-3));
+            }
+            if ui.button("It is a floor line").clicked() {
+                (new.kind, new.length_m) = (LinkKind::Line, None);
+                for seen in &mut new.seen {
+                    seen.segment =
+                        seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
+                }
             }
         }
-        LinkKind::Line | LinkKind::Post => {}
+        LinkKind::Line => {}
     }
     (new != *link).then_some((index, new))
 }

@@ -136,7 +136,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
             ui.separator();
             for line in [
                 "Wheel: zoom at the cursor.   Middle button, or Space and drag: pan.   Tab: next handle.",
-                "While dragging: Shift moves a tenth, Esc puts back.  While drawing: Alt pulls onto the edge.",
+                "While dragging: Shift moves a tenth, Esc puts back.  While dragging or drawing: Alt pulls onto the edge.",
                 "Marks: Alt drags the camera instead of the mark, Ctrl changes its height.   Ctrl+click: select more.",
             ] {
                 ui.label(RichText::new(line).color(palette.text2));

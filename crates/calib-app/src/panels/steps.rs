@@ -145,7 +145,10 @@ pub fn next(session: &Session, camera: usize) -> (String, bool) {
         }
         _ => match session.solved.solution(camera).and_then(|s| s.warnings.iter().find(|w| is_grave(w.code)))
         {
-            Some(warning) => (warning.message.trim_end_matches('.').to_owned(), false),
+            Some(warning) => {
+                let message = session.as_on_screen(camera, &warning.message);
+                (message.trim_end_matches('.').to_owned(), false)
+            }
             None => ("done".into(), true),
         },
     }

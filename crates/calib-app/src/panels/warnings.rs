@@ -12,7 +12,10 @@ use crate::{command, command::Command};
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let mut warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    for warning in &mut warnings {
+        warning.message = app.session.as_on_screen(app.session.camera, &warning.message);
+    }
     let mut wish = None;
     for (index, warning) in warnings.iter().enumerate() {
         // The first is met first; the others keep their words until they are asked for.

@@ -3,6 +3,7 @@
 use calib_core::{Link, LinkKind, LinkSeen, Pixel};
 
 use crate::edit;
+use crate::hit::Part;
 use crate::session::Session;
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
@@ -22,33 +23,44 @@ pub(super) struct Linking {
     waiting: Option<String>,
 }
 
-fn sighting(camera: &str, start: Pixel, end: Pixel, is_line: bool) -> LinkSeen {
-    LinkSeen {
-        px: (!is_line).then_some(end),
-        segment: is_line.then(|| vec![start, end]),
-        ..LinkSeen::new(camera)
+fn sighting(camera: &str, [start, end]: [Pixel; 2], kind: LinkKind) -> LinkSeen {
+    let seen = LinkSeen::new(camera);
+    match kind {
+        LinkKind::Point => LinkSeen { px: Some(end), ..seen },
+        LinkKind::Post => LinkSeen { foot: Some(start), head: Some(end), ..seen },
+        LinkKind::Line => LinkSeen { segment: Some(vec![start, end]), ..seen },
     }
 }
 
 impl Linking {
+    /// The link that another view is to show next: the one that waits, or the one in hand.
+    fn begun(&self, session: &Session) -> Option<usize> {
+        let is_it = |link: &Link| self.waiting.is_some() && link.id == self.waiting;
+        let in_hand = session.selection.iter().find_map(|part| match part {
+            Part::Link { link, .. } => Some(*link),
+            _ => None,
+        });
+        session.site.links.iter().position(is_it).or(in_hand)
+    }
+
     fn finish(&mut self, session: &mut Session, camera: usize, start: Pixel, pointer: &Pointer) {
         let Some(id) = session.site.cameras.get(camera).map(|camera| camera.id.clone()) else { return };
-        let seen = sighting(&id, start, pointer.at.into(), pointer.moved);
-        let kind = if pointer.moved { LinkKind::Line } else { LinkKind::Point };
+        let ends = [start, pointer.at.into()];
+        let begun = self.begun(session);
         session.choose(camera);
-        let open = self.waiting.as_ref().and_then(|waiting| {
-            session.site.links.iter_mut().find(|link| {
-                link.id.as_ref() == Some(waiting)
-                    && link.kind == kind
-                    && link.seen.iter().all(|known| known.camera != id)
-            })
+        let begun = begun.and_then(|index| session.site.links.get_mut(index));
+        let open = begun.filter(|link| {
+            (link.kind != LinkKind::Point) == pointer.moved
+                && link.seen.iter().all(|known| known.camera != id)
         });
         let name = if let Some(link) = open {
-            link.seen.push(seen);
+            link.seen.push(sighting(&id, ends, link.kind));
             link.id.clone().unwrap_or_default()
         } else {
+            let kind = if pointer.moved { LinkKind::Line } else { LinkKind::Point };
             let name = edit::free_id(&session.site, 'L');
-            session.site.links.push(Link::new(Some(name.clone()), kind, vec![seen]));
+            let seen = vec![sighting(&id, ends, kind)];
+            session.site.links.push(Link::new(Some(name.clone()), kind, seen));
             name
         };
         session.commit(format!("link {name} in {id}"));
@@ -59,6 +71,11 @@ impl Linking {
 impl Tool for Linking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         let Some((camera, at)) = pointer.pixel() else { return };
+        if self.waiting.is_none() {
+            // What is in hand is let go when another camera is chosen.
+            let in_hand = self.begun(session).and_then(|index| session.site.links.get(index));
+            self.waiting = in_hand.and_then(|link| link.id.clone());
+        }
         self.gesture = match (self.gesture, pointer.phase) {
             (Gesture::Idle, Phase::Press) => Gesture::Pressed { camera, start: at, end: at },
             (Gesture::Pressed { camera: own, start, .. }, Phase::Release) if own == camera => {
@@ -72,8 +89,9 @@ impl Tool for Linking {
         };
     }
 
-    fn accept(&mut self, _: &mut Session) {
+    fn accept(&mut self, session: &mut Session) {
         self.waiting = None;
+        session.selection.retain(|part| !matches!(part, Part::Link { .. }));
     }
 
     fn cancel(&mut self) {
@@ -86,18 +104,22 @@ impl Tool for Linking {
         self.gesture == Gesture::Idle
     }
 
-    fn hint(&self, _: &Session) -> String {
-        match (&self.gesture, &self.waiting) {
-            (Gesture::Pressed { .. }, _) => {
-                "Release to link this point; drag along a floor line to link the line.".into()
-            }
-            (_, None) => {
-                "Click something that another view shows too; drag along a line of the floor.".into()
-            }
-            (_, Some(id)) => {
-                format!("Click {id} in another view: it lies on the yellow line.  Enter: next link")
-            }
+    fn hint(&self, session: &Session) -> String {
+        if let Gesture::Pressed { .. } = self.gesture {
+            return "Release to link this point; drag along a floor line to link the line.".into();
         }
+        let Some(link) = self.begun(session).and_then(|index| session.site.links.get(index)) else {
+            return "Click something that another view shows too; drag along a line of the floor.".into();
+        };
+        let id = link.id.as_deref().unwrap_or("it");
+        let says = match link.kind {
+            LinkKind::Point => format!("Click {id} in another view: it lies on the yellow line."),
+            LinkKind::Post => {
+                format!("Drag {id} from foot to head in another view: it stands at the yellow line.")
+            }
+            LinkKind::Line => format!("Drag along {id} in another view: it lies along the yellow line."),
+        };
+        format!("{says}  Enter: next link")
     }
 
     fn held(&self) -> Option<(Pane, [f64; 2])> {

@@ -11,7 +11,7 @@ mod measure;
 
 use std::sync::Arc;
 
-use calib_core::{Camera, FloorPoint, Kind, Pixel, PlanScale, Site};
+use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site};
 use egui::{Key, Modifiers};
 use image::RgbImage;
 
@@ -197,15 +197,4 @@ const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> 
 pub fn plan_scale(site: &Site) -> PlanScale {
     let bare = PlanScale { metres_per_px: 0.01, origin: calib_core::PlanPixel::new(0.0, 0.0), x_axis: 0.0 };
     site.plan.as_ref().map_or(bare, calib_core::Plan::scale)
-}
-
-/// The line on which another view must show what `camera` shows at `pixel`: the ray above the floor.
-#[must_use]
-pub fn epipolar(camera: &Camera, pixel: Pixel, height: f64) -> Option<Vec<calib_core::WorldPoint>> {
-    /// Metres above the floor to which things of a site reach.
-    const REACH: f64 = 6.0;
-    let low = camera.pixel_to_floor(pixel, height.min(0.0))?.at_height(height.min(0.0));
-    let top = (0.9 * camera.position.z).clamp(0.1, REACH);
-    let high = camera.pixel_to_floor(pixel, top)?.at_height(top);
-    Some(vec![low, high])
 }

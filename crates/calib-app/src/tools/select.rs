@@ -7,6 +7,7 @@ use calib_core::Pixel;
 use crate::edit;
 use crate::hit::{self, Part};
 use crate::session::Session;
+use crate::snap;
 use crate::tools::mark::MarkDrag;
 use crate::tools::place::PlaceDrag;
 use crate::tools::{Pane, Phase, Pointer, Tool};
@@ -123,6 +124,10 @@ impl Tool for Select {
                     Gesture::Parts { camera, from, at }
                 } else {
                     if pointer.moved {
+                        if let Some(still) = pointer.still.as_deref().filter(|_| pointer.modifiers.alt) {
+                            let parts = session.selection.clone();
+                            snap::pull_parts(&mut session.site, camera, &parts, still);
+                        }
                         let name = session.selection_name();
                         session.commit(format!("move {name}"));
                     }
@@ -169,7 +174,10 @@ impl Tool for Select {
                 session.selection_name()
             ),
             Gesture::Parts { .. } => {
-                format!("Release to set {}.  Shift: fine, Esc: put back", session.selection_name())
+                format!(
+                    "Release to set {}.  Shift: fine, Alt: pull onto the edge, Esc: put back",
+                    session.selection_name()
+                )
             }
             Gesture::Rubber { .. } => "Release to select what is inside.".into(),
             Gesture::Mark(drag) => drag.hint().into(),
