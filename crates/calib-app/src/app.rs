@@ -17,6 +17,7 @@ use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
 use crate::picture::{Pictures, Piece};
+use crate::plan::Planning;
 use crate::refine::Refining;
 use crate::scene3d::Orbit;
 use crate::session::Session;
@@ -127,7 +128,7 @@ pub struct App {
     /// The id of the camera whose still is asked for, or read.
     pub(crate) replaced: String,
     pub(crate) replacing: Option<Task<NewStill>>,
-    pub(crate) planning: Option<Task<NewStill>>,
+    pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
 }
 

@@ -10,17 +10,24 @@ use crate::files;
 use crate::task::Task;
 
 impl Chosen {
+    /// What is in the file.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn into_bytes(self) -> files::FileResult<Vec<u8>> {
+        match (self.bytes, self.path) {
+            (Some(bytes), _) => Ok(bytes),
+            (None, Some(path)) => files::read(&path),
+            (None, None) => Err("cannot be read".into()),
+        }
+    }
+
     /// The text of the file.
     ///
     /// # Errors
     /// When it cannot be read or is no text.
-    pub fn read(&self) -> files::FileResult<String> {
-        let bytes = match (&self.bytes, &self.path) {
-            (Some(bytes), _) => bytes.clone(),
-            (None, Some(path)) => files::read(path)?,
-            (None, None) => return Err("cannot be read".into()),
-        };
-        String::from_utf8(bytes).map_err(|_| "not text".into())
+    pub fn into_text(self) -> files::FileResult<String> {
+        String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
     }
 
     fn is_site(&self) -> bool {
@@ -47,12 +54,13 @@ impl App {
         self.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
         for files in arrived {
             let (on_disk, loose): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| file.path.is_some());
-            let (sites, others): (Vec<_>, Vec<_>) = on_disk.into_iter().partition(Chosen::is_site);
+            let (sites, mut others): (Vec<_>, Vec<_>) = on_disk.into_iter().partition(Chosen::is_site);
             let has_site = !sites.is_empty();
             for path in sites.into_iter().filter_map(|file| file.path) {
                 self.take_path(ctx, path);
             }
             // The images of a site that came with it are no further cameras.
+            self.take_plans(ctx, &mut others);
             let own: Vec<String> = files::image_names(&self.session.site);
             let is_own = |file: &Chosen| has_site && own.iter().any(|name| base(name) == base(&file.name));
             for path in others.into_iter().filter(|file| !is_own(file)).filter_map(|file| file.path) {
@@ -68,10 +76,11 @@ impl App {
     pub fn take_together(&mut self, ctx: &Context, mut files: Vec<Chosen>) {
         if let Some(site) = files.iter().position(Chosen::is_site) {
             let file = files.remove(site);
-            match file.read().and_then(|text| files::parse(&text, None)) {
-                Ok((site, images)) => self.open_site(site, images, Some(file.name.into())),
+            let name = file.name.clone();
+            match file.into_text().and_then(|text| files::parse(&text, None)) {
+                Ok((site, images)) => self.open_site(site, images, Some(name.into())),
                 Err(error) => {
-                    self.error = Some(format!("{}: {error}", file.name));
+                    self.error = Some(format!("{name}: {error}"));
                     return;
                 }
             }
@@ -83,10 +92,11 @@ impl App {
             return;
         }
         self.attach(&mut files);
+        self.take_plans(ctx, &mut files);
         for file in files {
             let name = Path::new(&file.name);
             if file.bytes.is_some() && files::has_ending(name, "svg") {
-                self.load_plan(ctx, file);
+                self.load_plan(ctx, vec![file]);
             } else if file.bytes.is_none() || !files::is_image(name) {
                 self.complain(format!("{}: neither a site (.json) nor an image (.png, .jpg)", file.name));
             } else {

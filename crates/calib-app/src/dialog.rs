@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use web_time::Instant;
 
+use crate::plan::world_endings;
+
 /// What the chosen files are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -122,8 +124,9 @@ fn ask(purpose: Purpose) -> impl Future<Output = Vec<Chosen>> {
             Box::pin(async { file.await.into_iter().collect() })
         }
         Purpose::LoadPlan => {
-            let file = dialog.set_title("Choose a floor plan").add_filter("Plans", PLANS).pick_file();
-            Box::pin(async { file.await.into_iter().collect() })
+            let endings = [PLANS, world_endings()].concat();
+            let files = dialog.set_title("Choose a floor plan").add_filter("Plans", &endings).pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::Import => {
             let files = dialog.set_title("Import lenses or cameras").pick_files();
@@ -154,7 +157,8 @@ async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::Compare => crate::web::pick(SITE, false).await,
         Purpose::AddImages => crate::web::pick(IMAGES, true).await,
         Purpose::ReplaceStill => crate::web::pick(IMAGES, false).await,
-        Purpose::LoadPlan => crate::web::pick(PLANS, false).await,
+        // A plan may come with its world file.
+        Purpose::LoadPlan => crate::web::pick(&[PLANS, world_endings()].concat(), true).await,
         Purpose::Import => crate::web::pick(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]

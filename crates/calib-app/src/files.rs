@@ -386,15 +386,6 @@ pub fn save(path: &Path, site: &Site, images: &Images) -> FileResult<()> {
     write(path, images.put_into(site, Some(folder)).to_json().as_bytes())
 }
 
-/// The world file beside an image, if there is one: plan.pgw, plan.jgw, plan.wld beside plan.png.
-#[must_use]
-pub fn world_file(images: &Images, image: &str) -> Option<String> {
-    let path = images.folder.as_ref().map_or_else(|| PathBuf::from(image), |folder| folder.join(image));
-    let found =
-        ["pgw", "pngw", "jgw", "jpgw", "wld"].iter().find_map(|end| read(&path.with_extension(end)).ok());
-    String::from_utf8(found?).ok()
-}
-
 /// What a crash must not take: written after every gesture, gone after a save.
 #[derive(Clone, Debug)]
 pub struct Autosave {

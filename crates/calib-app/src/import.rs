@@ -5,7 +5,6 @@ use calib_formats::{FORMATS, File, Format, Imported};
 
 use crate::app::App;
 use crate::dialog::Chosen;
-use crate::files;
 
 /// Shapes of images that differ by less than this are the same.
 const SHAPE: f64 = 2e-3;
@@ -16,14 +15,8 @@ impl App {
         if chosen.is_empty() {
             return;
         }
-        let read = chosen.into_iter().map(|file| {
-            let bytes = match (&file.path, file.bytes) {
-                (_, Some(bytes)) => bytes,
-                (Some(path), None) => files::read(path)?,
-                (None, None) => Vec::new(),
-            };
-            Ok(File { name: file.name, bytes })
-        });
+        let read =
+            chosen.into_iter().map(|file| Ok(File { name: file.name.clone(), bytes: file.into_bytes()? }));
         let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| recognised(&files));
         match taken {
             Ok((format, imported)) => self.take_imported(format, imported),
@@ -36,6 +29,10 @@ impl App {
             let folder = self.session.images.clone();
             self.open_site(site, folder, None);
             self.session.note = Some(format!("Read as {}. {}", format.name, notes.join("; ")));
+            return;
+        }
+        if let (Some(plan), true) = (&site.plan, site.cameras.is_empty()) {
+            self.lay_plan(plan, format.name);
             return;
         }
         let is_alone = site.cameras.len() == 1;

@@ -42,6 +42,7 @@ pub mod app;
 mod document;
 mod arrivals;
 mod stills;
+mod plan;
 mod import;
 #[cfg(target_arch = "wasm32")]
 pub mod web;

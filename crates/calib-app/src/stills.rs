@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{Plan, PlanPixel, SiteCamera};
+use calib_core::SiteCamera;
 use egui::Context;
 
 use crate::app::{App, Mode};
@@ -11,7 +11,6 @@ use crate::dialog::{Chosen, Purpose};
 use crate::document::scale;
 use crate::files;
 use crate::task::Task;
-use crate::tools::TOOLS;
 
 /// A picture that was read, to become a still or the plan.
 #[derive(Debug)]
@@ -21,7 +20,7 @@ pub(crate) struct Still {
     /// What the operator calls it.
     title: String,
     /// In pixels.
-    size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// A drawing as the picture that stands for it.
     drawn: Option<Vec<u8>>,
 }
@@ -52,19 +51,22 @@ impl App {
                 self.save();
             }
             (Purpose::SavePlain, Some(path)) => self.save_plain(&path),
-            (Purpose::Compare, _) => match file.read().and_then(|text| files::parse(&text, None)) {
-                Ok((site, _)) => self.compared = Some(site),
-                Err(error) => self.error = Some(format!("{}: {error}", file.name)),
-            },
+            (Purpose::Compare, _) => {
+                let name = file.name.clone();
+                match file.into_text().and_then(|text| files::parse(&text, None)) {
+                    Ok((site, _)) => self.compared = Some(site),
+                    Err(error) => self.error = Some(format!("{name}: {error}")),
+                }
+            }
             (Purpose::AddImages, _) => self.add_still(ctx, file),
-            (Purpose::LoadPlan, _) => self.load_plan(ctx, file),
             (Purpose::ReplaceStill, _) => self.replacing = Some(self.read_still(ctx, file)),
             (Purpose::Export, Some(folder)) => self.write_export(&folder),
             (Purpose::SavePicture, path) => {
                 self.save_picture(&path.unwrap_or_else(|| PathBuf::from(&file.name)));
             }
-            // What is imported is taken together.
-            (Purpose::Import, _) | (Purpose::SaveSite | Purpose::SavePlain | Purpose::Export, None) => {}
+            // What belongs together is taken together.
+            (Purpose::Import | Purpose::LoadPlan, _)
+            | (Purpose::SaveSite | Purpose::SavePlain | Purpose::Export, None) => {}
         }
     }
 
@@ -115,16 +117,7 @@ impl App {
                 Some(Err(error)) => self.complain(error),
             }
         }
-        if let Some(task) = self.planning.take() {
-            match task.poll() {
-                None => self.planning = Some(task),
-                Some(Ok(still)) => {
-                    let name = self.stored(&still);
-                    self.set_plan(name, still.size);
-                }
-                Some(Err(error)) => self.complain(error),
-            }
-        }
+        self.poll_plan();
     }
 
     /// Shows one more thing that went wrong: one error does not hide another.
@@ -137,7 +130,7 @@ impl App {
     }
 
     /// What the site calls a picture; one that was drawn is stored.
-    fn stored(&mut self, still: &Still) -> String {
+    pub(crate) fn stored(&mut self, still: &Still) -> String {
         let drawn = still.drawn.as_ref();
         drawn.map_or_else(
             || still.name.clone(),
@@ -146,11 +139,6 @@ impl App {
                 self.session.images.store(png.as_slice().into(), "image/png", Some(&name))
             },
         )
-    }
-
-    /// Begins to read a floor plan.
-    pub fn load_plan(&mut self, ctx: &Context, file: Chosen) {
-        self.planning = Some(self.read_still(ctx, file));
     }
 
     /// How many files were chosen and are not taken yet.
@@ -240,30 +228,6 @@ impl App {
         self.session.commit(format!("rescale what is drawn on {id}"));
     }
 
-    pub(crate) fn set_plan(&mut self, image: String, size: [u32; 2]) {
-        let told = files::world_file(&self.session.images, &image).and_then(|text| plan_of(&text));
-        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
-        let bare = Plan {
-            image: None,
-            metres_per_px,
-            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
-            x_axis_deg: 0.0,
-            georeference: None,
-        };
-        let is_scaled = told.is_some();
-        let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
-        self.session.site.plan = Some(plan);
-        self.session.commit("load a plan");
-        self.show(Mode::Plan);
-        self.panes.views.clear();
-        if is_scaled {
-            self.session.note = Some("The scale is that of the world file.".into());
-            return;
-        }
-        let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
-        self.take_tool(measure);
-    }
-
     /// Takes what was dropped or named: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
         if files::has_ending(&path, "json") {
@@ -272,7 +236,7 @@ impl App {
         }
         if files::has_ending(&path, "svg") {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            self.load_plan(ctx, Chosen { name, path: Some(path), bytes: None });
+            self.load_plan(ctx, vec![Chosen { name, path: Some(path), bytes: None }]);
             return;
         }
         let images = if files::is_image(&path) { vec![path.clone()] } else { files::images_in(&path) };
@@ -350,16 +314,13 @@ impl App {
                     .into(),
             );
         }
-        if purpose == Purpose::Import {
-            self.import(chosen);
-            return;
-        }
-        if purpose == Purpose::OpenSite && chosen.iter().all(|file| file.path.is_none()) {
-            self.take_together(ctx, chosen);
-            return;
-        }
-        for file in chosen {
-            self.take_file(ctx, purpose, file);
+        match purpose {
+            Purpose::Import => self.import(chosen),
+            Purpose::LoadPlan => self.load_plan(ctx, chosen),
+            Purpose::OpenSite if chosen.iter().all(|file| file.path.is_none()) => {
+                self.take_together(ctx, chosen);
+            }
+            _ => chosen.into_iter().for_each(|file| self.take_file(ctx, purpose, file)),
         }
     }
 
@@ -369,47 +330,5 @@ impl App {
             Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
             Err(error) => self.error = Some(error),
         }
-    }
-}
-
-/// A plan as its world file has it: six numbers, metres a pixel along and across, and the world
-/// coordinates of the middle of the first pixel. `None` for a file that mirrors or shears.
-fn plan_of(world_file: &str) -> Option<Plan> {
-    let numbers: Vec<f64> = world_file.split_whitespace().map_while(|word| word.parse().ok()).collect();
-    let [a, d, b, e, x, y] = numbers[..] else { return None };
-    let metres_per_px = a.hypot(d);
-    let skew = (b - d).hypot(e + a) / metres_per_px;
-    if !(metres_per_px > 0.0 && metres_per_px.is_finite() && skew < 1e-3) {
-        return None;
-    }
-    // The pixel that shows world (0, 0): minus the first pixel's place, turned back and scaled.
-    let square = metres_per_px * metres_per_px;
-    let (right, down) = (-(a * x + d * y) / square, (a * y - d * x) / square);
-    Some(Plan {
-        image: None,
-        metres_per_px,
-        origin_px: PlanPixel::new(right + 0.5, down + 0.5),
-        x_axis_deg: -d.atan2(a).to_degrees(),
-        georeference: None,
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use calib_core::FloorPoint;
-
-    #[test]
-    fn a_world_file_puts_the_first_pixel_where_it_says() {
-        for (turn, at) in [(0.0_f64, [12.5, 40.25]), (0.4, [-3.0, 7.0])] {
-            let (a, d) = (0.02 * turn.cos(), 0.02 * turn.sin());
-            let text = format!("{a}\n{d}\n{d}\n{}\n{}\n{}\n", -a, at[0], at[1]);
-            let plan = plan_of(&text).unwrap();
-            let first = plan.scale().floor_from_plan(PlanPixel::new(0.5, 0.5));
-            assert!(first.distance(FloorPoint::from(at)) < 1e-9, "{first:?}");
-            let next = plan.scale().floor_from_plan(PlanPixel::new(1.5, 0.5));
-            assert!(next.distance(FloorPoint::new(at[0] + a, at[1] + d)) < 1e-9, "{next:?}");
-        }
-        assert!(plan_of("0.02 0 0 0.02 0 0").is_none(), "a mirrored plan");
     }
 }

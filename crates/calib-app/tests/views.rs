@@ -6,7 +6,7 @@ mod desk;
 
 use calib_app::Units;
 use calib_app::command::{self, Command};
-use calib_app::dialog::Purpose;
+use calib_app::dialog::{Chosen, Purpose};
 use calib_app::files::Images;
 use calib_app::pane::Place;
 use calib_app::tools::{Pane, PlanHandle, plan_handles};
@@ -373,6 +373,35 @@ fn a_drawing_becomes_a_plan_that_every_program_shows() {
     let saved = images.put_into(desk.site(), None);
     let image = saved.plan.and_then(|plan| plan.image).unwrap();
     assert!(image.starts_with("data:image/png;base64,"), "{}", &image[..40]);
+}
+
+#[test]
+fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
+    let loose =
+        |name: &str, bytes: &[u8]| Chosen { name: name.into(), path: None, bytes: Some(bytes.into()) };
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::new(80, 60).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let mut desk = Desk::new(demo());
+    let (before, ctx) = (desk.site().clone(), desk.harness.ctx.clone());
+    let world = loose("hall.pgw", b"0.05\n0\n0\n-0.05\n2\n9\n");
+    desk.app().take_together(&ctx, vec![world, loose("hall.png", png.get_ref())]);
+    desk.wait(|app| app.waiting() == 0);
+    assert_eq!(desk.site().cameras.len(), before.cameras.len(), "it is no still");
+    let first = |desk: &Desk| {
+        let plan = desk.site().plan.as_ref().unwrap();
+        (plan.metres_per_px, plan.scale().floor_from_plan(calib_core::PlanPixel::new(0.5, 0.5)))
+    };
+    let (scale, at) = first(&desk);
+    assert!((scale - 0.05).abs() < 1e-12 && at.distance([2.0, 9.0].into()) < 1e-9, "{scale} {at:?}");
+    desk.app().take_together(&ctx, vec![loose("other.wld", b"0.1 0 0 -0.1 5 5")]);
+    let (scale, at) = first(&desk);
+    assert!((scale - 0.1).abs() < 1e-12 && at.distance([5.0, 5.0].into()) < 1e-9, "{scale} {at:?}");
+    assert_eq!(desk.harness.state().error, None);
+    desk.app().take_together(&ctx, vec![loose("mirrored.wld", b"0.1 0 0 0.1 5 5")]);
+    assert!(desk.harness.state().error.as_ref().unwrap().contains("mirrored.wld"));
+    desk.undo();
+    desk.undo();
+    assert_eq!(desk.site().plan, before.plan);
 }
 
 #[test]

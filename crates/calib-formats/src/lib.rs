@@ -242,7 +242,7 @@ pub const FORMATS: &[Format] = &[
     Format {
         name: "worldfile",
         about: "world file of a floor plan: the plan's scale and place",
-        extensions: &["pgw", "jgw", "wld"],
+        extensions: &["pgw", "jgw", "wld", "pngw", "jpgw"],
         holds: "plan",
         lacks: "cameras",
         write: None,

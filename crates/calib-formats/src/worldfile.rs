@@ -11,7 +11,7 @@ use crate::file::File;
 use crate::given::Imported;
 
 /// Pixels of ordinary pictures, by the extension of the world file.
-const PICTURES: [(&str, &str); 2] = [("pgw", "png"), ("jgw", "jpg")];
+const PICTURES: [(&str, &str); 4] = [("pgw", "png"), ("pngw", "png"), ("jgw", "jpg"), ("jpgw", "jpg")];
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let [file] = files else {

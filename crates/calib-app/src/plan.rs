@@ -1,0 +1,148 @@
+//! The floor plan of a site: its picture, and the world file that says where it lies.
+
+use std::path::Path;
+
+use calib_core::{Plan, PlanPixel};
+use calib_formats::{FORMATS, File, Format};
+use egui::Context;
+
+use crate::app::{App, Mode};
+use crate::dialog::Chosen;
+use crate::files;
+use crate::stills::NewStill;
+use crate::task::Task;
+use crate::tools::TOOLS;
+
+/// A plan whose picture is being read.
+#[derive(Debug)]
+pub(crate) struct Planning {
+    picture: Task<NewStill>,
+    /// What its world file says.
+    told: Option<Plan>,
+}
+
+/// World files, among the formats that are read.
+fn format() -> Option<&'static Format> {
+    FORMATS.iter().find(|format| format.name == "worldfile")
+}
+
+/// Endings of world files.
+pub(crate) fn world_endings() -> &'static [&'static str] {
+    format().map_or(&[], |format| format.extensions)
+}
+
+fn is_world_file(name: &str) -> bool {
+    world_endings().iter().any(|ending| files::has_ending(Path::new(name), ending))
+}
+
+/// The plan without its picture, as a world file has it.
+fn told_by(file: Chosen) -> Result<Plan, String> {
+    let name = file.name.clone();
+    let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
+    let format = format().ok_or_else(|| format!("{name}: no world files are read"))?;
+    let read = calib_formats::import(format, &[File { name, bytes }]).map_err(|error| error.to_string())?;
+    read.site.plan.ok_or_else(|| "A world file without a plan.".into())
+}
+
+/// The world file beside a picture on disk: plan.pgw beside plan.png.
+fn beside(path: &Path) -> Option<Chosen> {
+    let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    Some(Chosen { name, path: Some(path), bytes: None })
+}
+
+impl App {
+    /// Takes what was chosen for the plan: its picture, its world file, or both.
+    pub fn load_plan(&mut self, ctx: &Context, mut chosen: Vec<Chosen>) {
+        let world = chosen.iter().position(|file| is_world_file(&file.name)).map(|at| chosen.remove(at));
+        let Some(picture) = chosen.pop() else {
+            if let Some(world) = world {
+                self.take_world_file(world);
+            }
+            return;
+        };
+        // Only of a picture: a drawing has no pixels of its own.
+        let on_disk = picture.path.as_deref().filter(|path| files::is_image(path));
+        let told = match world.or_else(|| beside(on_disk?)).map(told_by).transpose() {
+            Ok(told) => told,
+            Err(error) => {
+                self.complain(error);
+                None
+            }
+        };
+        self.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
+    }
+
+    pub(crate) fn poll_plan(&mut self) {
+        let Some(planning) = self.planning.take() else { return };
+        match planning.picture.poll() {
+            None => self.planning = Some(planning),
+            Some(Ok(still)) => {
+                let name = self.stored(&still);
+                self.set_plan(name, still.size, planning.told);
+            }
+            Some(Err(error)) => self.complain(error),
+        }
+    }
+
+    fn set_plan(&mut self, image: String, size: [u32; 2], told: Option<Plan>) {
+        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
+        let bare = Plan {
+            image: None,
+            metres_per_px,
+            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
+            x_axis_deg: 0.0,
+            georeference: None,
+        };
+        let is_scaled = told.is_some();
+        let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
+        self.session.site.plan = Some(plan);
+        self.session.commit("load a plan");
+        self.show(Mode::Plan);
+        self.panes.views.clear();
+        if is_scaled {
+            self.session.note = Some("The scale is that of the world file.".into());
+            return;
+        }
+        let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
+        self.take_tool(measure);
+    }
+
+    fn take_world_file(&mut self, file: Chosen) {
+        let name = file.name.clone();
+        match told_by(file) {
+            Ok(told) => self.lay_plan(&told, &name),
+            Err(error) => self.complain(error),
+        }
+    }
+
+    /// Lays the plan that is there as another says, by whose name it is told.
+    pub(crate) fn lay_plan(&mut self, told: &Plan, name: &str) {
+        let Some(plan) = &mut self.session.site.plan else {
+            self.complain(format!(
+                "{name}: there is no plan whose place it could tell. Load the plan's picture together with it."
+            ));
+            return;
+        };
+        (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
+            (told.metres_per_px, told.origin_px, told.x_axis_deg);
+        self.session.commit(format!("lay the plan as {name} says"));
+        self.session.note = Some("The scale is that of the world file.".into());
+    }
+
+    /// Takes world files, and the pictures of the same name that they make plans, out of `chosen`.
+    pub(crate) fn take_plans(&mut self, ctx: &Context, chosen: &mut Vec<Chosen>) {
+        while let Some(at) = chosen.iter().position(|file| is_world_file(&file.name)) {
+            let world = chosen.remove(at);
+            let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
+            let is_its = |file: &Chosen| files::is_image(Path::new(&file.name)) && stem(file) == stem(&world);
+            match chosen.iter().position(is_its) {
+                Some(picture) => {
+                    let picture = chosen.remove(picture);
+                    self.load_plan(ctx, vec![world, picture]);
+                }
+                None => self.take_world_file(world),
+            }
+        }
+    }
+}
