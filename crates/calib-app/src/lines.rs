@@ -5,7 +5,7 @@ use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::hit::Part;
 use crate::overlay::Overlay;
-use crate::paint::{Pen, handle, line, tag};
+use crate::paint::{Pen, handle, is_lit, line, tag};
 use crate::theme::{self, on_image};
 use crate::units::Units;
 
@@ -75,12 +75,7 @@ impl Overlay<'_> {
 
     /// Blinks for a while, then stays lit.
     fn halo(&self, painter: &Painter, points: &[Pos2]) {
-        const BLINKS: f64 = 3.0;
-        let on = self.time > BLINKS || self.time.rem_euclid(1.0) < 0.5;
-        if self.time <= BLINKS {
-            painter.ctx().request_repaint_after(std::time::Duration::from_millis(100));
-        }
-        if on {
+        if is_lit(painter.ctx(), self.time) {
             line(painter, points, Pen::new(on_image::BAD.gamma_multiply(0.35), 9.0).bare());
         }
     }

@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 
 use calib_core::{
-    Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, horizon, on_image as project,
+    Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, on_image as project,
 };
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::epipolar::Trace;
+use crate::family::Fit;
 use crate::hit::Part;
 use crate::paint::{Pen, handle, line, ring, tag};
 use crate::session::Session;
@@ -80,6 +81,8 @@ pub struct Overlay<'a> {
     pub holding: bool,
     /// Seconds, for what blinks.
     pub time: f64,
+    /// Two cameras that fit as well as each other, where there are such.
+    pub fits: Option<&'a [Fit; 2]>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
     /// Whether drawn lines are shown: among many views they hide what is compared.
@@ -157,29 +160,6 @@ impl Overlay<'_> {
             for edge in std::iter::once(top).chain(edges) {
                 self.world(painter, camera, &edge, Pen::new(colour, 1.25).faint());
             }
-        }
-    }
-
-    fn paint_horizon(&self, painter: &Painter, camera: &Camera, entry: &SiteCamera) {
-        if !self.layers.horizon {
-            return;
-        }
-        let pieces = horizon(camera, entry.size());
-        let pen = Pen::new(on_image::WHITE, 1.5).dashed(&[14.0, 5.0, 3.0, 5.0]);
-        for piece in &pieces {
-            line(painter, &self.path(piece), pen);
-        }
-        let clip = painter.clip_rect().shrink(40.0);
-        let shown = pieces.iter().flatten().map(|&pixel| self.at(pixel)).filter(|&at| clip.contains(at));
-        if let Some(at) = shown.max_by(|a, b| a.x.total_cmp(&b.x)).filter(|_| self.labels) {
-            let sigma =
-                camera.covariance.0[calib_core::Covariance::PITCH][calib_core::Covariance::PITCH].sqrt();
-            let text = if sigma > 0.0 {
-                format!("horizon \u{b1} {:.0} px", (sigma * camera.focal).max(1.0))
-            } else {
-                "horizon".into()
-            };
-            tag(painter, at - Vec2::new(0.0, 4.0), Align2::RIGHT_BOTTOM, &text, on_image::WHITE);
         }
     }
 

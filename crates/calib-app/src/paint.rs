@@ -4,6 +4,18 @@ use egui::{Align2, Color32, CornerRadius, Painter, Pos2, Rect, Shape, Stroke, Ve
 
 use crate::theme::{self, on_image};
 
+/// Whether what began to blink so many seconds ago is lit: once a second for a while, then steadily.
+/// Where motion is not wanted it is lit at once and stays so.
+#[must_use]
+pub fn is_lit(ctx: &egui::Context, since: f64) -> bool {
+    const BLINKS: f64 = 3.0;
+    if since > BLINKS || theme::is_still(ctx) {
+        return true;
+    }
+    ctx.request_repaint_after(std::time::Duration::from_millis(100));
+    since.rem_euclid(1.0) < 0.5
+}
+
 /// How a line looks.
 #[derive(Clone, Copy, Debug)]
 pub struct Pen {

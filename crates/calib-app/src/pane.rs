@@ -14,6 +14,7 @@ use crate::canvas::{Mapping, View};
 use crate::floor::Floor;
 use crate::hit::{self, Part};
 use crate::loupe;
+use crate::minimap;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
 use crate::panels::context;
@@ -61,6 +62,8 @@ pub struct Panes {
     /// Whether nothing was in the hand before the last press.
     pub(crate) was_idle: bool,
     last_press: Option<(f64, Pos2)>,
+    /// Where the whole image lies small over the canvas.
+    pub(crate) minimap: Option<Rect>,
     /// The pane that was used last: zoom keys mean it.
     pub active: Option<(Place, Pane)>,
     /// Where every pane was shown last, for zoom keys and tests.
@@ -182,7 +185,8 @@ fn pressed(
     modifiers: Modifiers,
 ) {
     let space = ui.input(|i| i.key_down(egui::Key::Space));
-    if app.panes.captured.is_some() || space || !is_over(ui, mapping.rect, at) {
+    let is_beside = key.0 == Place::Main && app.panes.minimap.is_some_and(|rect| rect.contains(at));
+    if app.panes.captured.is_some() || space || is_beside || !is_over(ui, mapping.rect, at) {
         return;
     }
     let panes = &mut app.panes;
@@ -270,6 +274,9 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     if place != Place::Tile {
         handles(app, ui, camera, &mapping);
     }
+    if place == Place::Main {
+        minimap::show(app, ui, camera, &mapping, size);
+    }
     cursor(app, ui, pane, &mapping);
     if let Some((held, at)) = app.tool.held()
         && held == pane
@@ -338,6 +345,11 @@ pub(crate) fn overlay<'a>(
         lit,
         holding: !app.tool.is_idle(),
         time: ui.input(|i| i.time) - app.suspect_since,
+        fits: app
+            .family
+            .as_ref()
+            .filter(|(of, _)| *of == camera && place == Place::Main)
+            .map(|(_, family)| &family.shown),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.tool_kind().is_some(),
     }

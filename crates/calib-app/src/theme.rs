@@ -96,6 +96,8 @@ pub mod on_image {
     pub const WHITE: Color32 = Color32::WHITE;
     /// A link that waits for another view, and its epipolar line.
     pub const WAITING: Color32 = hex(0xF2DF4A);
+    /// What is not known yet.
+    pub const DOUBT: Color32 = hex(0xFFB020);
     /// A suspected line.
     pub const BAD: Color32 = hex(0xFF5470);
     /// What is held or in focus.
@@ -231,8 +233,18 @@ pub fn install(ctx: &egui::Context) {
         style.spacing.interact_size = egui::vec2(24.0, 20.0);
         style.spacing.scroll = egui::style::ScrollStyle::thin();
         style.interaction.tooltip_delay = 0.4;
+        #[cfg(target_arch = "wasm32")]
+        if crate::web::wants_stillness() {
+            style.animation_time = 0.0;
+        }
         ctx.set_style_of(theme, style);
     }
+}
+
+/// Whether nothing is to move by itself.
+#[must_use]
+pub fn is_still(ctx: &egui::Context) -> bool {
+    ctx.global_style().animation_time <= 0.0
 }
 
 fn visuals(base: Visuals, p: &Palette) -> Visuals {

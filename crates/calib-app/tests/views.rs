@@ -96,6 +96,28 @@ fn a_line_drawn_on_a_straightened_image_lies_on_the_pixels_under_the_cursor() {
 }
 
 #[test]
+fn the_whole_image_lies_small_over_a_part_of_it_and_moves_the_view() {
+    let mut desk = Desk::new(demo());
+    let label = "Whole image: drag to move the view";
+    let key = (Place::Main, Pane::Image(0));
+    assert!(desk.harness.query_by_label(label).is_none(), "all of it is shown");
+    desk.take("Vertical");
+    for _ in 0..6 {
+        desk.key(Key::Plus);
+    }
+    let rect = desk.harness.get_by_label(label).rect();
+    let centre = |desk: &mut Desk| desk.app().panes.mapping(key.0, key.1).unwrap().view.centre;
+    let before = centre(&mut desk);
+    let to = rect.min + 0.25 * rect.size();
+    desk.drag_screen(&[rect.center(), to, to], Modifiers::NONE);
+    desk.harness.run_steps(2);
+    let after = centre(&mut desk);
+    assert!((after[0] - 480.0).abs() < 20.0 && (after[1] - 270.0).abs() < 20.0, "{before:?} to {after:?}");
+    assert_eq!(desk.site(), &demo(), "nothing is drawn there");
+    assert_eq!(desk.app().session.history.depth(), 0);
+}
+
+#[test]
 fn what_is_dragged_snaps_only_when_that_is_asked_for() {
     for snaps in [false, true] {
         let mut site = demo();

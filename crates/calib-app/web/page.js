@@ -127,6 +127,7 @@
     } finally { URL.revokeObjectURL(url); }
   };
   calib.wake = () => {};
+  Object.defineProperty(calib, "still", { get: () => matchMedia("(prefers-reduced-motion: reduce)").matches });
   const want = (wish) => { calib.queue.push(wish); calib.wake(); };
 
   // Every word the app would say, to those who do not see it.

@@ -124,7 +124,7 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
         ui.painter().rect_filled(rect, 0.0, palette.accent_bg);
     } else if suspect {
         let since = ui.input(|i| i.time) - app.suspect_since;
-        let lit = since > 3.0 || since.rem_euclid(1.0) < 0.5;
+        let lit = crate::paint::is_lit(ui.ctx(), since);
         ui.painter().rect_filled(rect, 0.0, palette.bad_bg.gamma_multiply(if lit { 1.0 } else { 0.4 }));
     } else if response.hovered() {
         ui.painter().rect_filled(rect, 0.0, palette.raised);

@@ -43,6 +43,11 @@ pub(crate) async fn pick(endings: &[&str], multiple: bool) -> Vec<Chosen> {
     read_all(&js_sys::Array::from(&files)).await
 }
 
+/// Whether the operator asked their system for less motion.
+pub(crate) fn wants_stillness() -> bool {
+    page::PAGE.with(page::Page::still)
+}
+
 /// Reads files of the browser.
 pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     let mut chosen = Vec::new();

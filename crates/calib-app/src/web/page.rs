@@ -16,6 +16,10 @@ extern "C" {
     #[wasm_bindgen(method, getter)]
     pub(crate) fn queue(this: &Page) -> Array;
 
+    /// Whether the operator asked their system for less motion.
+    #[wasm_bindgen(method, getter)]
+    pub(crate) fn still(this: &Page) -> bool;
+
     /// Called by the page when there is a new wish.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_wake(this: &Page, wake: &Function);

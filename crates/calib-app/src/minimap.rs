@@ -1,0 +1,56 @@
+//! The whole image, small, in a corner of a view that shows a part of it; a drag moves the view.
+
+use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
+
+use crate::app::App;
+use crate::canvas::{Mapping, View};
+use crate::pane::Place;
+use crate::tools::Pane;
+
+/// Its longer side, in points.
+const SIDE: f32 = 124.0;
+/// How far it is from the edges of the canvas.
+const MARGIN: f32 = 10.0;
+/// Below this size of the canvas there is no room for it.
+const LEAST: f32 = 360.0;
+
+/// Where it lies; `None` where the view shows the whole image, or is small.
+pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
+    let [w, h] = size;
+    let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|at| mapping.screen(at));
+    let is_whole = corners.iter().all(|&at| mapping.rect.expand(1.0).contains(at));
+    if is_whole || mapping.rect.width().min(mapping.rect.height()) < LEAST || w <= 0.0 || h <= 0.0 {
+        return None;
+    }
+    let share = f64::from(SIDE) / w.max(h);
+    let size = Vec2::new((w * share) as f32, (h * share) as f32);
+    let corner = mapping.rect.left_bottom() + Vec2::new(MARGIN, -MARGIN - size.y);
+    Some(Rect::from_min_size(corner, size))
+}
+
+/// Shows it over the canvas.
+pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, size: [f64; 2]) {
+    // What is drawn or dragged may have to go there.
+    let key = (Place::Main, Pane::Image(camera));
+    let rect = rect(mapping, size).filter(|_| app.tool.is_idle());
+    app.panes.minimap = rect;
+    let Some(rect) = rect else { return };
+    let small = Mapping::new(View::of([0.0, 0.0], size, rect, false, true), rect);
+    let painter = ui.painter().with_clip_rect(rect);
+    painter.rect_filled(rect, 0.0, Color32::BLACK);
+    let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
+    app.paint_still(&painter, name.as_deref(), &small, rect);
+    painter.rect_filled(rect, 0.0, Color32::from_black_alpha(90));
+    let shown = [mapping.rect.min, mapping.rect.max].map(|at| small.screen(mapping.document(at)));
+    let shown = Rect::from_two_pos(shown[0], shown[1]).intersect(rect);
+    painter.rect_stroke(shown, 0.0, Stroke::new(1.5, Color32::WHITE), StrokeKind::Inside);
+    ui.painter().rect_stroke(rect, 0.0, Stroke::new(1.0, Color32::from_white_alpha(90)), StrokeKind::Outside);
+    let response = ui.interact(rect, ui.scope_id().with("minimap"), Sense::click_and_drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Whole image: drag to move the view"));
+    let to: Option<Pos2> = response.interact_pointer_pos().filter(|_| response.is_pointer_button_down_on());
+    if let Some(to) = to {
+        let centre = mapping.flat(small.document(to.clamp(rect.min, rect.max)));
+        app.panes.views.insert(key, View { centre, ..mapping.view });
+    }
+    response.on_hover_cursor(egui::CursorIcon::Grab);
+}
