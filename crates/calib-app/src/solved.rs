@@ -1,7 +1,8 @@
 //! The results of the site: recomputed where what they follow from differs, never edited.
 
 use calib_core::{
-    Camera, Failure, FailureCode, Options, Pixel, Placement, Plan, Report, Site, SiteCamera, Solution, Stage,
+    Camera, Failure, FailureCode, KnownLenses, Options, Pixel, Placement, Plan, Report, Site, SiteCamera,
+    Solution, Stage,
 };
 use web_time::Instant;
 
@@ -31,20 +32,23 @@ impl Input {
             }
     }
 
-    fn solve(&self) -> Result<Solution, Failure> {
+    /// The result, and the lenses that need not be fitted again where the edges stay.
+    fn solve(&self, before: &KnownLenses) -> (Result<Solution, Failure>, KnownLenses) {
         let cameras = std::iter::once(self.camera.clone()).chain(self.like.clone()).collect();
         let site = Site { cameras, plan: self.plan.clone(), ..Site::new() };
         let options =
             Options { refine: false, cameras: Some(vec![self.camera.id.clone()]), ..Options::default() };
-        let report = site.calibrate(&options);
+        let lenses = site.lenses(before);
+        let report = site.calibrate_knowing(&lenses, &options);
         let first = report.cameras.into_iter().find(|(index, _)| *index == 0).map(|(_, result)| result);
-        first.unwrap_or_else(|| {
+        let result = first.unwrap_or_else(|| {
             Err(Failure {
                 code: FailureCode::NoSolution,
                 message: "The camera was not solved.".into(),
                 advice: String::new(),
             })
-        })
+        });
+        (result, lenses)
     }
 }
 
@@ -73,6 +77,7 @@ struct Entry {
     input: Input,
     result: Result<Solution, Failure>,
     pose: Option<Camera>,
+    lenses: KnownLenses,
 }
 
 /// The results of a joint solve, for as long as the site is what it was then.
@@ -147,6 +152,7 @@ impl Solved {
                 advice: "Resume it to have this camera solved.".into(),
             }),
             pose: None,
+            lenses: KnownLenses::default(),
         };
         let known =
             |camera: &SiteCamera| self.entries.iter().find(|entry| entry.input.camera.id == camera.id);
@@ -164,9 +170,11 @@ impl Solved {
         if let Some(known) = self.entries.iter().find(|entry| entry.input == input) {
             return known.clone();
         }
-        let result = input.solve();
+        let same = |entry: &&Entry| entry.input.camera.id == camera.id;
+        let before = self.entries.iter().find(same).map(|entry| &entry.lenses);
+        let (result, lenses) = input.solve(before.unwrap_or(&KnownLenses::default()));
         let pose = result.as_ref().ok().and_then(Solution::camera);
-        Entry { input, result, pose }
+        Entry { input, result, pose, lenses }
     }
 
     /// Keeps the results of a joint solve as those of this site.

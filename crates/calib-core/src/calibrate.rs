@@ -10,6 +10,7 @@ use crate::covariance::Covariance;
 use crate::efov::{default_efov, efov_on_floor};
 use crate::evidence::{Evidence, Mute};
 use crate::joint::{Joined, Together};
+use crate::known_lenses::KnownLenses;
 use crate::lens::Distortion;
 use crate::minima::OPEN_FOCAL;
 use crate::options::Options;
@@ -67,7 +68,13 @@ impl Site {
     /// the others from it.
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
-        let firsts = self.firsts(options);
+        self.calibrate_knowing(&KnownLenses::default(), options)
+    }
+
+    /// As [`Self::calibrate`], with lenses that need not be fitted again; see [`Self::lenses`].
+    #[must_use]
+    pub fn calibrate_knowing(&self, lenses: &KnownLenses, options: &Options) -> Report {
+        let firsts = self.firsts(lenses, options);
         let is_joint = options.refine && options.method != Method::Paper;
         let together = match options.method {
             Method::Paper => Together::default(),
@@ -89,7 +96,7 @@ impl Site {
     }
 
     /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
-    fn firsts(&self, options: &Options) -> Vec<Result<First, Failure>> {
+    fn firsts(&self, lenses: &KnownLenses, options: &Options) -> Vec<Result<First, Failure>> {
         let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
         let owners: Owners = self
@@ -99,13 +106,13 @@ impl Site {
             .collect::<BTreeSet<String>>()
             .into_iter()
             .filter_map(|id| {
-                let first = self.first(self.camera(&id)?, options, None, &Owners::new());
+                let first = self.first(self.camera(&id)?, options, None, (&Owners::new(), lenses));
                 Some((id, first))
             })
             .collect();
         let first = |camera: &SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
-            _ => self.first(camera, options, None, &owners),
+            _ => self.first(camera, options, None, (&owners, lenses)),
         };
         let mut firsts: Vec<Result<First, Failure>> = self.cameras.iter().map(first).collect();
         let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
@@ -117,7 +124,7 @@ impl Site {
             let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.optics, draft.camera.lens);
-                firsts[index] = self.first(&self.cameras[index], options, Some(better), &owners);
+                firsts[index] = self.first(&self.cameras[index], options, Some(better), (&owners, lenses));
             }
         }
         firsts

@@ -90,7 +90,7 @@ pub struct LensFit {
 }
 
 /// What a fit of a lens starts from, beside its polylines.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LensOptions {
     /// Principal point, raw pixel.
     pub principal_point: Pixel,

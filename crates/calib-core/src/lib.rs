@@ -158,6 +158,8 @@ mod check;
 #[cfg(feature = "serde")]
 mod options;
 #[cfg(feature = "serde")]
+mod known_lenses;
+#[cfg(feature = "serde")]
 mod optics;
 #[cfg(feature = "serde")]
 mod placing;
@@ -206,6 +208,8 @@ pub use bounds::{MAX_ITEMS, SiteError};
 pub use calibrate::Report;
 #[cfg(feature = "serde")]
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
+#[cfg(feature = "serde")]
+pub use known_lenses::KnownLenses;
 #[cfg(feature = "serde")]
 pub use options::Options;
 #[cfg(feature = "serde")]

@@ -3,6 +3,7 @@
 use crate::annotation::{Annotation, Kind, line_name};
 use crate::distortion::{Fitted, LensFit, LensOptions};
 use crate::evidence::Source;
+use crate::known_lenses::KnownLenses;
 use crate::lens::{Distortion, Lens};
 use crate::outliers::is_misfit;
 use crate::report::{Code, Warning};
@@ -55,10 +56,10 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 
 impl Site {
     /// The lens of a camera: its own, or that of the camera it is like.
-    pub(crate) fn optics(&self, entry: &SiteCamera) -> Optics {
+    pub(crate) fn optics(&self, entry: &SiteCamera, lenses: &KnownLenses) -> Optics {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.camera(id));
         let owner = like.unwrap_or(entry);
-        let mut optics = self.own_optics(owner);
+        let mut optics = self.own_optics(owner, lenses);
         optics.lens.principal_point = entry.principal_point();
         if like.is_some() {
             optics.fit = None;
@@ -67,20 +68,23 @@ impl Site {
         optics
     }
 
-    fn own_optics(&self, entry: &SiteCamera) -> Optics {
+    fn own_optics(&self, entry: &SiteCamera, lenses: &KnownLenses) -> Optics {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             return Optics { lens: solution.lens(), fit: None, straightness: Vec::new() };
         }
+        let fit = self.lens_question(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
+        let lens = fit.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
+        Optics { lens, fit, straightness: Vec::new() }
+    }
+
+    /// The edges from which the lens of a camera is fitted, and what is asked; `None` where it is given.
+    fn lens_question(&self, entry: &SiteCamera) -> Option<(Vec<Edge>, LensOptions)> {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
-        let given = Optics { lens: entry.lens(), fit: None, straightness: Vec::new() };
         let fitted = distortion.map(asked);
-        if fitted == Some(None) {
-            return given;
-        }
         // Without polylines, lines that happen to have a third point are not asked about the lens.
         let straight = entry.annotations.iter().any(|a| a.kind == Kind::Straight && !a.off);
-        if !straight && fitted.is_none() {
-            return given;
+        if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
+            return None;
         }
         let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map(|focal| focal.value);
         let options = LensOptions {
@@ -90,10 +94,18 @@ impl Site {
             focal: distortion.and_then(|d| d.focal_px).or(focal),
             sigma: entry.sigma_px.unwrap_or(1.0),
         };
-        match LensFit::new(&self.edges_of(entry), &options) {
-            Some(fit) => Optics { lens: fit.lens, fit: Some(fit), straightness: Vec::new() },
-            None => given,
+        Some((self.edges_of(entry), options))
+    }
+
+    /// The fits of all lenses, those that `before` knows taken from there: for whoever calibrates again
+    /// and again while an operator draws.
+    #[must_use]
+    pub fn lenses(&self, before: &KnownLenses) -> KnownLenses {
+        let mut lenses = KnownLenses::default();
+        for (edges, options) in self.cameras.iter().filter_map(|entry| self.lens_question(entry)) {
+            lenses.keep(edges, options, before);
         }
+        lenses
     }
 
     /// The edges of a camera and of those that are like it and have the same image.
@@ -144,25 +156,13 @@ impl Optics {
         };
         let mute: Vec<&(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
-        if !mute.is_empty() {
-            let names: Vec<String> =
-                mute.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
-            let most = mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
-            let (who, whom) = if names.len() == 1 {
-                (format!("{} says", names[0]), "it")
-            } else {
-                (format!("{} say", names.join(", ")), "none of them")
-            };
-            let bent = if names.len() == 1 { "by" } else { "by more than" };
-            warnings.push(Warning::new(
-                Code::UninformativePolyline,
-                format!(
-                    "{who} next to nothing about the lens: 10 px of distortion in the corner would bend {whom} {bent} {most:.1} px."
-                ),
-                "Draw long edges far from the image centre that do not point at it.",
-            ));
-        }
         let [_, _, corner] = fit.map_error;
+        let drawn = self.straightness.len();
+        // Many edges that say little each say enough together, where the corners are known.
+        let is_told = corner <= MOST && 2 * mute.len() > drawn;
+        if !mute.is_empty() && !is_told {
+            warnings.push(says_little(annotations, &mute, drawn));
+        }
         if corner > MOST {
             let how =
                 if corner.is_finite() { format!("by \u{b1} {corner:.0} px") } else { "altogether".into() };
@@ -206,4 +206,26 @@ impl Optics {
             "Take the coefficients out of lens.distortion to have them fitted.",
         )]
     }
+}
+
+/// Straight edges that would hardly bend, whatever the lens.
+fn says_little(annotations: &[Annotation], mute: &[&(Source, f64)], drawn: usize) -> Warning {
+    /// Edges that are named one by one.
+    const NAMED: usize = 4;
+    let names: Vec<String> =
+        mute.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
+    let most = mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
+    let who = match names.len() {
+        1 => format!("{} says", names[0]),
+        2..=NAMED => format!("{} say", names.join(", ")),
+        count => format!("{count} of {drawn} straight edges say"),
+    };
+    let by = if names.len() == 1 { "it by" } else { "none of them by more than" };
+    Warning::new(
+        Code::UninformativePolyline,
+        format!(
+            "{who} next to nothing about the lens: 10 px of distortion in the corner would bend {by} {most:.1} px."
+        ),
+        "Draw long edges far from the image centre that do not point at it.",
+    )
 }

@@ -9,6 +9,7 @@ use crate::covariance::Covariance;
 use crate::criterion::{self, Held};
 use crate::evidence::{Evidence, Source};
 use crate::fit::{Fit, FitOptions, Solved};
+use crate::known_lenses::KnownLenses;
 use crate::lens::Lens;
 use crate::likelihood::{Priors, residuals_at};
 use crate::optics::Optics;
@@ -69,14 +70,14 @@ impl Site {
         entry: &SiteCamera,
         options: &Options,
         better: Option<(&Optics, Lens)>,
-        owners: &Owners,
+        (owners, lenses): (&Owners, &KnownLenses),
     ) -> Result<First, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
         let owner = like.and_then(|id| owners.get(id));
         let mut optics = match (better, owner) {
             (Some((optics, _)), _) => optics.clone(),
             (None, Some(Ok(owner))) => owner.optics.shared_by(entry),
-            _ => self.optics(entry),
+            _ => self.optics(entry, lenses),
         };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());

@@ -37,8 +37,15 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     ui.spacing_mut().item_spacing.y = 0.0;
     for row in KINDS {
         let mut letter = 'a';
+        // What has nothing of its own to say stands under one heading with the others of its kind.
+        let is_plain = |a: &Annotation| a.kind == row.kind && a.name.is_none() && is_one_of_many(a);
+        let plain = annotations.iter().filter(|a| is_plain(a)).map(|a| a.polylines().count()).sum();
+        let mut has_heading = false;
         for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| a.kind == row.kind) {
-            group(ui, app.session.units, annotation, index, letter, &mut wishes);
+            let count = if is_plain(annotation) { plain } else { annotation.polylines().count() };
+            if !(is_plain(annotation) && std::mem::replace(&mut has_heading, true)) {
+                group(ui, app.session.units, annotation, index, (letter, count), &mut wishes);
+            }
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for (segment, line) in annotation.polylines().enumerate() {
                 let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
@@ -51,12 +58,17 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
+/// Whether annotations of its kind differ in nothing but their lines.
+const fn is_one_of_many(annotation: &Annotation) -> bool {
+    matches!(annotation.kind, Kind::Vertical | Kind::Straight)
+}
+
 fn group(
     ui: &mut Ui,
     units: Units,
     annotation: &Annotation,
     index: usize,
-    letter: char,
+    (letter, count): (char, usize),
     wishes: &mut Vec<Wish>,
 ) {
     let palette = theme::palette(ui.ctx());
@@ -70,7 +82,6 @@ fn group(
             if lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
         });
         ui.label(RichText::new(name).font(theme::medium(12.0)));
-        let count = annotation.polylines().count();
         ui.label(RichText::new(count.to_string()).color(palette.text3));
         if annotation.at_right_angles_to.is_some() {
             ui.label(RichText::new("square").color(palette.text2))

@@ -1,0 +1,29 @@
+//! Fits of lenses that were made, by what they were made of: while a camera's edges stay as they are,
+//! a line that is dragged need not fit its lens again.
+
+use crate::distortion::{LensFit, LensOptions};
+use crate::straightness::Edge;
+
+/// Lenses that are known. Whatever differs from what they were fitted to is fitted anew: with them or
+/// without, results are the same.
+#[derive(Clone, Debug, Default)]
+pub struct KnownLenses(Vec<(Vec<Edge>, LensOptions, Option<LensFit>)>);
+
+impl KnownLenses {
+    fn known(&self, edges: &[Edge], options: &LensOptions) -> Option<&Option<LensFit>> {
+        self.0.iter().find(|(known, made, _)| known == edges && made == options).map(|(_, _, fit)| fit)
+    }
+
+    /// The fit of a lens to these edges: the one that is known, or made here.
+    pub(crate) fn fit(&self, edges: &[Edge], options: &LensOptions) -> Option<LensFit> {
+        self.known(edges, options).cloned().unwrap_or_else(|| LensFit::new(edges, options))
+    }
+
+    /// Keeps the fit to these edges, taken from `before` where it was made already.
+    pub(crate) fn keep(&mut self, edges: Vec<Edge>, options: LensOptions, before: &Self) {
+        if self.known(&edges, &options).is_none() {
+            let fit = before.fit(&edges, &options);
+            self.0.push((edges, options, fit));
+        }
+    }
+}
