@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    BrownConrady, Distortion, Edge, Fitted, Kind, KnownLenses, Lens, LensFit, LensOptions, Options, Pixel,
-    Source, UndistortedPixel,
+    Annotation, BrownConrady, Code, Distortion, Edge, Fitted, Kind, KnownLenses, Lens, LensFit, LensOptions,
+    Options, Pixel, Source, UndistortedPixel,
 };
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
@@ -380,4 +380,19 @@ fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_move
     let alone = site.calibrate(&options);
     assert_eq!(site.calibrate_knowing(&lenses, &options), alone, "the old lens is not that of these edges");
     assert_eq!(site.calibrate_knowing(&site.lenses(&lenses), &options), alone);
+}
+
+#[test]
+fn an_edge_that_says_nothing_of_the_lens_is_named() {
+    let mut site = demo_site_with(KnownLens::Fitted).site;
+    site.cameras.truncate(1);
+    (site.links, site.distances, site.marks) = (Vec::new(), Vec::new(), Vec::new());
+    let camera = &mut site.cameras[0];
+    camera.annotations.retain(|annotation| annotation.kind != Kind::Straight);
+    let mut radial = Annotation::new(Kind::Straight);
+    radial.points = Some([1000.0, 1200.0, 1400.0].map(|u| Pixel::new(u, 540.0)).to_vec());
+    camera.annotations.push(radial);
+    let report = site.calibrate(&Options::default());
+    let warnings = &report.cameras[0].1.as_ref().unwrap().warnings;
+    assert!(warnings.iter().any(|warning| warning.code == Code::UninformativePolyline), "{warnings:?}");
 }

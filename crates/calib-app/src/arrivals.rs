@@ -7,6 +7,7 @@ use egui::Context;
 use crate::app::App;
 use crate::dialog::Chosen;
 use crate::files;
+use crate::plan::is_world_file;
 use crate::task::Task;
 
 impl Chosen {
@@ -59,8 +60,13 @@ impl App {
             for path in sites.into_iter().filter_map(|file| file.path) {
                 self.take_path(ctx, path);
             }
+            if has_site {
+                // Its plan lies as the site says.
+                others.retain(|file| !is_world_file(file));
+            } else {
+                self.take_plans(ctx, &mut others);
+            }
             // The images of a site that came with it are no further cameras.
-            self.take_plans(ctx, &mut others);
             let own: Vec<String> = files::image_names(&self.session.site);
             let is_own = |file: &Chosen| has_site && own.iter().any(|name| base(name) == base(&file.name));
             for path in others.into_iter().filter(|file| !is_own(file)).filter_map(|file| file.path) {

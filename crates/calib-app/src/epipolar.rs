@@ -1,6 +1,6 @@
 //! Where another view must show what one view shows of a link.
 
-use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen, Pixel, WorldPoint};
+use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen, Pixel, Ray, WorldPoint};
 
 /// What another view is to look for.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,15 +65,11 @@ fn ray(camera: &Camera, pixel: Pixel, height: f64) -> Option<Vec<WorldPoint>> {
 }
 
 /// How high above its foot the ray of a head passes nearest to the vertical there.
-fn length(camera: &Camera, foot: FloorPoint, head: Pixel) -> Option<f64> {
-    // The ray of the head by two of its heights; it may never come down to the floor.
-    let z = camera.position.z;
-    let [low, high] = [0.5 * z, 0.25 * z].map(|h| camera.pixel_to_floor(head, h).map(|p| p.at_height(h)));
-    let (low, high) = (low?, high?);
-    let by = [high.x - low.x, high.y - low.y];
-    let square = by[0] * by[0] + by[1] * by[1];
-    let share = ((foot.x - low.x) * by[0] + (foot.y - low.y) * by[1]) / square;
-    Some(low.z + share * (high.z - low.z)).filter(|length| length.is_finite() && *length > 0.0)
+pub(crate) fn length(camera: &Camera, foot: FloorPoint, head: Pixel) -> Option<f64> {
+    let Ray { origin, direction: [x, y, z] } = camera.pixel_to_ray(head)?;
+    let square = x * x + y * y;
+    let share = ((foot.x - origin.x) * x + (foot.y - origin.y) * y) / square;
+    Some(origin.z + share * z).filter(|length| length.is_finite() && *length > 0.0)
 }
 
 #[cfg(test)]
@@ -111,6 +107,11 @@ mod tests {
         let seen = LinkSeen { foot: Some(px(0.0)), head: Some(px(1.3)), ..LinkSeen::new("a") };
         let trace = Trace::of(&cameras[0], &link(LinkKind::Post), &seen).unwrap();
         assert!(trace.path[1].distance(at.at_height(1.3)) < 1e-6, "the head is at {:?}", trace.path[1]);
+
+        let tall = cameras[0].position.z + 0.7;
+        let seen = LinkSeen { foot: Some(px(0.0)), head: Some(px(tall)), ..LinkSeen::new("a") };
+        let trace = Trace::of(&cameras[0], &link(LinkKind::Post), &seen).unwrap();
+        assert!(trace.path[1].distance(at.at_height(tall)) < 1e-6, "a post above the camera");
 
         let end = FloorPoint::new(at.x + 0.5, at.y + 0.2);
         let segment = [at, end].map(|p| cameras[0].world_to_pixel(p.at_height(0.0)).unwrap());

@@ -20,6 +20,8 @@ pub struct Family {
     camera: SiteCamera,
     /// Between which fields of view everything fits, in degrees; `None` where there are but two cameras.
     pub range: Option<[f64; 2]>,
+    /// The cameras at the ends of that range.
+    pub ends: Option<[Camera; 2]>,
     /// The two that are shown.
     pub shown: [Fit; 2],
 }
@@ -67,14 +69,15 @@ impl Family {
         let is_open = solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);
         if !is_open {
             let shown = shown(own, solution.alternatives.first()?.hfov_deg)?;
-            return Some(Self { camera: camera.clone(), range: None, shown });
+            return Some(Self { camera: camera.clone(), range: None, ends: None, shown });
         }
         let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i))).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);
         let best = tried.iter().map(chi2).fold(f64::INFINITY, f64::min);
-        let fits: Vec<f64> =
-            tried.iter().filter(|fit| chi2(fit) - best <= AS_WELL).map(|fit| fit.view).collect();
-        let (low, high) = (*fits.first()?, *fits.last()?);
+        let mut fits = tried.iter().filter(|fit| chi2(fit) - best <= AS_WELL);
+        let first = fits.next()?;
+        let last = fits.next_back().unwrap_or(first);
+        let (low, high) = (first.view, last.view);
         if low >= high {
             return None;
         }
@@ -82,7 +85,8 @@ impl Family {
         // The other one is that which differs most.
         let far = if own - low > high - own { low } else { high };
         let shown = shown(own, 0.5 * (own + far))?;
-        Some(Self { camera: camera.clone(), range: Some([low, high]), shown })
+        let ends = Some([first.pose, last.pose]);
+        Some(Self { camera: camera.clone(), range: Some([low, high]), ends, shown })
     }
 
     /// Whether it is that of a camera as it is now.

@@ -12,27 +12,29 @@ const SHAPE: f64 = 2e-3;
 impl App {
     /// Takes what files of another program say about cameras.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
-        if chosen.is_empty() {
-            return;
-        }
-        let read =
-            chosen.into_iter().map(|file| Ok(File { name: file.name.clone(), bytes: file.into_bytes()? }));
+        let Some(first) = chosen.first().map(|file| file.name.clone()) else { return };
+        let read = chosen.into_iter().map(|file| {
+            let name = file.name.clone();
+            let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
+            Ok(File { name, bytes })
+        });
         let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| recognised(&files));
         match taken {
-            Ok((format, imported)) => self.take_imported(format, imported),
+            Ok((format, imported)) => self.take_imported(&first, format, imported),
             Err(error) => self.error = Some(error),
         }
     }
 
-    fn take_imported(&mut self, format: &Format, Imported { site, notes }: Imported) {
+    fn take_imported(&mut self, name: &str, format: &Format, Imported { site, notes }: Imported) {
+        // A world file alone lays the plan that is there.
+        if let (Some(plan), true, Some(_)) = (&site.plan, site.cameras.is_empty(), &self.session.site.plan) {
+            self.lay_plan(plan, name);
+            return;
+        }
         if self.session.site.cameras.is_empty() {
             let folder = self.session.images.clone();
             self.open_site(site, folder, None);
             self.session.note = Some(format!("Read as {}. {}", format.name, notes.join("; ")));
-            return;
-        }
-        if let (Some(plan), true) = (&site.plan, site.cameras.is_empty()) {
-            self.lay_plan(plan, format.name);
             return;
         }
         let is_alone = site.cameras.len() == 1;

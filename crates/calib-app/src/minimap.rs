@@ -1,6 +1,6 @@
 //! The whole image, small, in a corner of a view that shows a part of it; a drag moves the view.
 
-use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
+use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
@@ -30,10 +30,10 @@ pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
 
 /// Shows it over the canvas.
 pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, size: [f64; 2]) {
-    // What is drawn or dragged may have to go there.
     let key = (Place::Main, Pane::Image(camera));
+    // What is drawn or dragged may have to go there.
     let rect = rect(mapping, size).filter(|_| app.tool.is_idle());
-    app.panes.minimap = rect;
+    app.panes.minimap = rect.map(|rect| (key, rect));
     let Some(rect) = rect else { return };
     let small = Mapping::new(View::of([0.0, 0.0], size, rect, false, true), rect);
     let painter = ui.painter().with_clip_rect(rect);
@@ -47,10 +47,13 @@ pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, siz
     ui.painter().rect_stroke(rect, 0.0, Stroke::new(1.0, Color32::from_white_alpha(90)), StrokeKind::Outside);
     let response = ui.interact(rect, ui.scope_id().with("minimap"), Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Whole image: drag to move the view"));
-    let to: Option<Pos2> = response.interact_pointer_pos().filter(|_| response.is_pointer_button_down_on());
-    if let Some(to) = to {
+    let pans = ui.input(|i| !i.pointer.primary_down() || i.key_down(egui::Key::Space));
+    let is_held = response.is_pointer_button_down_on() && !pans;
+    if let Some(to) = response.interact_pointer_pos().filter(|_| is_held) {
         let centre = mapping.flat(small.document(to.clamp(rect.min, rect.max)));
         app.panes.views.insert(key, View { centre, ..mapping.view });
     }
-    response.on_hover_cursor(egui::CursorIcon::Grab);
+    if response.hovered() {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Grab);
+    }
 }

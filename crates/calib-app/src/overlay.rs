@@ -9,7 +9,7 @@ use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::epipolar::Trace;
-use crate::family::Fit;
+use crate::family::Family;
 use crate::hit::Part;
 use crate::paint::{Pen, handle, line, ring, tag};
 use crate::session::Session;
@@ -81,8 +81,10 @@ pub struct Overlay<'a> {
     pub holding: bool,
     /// Seconds, for what blinks.
     pub time: f64,
-    /// Two cameras that fit as well as each other, where there are such.
-    pub fits: Option<&'a [Fit; 2]>,
+    /// What fits as well as the solution, where anything does.
+    pub family: Option<&'a Family>,
+    /// The link that is to be shown in a further view.
+    pub begun: Option<usize>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
     /// Whether drawn lines are shown: among many views they hide what is compared.
@@ -275,8 +277,8 @@ impl Overlay<'_> {
     }
 
     fn paint_links(&self, painter: &Painter, entry: &SiteCamera, pose: Option<&Camera>) {
-        for link in &self.session.site.links {
-            let waits = link.seen.len() == 1;
+        for (index, link) in self.session.site.links.iter().enumerate() {
+            let waits = link.seen.len() == 1 || self.begun == Some(index);
             let colour = if waits { on_image::WAITING } else { on_image::WHITE };
             let own = link.seen.iter().find(|seen| seen.camera == entry.id);
             if let Some(seen) = own {
@@ -305,13 +307,14 @@ impl Overlay<'_> {
 
     /// Where this view must show the link that another view shows.
     fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_core::Link) {
-        let Some(seen) = link.seen.first() else { return };
-        let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera);
-        let from = other.and_then(|index| self.session.solved.placed(index));
         if self.session.solved.placed(self.camera).is_none() {
             return;
         }
-        let Some(trace) = from.and_then(|from| Trace::of(from, link, seen)) else { return };
+        let trace = link.seen.iter().find_map(|seen| {
+            let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
+            Trace::of(self.session.solved.placed(other)?, link, seen)
+        });
+        let Some(trace) = trace else { return };
         self.world(painter, camera, &trace.path, Pen::new(on_image::WAITING, 1.75).dashed(&[5.0, 4.0]));
         if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);

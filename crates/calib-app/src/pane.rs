@@ -62,8 +62,8 @@ pub struct Panes {
     /// Whether nothing was in the hand before the last press.
     pub(crate) was_idle: bool,
     last_press: Option<(f64, Pos2)>,
-    /// Where the whole image lies small over the canvas.
-    pub(crate) minimap: Option<Rect>,
+    /// The pane over which the whole image lies small, and where.
+    pub(crate) minimap: Option<((Place, Pane), Rect)>,
     /// The pane that was used last: zoom keys mean it.
     pub active: Option<(Place, Pane)>,
     /// Where every pane was shown last, for zoom keys and tests.
@@ -97,6 +97,11 @@ impl Panes {
             self.views.insert(key, whole);
         }
         chosen.filter(|_| !was_fitted).unwrap_or(whole)
+    }
+
+    /// Whether something lies over a pane there.
+    fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
+        self.minimap.is_some_and(|(own, rect)| own == key && rect.contains(at))
     }
 
     /// Where a pane shows its document.
@@ -166,12 +171,15 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
 
 fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2, modifiers: Modifiers) {
     let holds = app.panes.captured == Some(key);
-    if holds || (app.panes.captured.is_none() && is_over(ui, mapping.rect, at)) {
+    let is_covered = app.panes.is_covered(key, at);
+    if holds || (app.panes.captured.is_none() && !is_covered && is_over(ui, mapping.rect, at)) {
         app.panes.moved |= holds && at.distance(app.panes.pressed) > CLICK;
         app.panes.cursor = Some((key.1, mapping.document(at)));
         let phase = if holds { Phase::Drag } else { Phase::Hover };
         send(app, ui, key.1, mapping, at, phase, modifiers);
-    } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1) && !mapping.rect.contains(at) {
+    } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
+        && (is_covered || !mapping.rect.contains(at))
+    {
         app.panes.cursor = None;
     }
 }
@@ -185,8 +193,8 @@ fn pressed(
     modifiers: Modifiers,
 ) {
     let space = ui.input(|i| i.key_down(egui::Key::Space));
-    let is_beside = key.0 == Place::Main && app.panes.minimap.is_some_and(|rect| rect.contains(at));
-    if app.panes.captured.is_some() || space || is_beside || !is_over(ui, mapping.rect, at) {
+    let is_covered = app.panes.is_covered(key, at);
+    if app.panes.captured.is_some() || space || is_covered || !is_over(ui, mapping.rect, at) {
         return;
     }
     let panes = &mut app.panes;
@@ -274,10 +282,10 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     if place != Place::Tile {
         handles(app, ui, camera, &mapping);
     }
+    cursor(app, ui, pane, &mapping);
     if place == Place::Main {
         minimap::show(app, ui, camera, &mapping, size);
     }
-    cursor(app, ui, pane, &mapping);
     if let Some((held, at)) = app.tool.held()
         && held == pane
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
@@ -345,11 +353,13 @@ pub(crate) fn overlay<'a>(
         lit,
         holding: !app.tool.is_idle(),
         time: ui.input(|i| i.time) - app.suspect_since,
-        fits: app
+        family: app
             .family
             .as_ref()
-            .filter(|(of, _)| *of == camera && place == Place::Main)
-            .map(|(_, family)| &family.shown),
+            .filter(|(of, _)| *of == camera && place == Place::Main && app.tool.is_idle())
+            .map(|(_, family)| family)
+            .filter(|family| app.session.site.cameras.get(camera).is_some_and(|now| family.is_of(now))),
+        begun: app.tool.begun(&app.session),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.tool_kind().is_some(),
     }

@@ -31,8 +31,14 @@ pub(crate) fn world_endings() -> &'static [&'static str] {
     format().map_or(&[], |format| format.extensions)
 }
 
-fn is_world_file(name: &str) -> bool {
-    world_endings().iter().any(|ending| files::has_ending(Path::new(name), ending))
+pub(crate) fn is_world_file(file: &Chosen) -> bool {
+    world_endings().iter().any(|ending| files::has_ending(Path::new(&file.name), ending))
+}
+
+/// Whether a world file is that of a picture: plan.pgw and plan.png. A drawing has no pixels to be told of.
+fn is_of(world: &Chosen, picture: &Chosen) -> bool {
+    let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
+    files::is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
 }
 
 /// The plan without its picture, as a world file has it.
@@ -44,32 +50,43 @@ fn told_by(file: Chosen) -> Result<Plan, String> {
     read.site.plan.ok_or_else(|| "A world file without a plan.".into())
 }
 
-/// The world file beside a picture on disk: plan.pgw beside plan.png.
-fn beside(path: &Path) -> Option<Chosen> {
+/// The world file beside a picture on disk.
+fn beside(picture: &Chosen) -> Option<Chosen> {
+    let path = picture.path.as_deref().filter(|path| files::is_image(path))?;
     let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
     let name = path.file_name()?.to_string_lossy().into_owned();
     Some(Chosen { name, path: Some(path), bytes: None })
 }
 
 impl App {
-    /// Takes what was chosen for the plan: its picture, its world file, or both.
-    pub fn load_plan(&mut self, ctx: &Context, mut chosen: Vec<Chosen>) {
-        let world = chosen.iter().position(|file| is_world_file(&file.name)).map(|at| chosen.remove(at));
-        let Some(picture) = chosen.pop() else {
-            if let Some(world) = world {
+    /// Takes what was chosen for the plan: its picture, its world file, or both. A site has one plan;
+    /// whatever else was chosen is named.
+    pub fn load_plan(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
+        let (worlds, mut pictures): (Vec<_>, Vec<_>) = chosen.into_iter().partition(is_world_file);
+        let mut worlds = worlds.into_iter();
+        if pictures.is_empty() {
+            if let Some(world) = worlds.next() {
                 self.take_world_file(world);
             }
-            return;
-        };
-        // Only of a picture: a drawing has no pixels of its own.
-        let on_disk = picture.path.as_deref().filter(|path| files::is_image(path));
-        let told = match world.or_else(|| beside(on_disk?)).map(told_by).transpose() {
-            Ok(told) => told,
-            Err(error) => {
-                self.complain(error);
-                None
-            }
-        };
+        } else {
+            let picture = pictures.remove(0);
+            let (mut own, others): (Vec<_>, Vec<_>) = worlds.partition(|world| is_of(world, &picture));
+            let own = if own.is_empty() { beside(&picture) } else { Some(own.remove(0)) };
+            self.read_plan(ctx, picture, own);
+            worlds = others.into_iter();
+        }
+        let left: Vec<String> = pictures.into_iter().chain(worlds).map(|file| file.name).collect();
+        if !left.is_empty() {
+            self.complain(format!("Not taken, a site has one plan: {}.", left.join(", ")));
+        }
+    }
+
+    /// Begins to read the picture of a plan that lies as `world` says.
+    fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
+        let told = world.map(told_by).transpose().unwrap_or_else(|error| {
+            self.complain(error);
+            None
+        });
         self.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
     }
 
@@ -97,15 +114,14 @@ impl App {
         let is_scaled = told.is_some();
         let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
         self.session.site.plan = Some(plan);
+        self.session.note = is_scaled.then(|| "The scale is that of the world file.".into());
         self.session.commit("load a plan");
         self.show(Mode::Plan);
         self.panes.views.clear();
-        if is_scaled {
-            self.session.note = Some("The scale is that of the world file.".into());
-            return;
+        if !is_scaled {
+            let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
+            self.take_tool(measure);
         }
-        let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
-        self.take_tool(measure);
     }
 
     fn take_world_file(&mut self, file: Chosen) {
@@ -126,23 +142,19 @@ impl App {
         };
         (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
             (told.metres_per_px, told.origin_px, told.x_axis_deg);
-        self.session.commit(format!("lay the plan as {name} says"));
         self.session.note = Some("The scale is that of the world file.".into());
+        self.session.commit(format!("lay the plan as {name} says"));
     }
 
-    /// Takes world files, and the pictures of the same name that they make plans, out of `chosen`.
-    pub(crate) fn take_plans(&mut self, ctx: &Context, chosen: &mut Vec<Chosen>) {
-        while let Some(at) = chosen.iter().position(|file| is_world_file(&file.name)) {
-            let world = chosen.remove(at);
-            let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
-            let is_its = |file: &Chosen| files::is_image(Path::new(&file.name)) && stem(file) == stem(&world);
-            match chosen.iter().position(is_its) {
-                Some(picture) => {
-                    let picture = chosen.remove(picture);
-                    self.load_plan(ctx, vec![world, picture]);
-                }
-                None => self.take_world_file(world),
-            }
+    /// Takes world files, and the pictures of the same name that they make plans, out of what was dropped.
+    pub(crate) fn take_plans(&mut self, ctx: &Context, dropped: &mut Vec<Chosen>) {
+        if !dropped.iter().any(is_world_file) {
+            return;
         }
+        let (worlds, others): (Vec<_>, Vec<_>) = std::mem::take(dropped).into_iter().partition(is_world_file);
+        let (pictures, others): (Vec<_>, Vec<_>) =
+            others.into_iter().partition(|file| worlds.iter().any(|world| is_of(world, file)));
+        *dropped = others;
+        self.load_plan(ctx, pictures.into_iter().chain(worlds).collect());
     }
 }

@@ -174,11 +174,16 @@ impl Session {
     /// "Vertical (annotation 0)", which tells where it is in a file.
     #[must_use]
     pub fn as_on_screen(&self, camera: usize, message: &str) -> String {
-        let Some(entry) = self.site.cameras.get(camera) else { return message.to_owned() };
+        let entry = self.site.cameras.get(camera).filter(|_| message.contains("(annotation "));
         let mut text = message.to_owned();
-        for (index, annotation) in entry.annotations.iter().enumerate() {
+        let drawn = entry.map_or(&[][..], |entry| &entry.annotations);
+        // One without lines has no name on the screen.
+        let drawn = drawn.iter().enumerate().filter(|(_, annotation)| annotation.polylines().count() > 0);
+        for (index, annotation) in drawn {
             let label = annotation.label(index);
-            let name = |segment| calib_core::line_name(&entry.annotations, index, segment);
+            let name = |segment| {
+                calib_core::line_name(entry.map_or(&[], |entry| &entry.annotations), index, segment)
+            };
             let last = annotation.segments.as_ref().map_or(0, |segments| segments.len().saturating_sub(1));
             let lines = if last == 0 { name(0) } else { format!("{} to {}", name(0), name(last)) };
             // A line of it is named already.

@@ -107,14 +107,22 @@ pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
 
 /// Pulls every line that any of these parts belongs to onto its edge; how many had one.
 pub fn pull_parts(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, image: &RgbImage) -> usize {
+    let lines =
+        edit::lines_of(parts).into_iter().map(|(annotation, segment)| Part::Line { annotation, segment });
+    let points = edit::points_of(site, camera, &lines.collect());
+    pull_points(site, camera, &points, image)
+}
+
+/// Pulls these points onto the edges that their lines run along, and no others; how many lines had one.
+pub fn pull_points(site: &mut Site, camera: usize, points: &BTreeSet<Part>, image: &RgbImage) -> usize {
     let mut pulled = 0;
-    for (annotation, segment) in edit::lines_of(parts) {
+    for (annotation, segment) in edit::lines_of(points) {
         let whole = [Part::Line { annotation, segment }].into();
         let vertices: Vec<Part> = edit::points_of(site, camera, &whole).into_iter().collect();
-        let points: Vec<Pixel> =
+        let drawn: Vec<Pixel> =
             vertices.iter().filter_map(|&part| edit::pixel_mut(site, camera, part).copied()).collect();
-        let Some(line) = pull_line(image, &points) else { continue };
-        for (&part, to) in vertices.iter().zip(line) {
+        let Some(line) = pull_line(image, &drawn) else { continue };
+        for (&part, to) in vertices.iter().zip(line).filter(|(part, _)| points.contains(part)) {
             if let Some(pixel) = edit::pixel_mut(site, camera, part) {
                 *pixel = to;
             }

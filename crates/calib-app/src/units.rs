@@ -59,10 +59,12 @@ impl Units {
         format!("{} {}", self.number(metres, digits), self.sign())
     }
 
-    /// A small length in metres: in centimetres or inches, with the sign.
+    /// A length in metres that is small as a rule: in centimetres or inches, with the sign; from a metre on
+    /// as any other.
     #[must_use]
     pub fn small(self, metres: f64) -> String {
         match self {
+            _ if metres.abs() >= 1.0 => self.length(metres, 2),
             Self::Metres => format!("{} cm", number(100.0 * metres, 1)),
             Self::Feet => format!("{} in", number(metres / INCH, 1)),
         }
@@ -111,6 +113,7 @@ mod tests {
         assert_eq!(Units::Feet.length(3.048, 2), "10.00 ft");
         assert_eq!(Units::Feet.small(-0.0254), "\u{2212}1.0 in");
         assert_eq!(Units::Metres.small(0.034), "3.4 cm");
+        assert_eq!(Units::Metres.small(9.987), "9.99 m");
     }
 
     #[test]

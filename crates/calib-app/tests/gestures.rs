@@ -306,6 +306,22 @@ fn links_go_from_view_to_view() {
     let links = &desk.site().links;
     assert_eq!(links.len(), 1);
     assert_eq!(links[0].seen.len(), 2, "{links:?}");
+    // One view at a time, the other camera chosen by key.
+    desk.key(Key::Enter);
+    desk.app().session.choose(0);
+    desk.key(Key::Num1);
+    for (camera, next) in [(0, true), (1, true), (2, false)] {
+        let at = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there);
+        if let Some(at) = at.filter(|at| (0.0..1920.0).contains(&at.u) && (0.0..1080.0).contains(&at.v)) {
+            desk.click(Pane::Image(camera), at.into());
+        }
+        if next {
+            desk.key(Key::CloseBracket);
+        }
+    }
+    let links = &desk.site().links;
+    assert_eq!(links.len(), 2, "the link waits while the camera is chosen");
+    assert!(links[1].seen.len() > 1, "{links:?}");
 }
 
 #[test]
@@ -342,6 +358,35 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
     desk.undo();
     desk.undo();
     assert!(desk.site().links.is_empty());
+}
+
+#[test]
+fn a_link_that_is_selected_goes_on_whichever_waits() {
+    let mut site = demo();
+    site.links.clear();
+    site.distances.clear();
+    let mut desk = Desk::new(site);
+    desk.key(Key::Num3);
+    desk.take("Link");
+    let there = desk.site().marks[2].at_m;
+    let at = |desk: &mut Desk, camera: usize| {
+        desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap()
+    };
+    let first = at(&mut desk, 0);
+    desk.click(Pane::Image(0), first.into());
+    desk.key(Key::Enter);
+    desk.click(Pane::Image(0), [first.u - 40.0, first.v]);
+    desk.app().session.select_only(0, Part::Link { link: 0, seen: 0, point: 0 });
+    let second = at(&mut desk, 2);
+    desk.click(Pane::Image(2), second.into());
+    let views = |desk: &Desk| desk.site().links.iter().map(|link| link.seen.len()).collect::<Vec<_>>();
+    assert_eq!(views(&desk), [2, 1]);
+    // One that is gone waits no longer.
+    desk.undo();
+    desk.undo();
+    desk.undo();
+    desk.click(Pane::Image(0), first.into());
+    assert_eq!(views(&desk), [1]);
 }
 
 /// Small, fast, and the same on every machine (Marsaglia 2003).

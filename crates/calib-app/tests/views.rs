@@ -424,6 +424,13 @@ fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
     desk.undo();
     desk.undo();
     assert_eq!(desk.site().plan, before.plan);
+    desk.app().error = None;
+    let two = vec![loose("hall.png", png.get_ref()), loose("yard.png", png.get_ref()), loose("c.wld", b"")];
+    desk.app().load_plan(&ctx, two);
+    desk.wait(|app| app.waiting() == 0);
+    let told = desk.harness.state().error.clone().unwrap();
+    assert!(told.contains("yard.png") && told.contains("c.wld"), "what was not taken is named: {told}");
+    assert_eq!(desk.site().plan.as_ref().unwrap().metres_per_px, before.plan.unwrap().metres_per_px);
 }
 
 #[test]

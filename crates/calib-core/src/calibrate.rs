@@ -19,7 +19,7 @@ use crate::report::{Code, Failure, FailureCode, ResidualOf, Warning};
 use crate::site::{Site, SiteCamera};
 use crate::solution::{DistortionEntry, ElementSolution, Method, SiteSolution, Solution, Stage};
 use crate::space::FloorPoint;
-use crate::stage_1::{First, Owners, listed, residuals_when_off, rms};
+use crate::stage_1::{First, Lenses, Owners, listed, residuals_when_off, rms};
 
 /// What calibrating a site found out.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,9 +96,11 @@ impl Site {
     }
 
     /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
-    fn firsts(&self, lenses: &KnownLenses, options: &Options) -> Vec<Result<First, Failure>> {
+    fn firsts(&self, known: &KnownLenses, options: &Options) -> Vec<Result<First, Failure>> {
         let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
+        let none = Owners::new();
+        let alone = Lenses { owners: &none, known };
         let owners: Owners = self
             .cameras
             .iter()
@@ -106,13 +108,14 @@ impl Site {
             .collect::<BTreeSet<String>>()
             .into_iter()
             .filter_map(|id| {
-                let first = self.first(self.camera(&id)?, options, None, (&Owners::new(), lenses));
+                let first = self.first(self.camera(&id)?, options, None, alone);
                 Some((id, first))
             })
             .collect();
+        let lenses = Lenses { owners: &owners, known };
         let first = |camera: &SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
-            _ => self.first(camera, options, None, (&owners, lenses)),
+            _ => self.first(camera, options, None, lenses),
         };
         let mut firsts: Vec<Result<First, Failure>> = self.cameras.iter().map(first).collect();
         let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
@@ -124,7 +127,7 @@ impl Site {
             let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.optics, draft.camera.lens);
-                firsts[index] = self.first(&self.cameras[index], options, Some(better), (&owners, lenses));
+                firsts[index] = self.first(&self.cameras[index], options, Some(better), lenses);
             }
         }
         firsts

@@ -15,6 +15,7 @@ pub(crate) trait Number:
     + Div<Output = Self>
     + Neg<Output = Self>
     + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
     /// Whether it carries derivatives.
@@ -155,6 +156,14 @@ impl Add<f64> for Dual {
     #[inline]
     fn add(self, other: f64) -> Self {
         Self { value: self.value + other, ..self }
+    }
+}
+
+impl Sub<f64> for Dual {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: f64) -> Self {
+        Self { value: self.value - other, ..self }
     }
 }
 

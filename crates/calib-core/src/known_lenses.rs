@@ -7,23 +7,33 @@ use crate::straightness::Edge;
 /// Lenses that are known. Whatever differs from what they were fitted to is fitted anew: with them or
 /// without, results are the same.
 #[derive(Clone, Debug, Default)]
-pub struct KnownLenses(Vec<(Vec<Edge>, LensOptions, Option<LensFit>)>);
+pub struct KnownLenses(Vec<Known>);
+
+#[derive(Clone, Debug)]
+struct Known {
+    edges: Vec<Edge>,
+    options: LensOptions,
+    fit: Option<LensFit>,
+}
 
 impl KnownLenses {
-    fn known(&self, edges: &[Edge], options: &LensOptions) -> Option<&Option<LensFit>> {
-        self.0.iter().find(|(known, made, _)| known == edges && made == options).map(|(_, _, fit)| fit)
+    fn known(&self, edges: &[Edge], options: &LensOptions) -> Option<&Known> {
+        self.0.iter().find(|known| known.edges == edges && known.options == *options)
     }
 
     /// The fit of a lens to these edges: the one that is known, or made here.
     pub(crate) fn fit(&self, edges: &[Edge], options: &LensOptions) -> Option<LensFit> {
-        self.known(edges, options).cloned().unwrap_or_else(|| LensFit::new(edges, options))
+        match self.known(edges, options) {
+            Some(known) => known.fit.clone(),
+            None => LensFit::new(edges, options),
+        }
     }
 
     /// Keeps the fit to these edges, taken from `before` where it was made already.
     pub(crate) fn keep(&mut self, edges: Vec<Edge>, options: LensOptions, before: &Self) {
         if self.known(&edges, &options).is_none() {
             let fit = before.fit(&edges, &options);
-            self.0.push((edges, options, fit));
+            self.0.push(Known { edges, options, fit });
         }
     }
 }

@@ -163,7 +163,8 @@ impl<'a> Problem<'a> {
         Some(State { core, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, its unknown beside the core, and its source.
+    /// Calls `sink` with every residual in sigmas, its unknown beside the core (where there are slopes), and
+    /// its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
     pub(crate) fn each_residual<N: Number>(
@@ -183,7 +184,7 @@ impl<'a> Problem<'a> {
             let (log_length, noise) = floor_length(&at, &length.ends)?;
             let index = self.evidence.groups + length.group;
             let (expected, beside) = match self.evidence.length_groups[length.group] {
-                Some(metres) => (-N::unknown(core[LOG_HEIGHT], LOG_HEIGHT) + metres.ln(), false),
+                Some(metres) => (N::constant(metres.ln()) - N::unknown(core[LOG_HEIGHT], LOG_HEIGHT), false),
                 None => (N::constant(state.nuisance[index]), true),
             };
             let residual = (log_length - expected) / noise * scale;
@@ -238,7 +239,7 @@ impl<'a> Problem<'a> {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {
             if let Some(Prior { value: believed, sigma }) = prior {
-                sink((value + -believed) * sigma.recip());
+                sink((value - believed) * sigma.recip());
             }
         };
         let unknown = |index: usize| N::unknown(core[index], index);

@@ -51,7 +51,8 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
     found
 }
 
-/// The chi-square reached from a state nearby, as when one piece of evidence is taken away.
+/// The chi-square reached from a state nearby, as when one piece of evidence is taken away; whether the rest
+/// tells everything is not asked.
 pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
     let start = problem.state_at(state.core)?;
     least_squares(problem, start, ROUNDS).map(|(_, chi2, _)| chi2)

@@ -102,7 +102,10 @@ impl Site {
     #[must_use]
     pub fn lenses(&self, before: &KnownLenses) -> KnownLenses {
         let mut lenses = KnownLenses::default();
-        for (edges, options) in self.cameras.iter().filter_map(|entry| self.lens_question(entry)) {
+        // The lens of another camera is asked of that one.
+        let is_own = |entry: &&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
+        let questions = self.cameras.iter().filter(is_own).filter_map(|entry| self.lens_question(entry));
+        for (edges, options) in questions {
             lenses.keep(edges, options, before);
         }
         lenses
@@ -157,11 +160,10 @@ impl Optics {
         let mute: Vec<&(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
         let [_, _, corner] = fit.map_error;
-        let drawn = self.straightness.len();
         // Many edges that say little each say enough together, where the corners are known.
-        let is_told = corner <= MOST && 2 * mute.len() > drawn;
+        let is_told = fit.fitted.is_some() && corner <= MOST && mute.len() > NAMED;
         if !mute.is_empty() && !is_told {
-            warnings.push(says_little(annotations, &mute, drawn));
+            warnings.push(says_little(annotations, &mute, self.straightness.len()));
         }
         if corner > MOST {
             let how =
@@ -208,10 +210,11 @@ impl Optics {
     }
 }
 
+/// Edges that are named one by one; more are counted.
+const NAMED: usize = 4;
+
 /// Straight edges that would hardly bend, whatever the lens.
 fn says_little(annotations: &[Annotation], mute: &[&(Source, f64)], drawn: usize) -> Warning {
-    /// Edges that are named one by one.
-    const NAMED: usize = 4;
     let names: Vec<String> =
         mute.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
     let most = mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);

@@ -23,6 +23,13 @@ use crate::space::WorldPoint;
 /// Stage 1 of the cameras whose lens others share, by their ids.
 pub(crate) type Owners = BTreeMap<String, Result<First, Failure>>;
 
+/// What is known of lenses before a camera is asked for its own.
+#[derive(Clone, Copy)]
+pub(crate) struct Lenses<'a> {
+    pub(crate) owners: &'a Owners,
+    pub(crate) known: &'a KnownLenses,
+}
+
 /// What is held of the orientation; the focal may be that of the camera this one is like.
 fn held_of(entry: &SiteCamera, owner: Option<&Result<First, Failure>>) -> Result<Held, Failure> {
     let own = entry.held();
@@ -70,14 +77,14 @@ impl Site {
         entry: &SiteCamera,
         options: &Options,
         better: Option<(&Optics, Lens)>,
-        (owners, lenses): (&Owners, &KnownLenses),
+        lenses: Lenses,
     ) -> Result<First, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
-        let owner = like.and_then(|id| owners.get(id));
+        let owner = like.and_then(|id| lenses.owners.get(id));
         let mut optics = match (better, owner) {
             (Some((optics, _)), _) => optics.clone(),
             (None, Some(Ok(owner))) => owner.optics.shared_by(entry),
-            _ => self.optics(entry, lenses),
+            _ => self.optics(entry, lenses.known),
         };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());

@@ -104,6 +104,9 @@ const FUZZ: Tool = Tool {
     ],
 };
 
+/// Where all targets are built, so that what they have in common is built once.
+const FUZZ_TARGET: &str = "target/fuzz";
+
 const WEB: Tool = Tool {
     name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
     is_there: wasm::is_there,
@@ -181,6 +184,8 @@ const CHECKS: &[Check] = &[
             "site",
             "--fuzz-dir",
             "crates/calib-core/fuzz",
+            "--target-dir",
+            FUZZ_TARGET,
             "target/fuzz-corpus/site",
             "crates/calib-core/fuzz/seeds",
             "--",
@@ -303,7 +308,8 @@ fn fuzz_formats(skips: &Path) -> anyhow::Result<bool> {
         let seeds = format!("{FUZZ_DIR}/seeds/{target}");
         make_empty(&corpus)?;
         std::fs::create_dir_all(root().join(&seeds))?;
-        let command = ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, &corpus, &seeds];
+        let command =
+            ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, "--target-dir", FUZZ_TARGET, &corpus, &seeds];
         // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
         let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
         let mut cargo = tool_command("cargo", skips)?;

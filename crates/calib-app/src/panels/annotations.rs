@@ -38,29 +38,28 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     for row in KINDS {
         let mut letter = 'a';
         // What has nothing of its own to say stands under one heading with the others of its kind.
-        let is_plain = |a: &Annotation| a.kind == row.kind && a.name.is_none() && is_one_of_many(a);
-        let plain = annotations.iter().filter(|a| is_plain(a)).map(|a| a.polylines().count()).sum();
-        let mut has_heading = false;
-        for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| a.kind == row.kind) {
-            let count = if is_plain(annotation) { plain } else { annotation.polylines().count() };
-            if !(is_plain(annotation) && std::mem::replace(&mut has_heading, true)) {
-                group(ui, app.session.units, annotation, index, (letter, count), &mut wishes);
-            }
+        let (plain, named): (Vec<usize>, Vec<usize>) =
+            (0..annotations.len()).filter(|&i| annotations[i].kind == row.kind).partition(|&i| {
+                matches!(row.kind, Kind::Vertical | Kind::Straight) && annotations[i].name.is_none()
+            });
+        let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
+        for indices in headings.filter(|indices| !indices.is_empty()) {
+            let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
+            let (first, units) = (indices[0], app.session.units);
+            group(ui, units, &annotations[first], first, (letter, count), &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
-            for (segment, line) in annotation.polylines().enumerate() {
-                let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
-                line_row(app, ui, &annotations, &line, &mut wishes);
+            for index in indices {
+                let annotation = &annotations[index];
+                for (segment, line) in annotation.polylines().enumerate() {
+                    let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
+                    line_row(app, ui, &annotations, &line, &mut wishes);
+                }
             }
         }
     }
     for wish in wishes {
         grant(app, wish);
     }
-}
-
-/// Whether annotations of its kind differ in nothing but their lines.
-const fn is_one_of_many(annotation: &Annotation) -> bool {
-    matches!(annotation.kind, Kind::Vertical | Kind::Straight)
 }
 
 fn group(

@@ -252,11 +252,13 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         }
         LinkKind::Post => {
             let mut is_measured = link.length_m.is_some();
-            if ui.checkbox(&mut is_measured, "measured").on_hover_text("How long the post is").changed() {
-                new.length_m = is_measured.then(|| calib_core::Known::prior(1.0, 0.01));
+            let tick = ui.checkbox(&mut is_measured, "long").on_hover_text("The post was measured");
+            if tick.changed() {
+                let guess = estimated_length(app, link).unwrap_or(1.0);
+                new.length_m = is_measured.then(|| calib_core::Known::prior(guess, 0.01));
             }
             if let Some(length) = &mut new.length_m {
-                ui.add(app.session.units.field(&mut length.value, 1e-3));
+                ui.add(app.session.units.field(&mut length.value, 1e-3)).labelled_by(tick.id);
             }
             if ui.button("It is a floor line").clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
@@ -269,6 +271,16 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         LinkKind::Line => {}
     }
     (new != *link).then_some((index, new))
+}
+
+/// How long a post looks in a view that shows it.
+fn estimated_length(app: &App, link: &Link) -> Option<f64> {
+    link.seen.iter().find_map(|seen| {
+        let index = app.session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+        let camera = app.session.solved.pose(index)?;
+        let foot = camera.pixel_to_floor(seen.foot?, 0.0)?;
+        crate::epipolar::length(camera, foot, seen.head?)
+    })
 }
 
 /// Distances that were measured: they give the scale where no plan does.

@@ -80,6 +80,9 @@ fn steps(session: &Session, camera: usize) -> Vec<Step> {
             "Place on the site",
             match (placed, session.is_held_by_points(camera)) {
                 (true, true) => format!("{} control points", entry.control_points.len()),
+                (true, false) if solution.is_some_and(|s| s.stage == Stage::Refined) => {
+                    "refined with the others".into()
+                }
                 (true, false) => "by hand".into(),
                 (false, _) => "on the plan, or by links".into(),
             },

@@ -15,7 +15,8 @@ enum Gesture {
     Pressed { camera: usize, start: Pixel, end: Pixel },
 }
 
-/// The tool of links. The one begun last waits for another view until Enter or Esc.
+/// The tool of links. The one begun last waits for another view until Enter or Esc, and so does one that is
+/// selected.
 #[derive(Debug, Default)]
 pub(super) struct Linking {
     gesture: Gesture,
@@ -32,15 +33,21 @@ fn sighting(camera: &str, [start, end]: [Pixel; 2], kind: LinkKind) -> LinkSeen 
     }
 }
 
+/// The link that is selected.
+fn selected(session: &Session) -> Option<usize> {
+    session.selection.iter().find_map(|part| match part {
+        Part::Link { link, .. } => Some(*link),
+        _ => None,
+    })
+}
+
 impl Linking {
-    /// The link that another view is to show next: the one that waits, or the one in hand.
-    fn begun(&self, session: &Session) -> Option<usize> {
-        let is_it = |link: &Link| self.waiting.is_some() && link.id == self.waiting;
-        let in_hand = session.selection.iter().find_map(|part| match part {
-            Part::Link { link, .. } => Some(*link),
-            _ => None,
-        });
-        session.site.links.iter().position(is_it).or(in_hand)
+    /// What is selected waits from now on: another camera is chosen without it.
+    fn take_selected(&mut self, session: &Session) {
+        let link = selected(session).and_then(|index| session.site.links.get(index));
+        if let Some(id) = link.and_then(|link| link.id.clone()) {
+            self.waiting = Some(id);
+        }
     }
 
     fn finish(&mut self, session: &mut Session, camera: usize, start: Pixel, pointer: &Pointer) {
@@ -48,6 +55,7 @@ impl Linking {
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);
         session.choose(camera);
+        let free = edit::free_id(&session.site, 'L');
         let begun = begun.and_then(|index| session.site.links.get_mut(index));
         let open = begun.filter(|link| {
             (link.kind != LinkKind::Point) == pointer.moved
@@ -55,14 +63,15 @@ impl Linking {
         });
         let name = if let Some(link) = open {
             link.seen.push(sighting(&id, ends, link.kind));
-            link.id.clone().unwrap_or_default()
+            link.id.get_or_insert(free).clone()
         } else {
             let kind = if pointer.moved { LinkKind::Line } else { LinkKind::Point };
-            let name = edit::free_id(&session.site, 'L');
             let seen = vec![sighting(&id, ends, kind)];
-            session.site.links.push(Link::new(Some(name.clone()), kind, seen));
-            name
+            session.site.links.push(Link::new(Some(free.clone()), kind, seen));
+            free
         };
+        // It is this one that waits, whatever was selected.
+        session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
         self.waiting = Some(name);
     }
@@ -71,11 +80,7 @@ impl Linking {
 impl Tool for Linking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         let Some((camera, at)) = pointer.pixel() else { return };
-        if self.waiting.is_none() {
-            // What is in hand is let go when another camera is chosen.
-            let in_hand = self.begun(session).and_then(|index| session.site.links.get(index));
-            self.waiting = in_hand.and_then(|link| link.id.clone());
-        }
+        self.take_selected(session);
         self.gesture = match (self.gesture, pointer.phase) {
             (Gesture::Idle, Phase::Press) => Gesture::Pressed { camera, start: at, end: at },
             (Gesture::Pressed { camera: own, start, .. }, Phase::Release) if own == camera => {
@@ -89,14 +94,19 @@ impl Tool for Linking {
         };
     }
 
+    fn begun(&self, session: &Session) -> Option<usize> {
+        let waits = |link: &Link| self.waiting.is_some() && link.id == self.waiting;
+        selected(session).or_else(|| session.site.links.iter().position(waits))
+    }
+
     fn accept(&mut self, session: &mut Session) {
         self.waiting = None;
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
     }
 
     fn cancel(&mut self) {
+        // A link that waits goes on waiting: the next view may have to be chosen first.
         self.gesture = Gesture::Idle;
-        self.waiting = None;
     }
 
     fn is_idle(&self) -> bool {

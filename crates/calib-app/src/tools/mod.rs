@@ -98,8 +98,13 @@ pub trait Tool: std::fmt::Debug {
         false
     }
 
-    /// Afterwards it is as if it had just been made; the session puts the site back.
+    /// Drops the gesture that is under way; the session puts the site back.
     fn cancel(&mut self);
+
+    /// The link that is to be shown in a further view.
+    fn begun(&self, _session: &Session) -> Option<usize> {
+        None
+    }
 
     /// Whether no gesture is under way.
     fn is_idle(&self) -> bool;

@@ -126,7 +126,8 @@ impl Tool for Select {
                     if pointer.moved {
                         if let Some(still) = pointer.still.as_deref().filter(|_| pointer.modifiers.alt) {
                             let parts = session.selection.clone();
-                            snap::pull_parts(&mut session.site, camera, &parts, still);
+                            let moved = edit::points_of(&session.site, camera, &parts);
+                            snap::pull_points(&mut session.site, camera, &moved, still);
                         }
                         let name = session.selection_name();
                         session.commit(format!("move {name}"));
@@ -174,10 +175,12 @@ impl Tool for Select {
                 session.selection_name()
             ),
             Gesture::Parts { .. } => {
-                format!(
-                    "Release to set {}.  Shift: fine, Alt: pull onto the edge, Esc: put back",
-                    session.selection_name()
-                )
+                let alt = if edit::lines_of(&session.selection).is_empty() {
+                    ""
+                } else {
+                    " Alt: pull onto the edge,"
+                };
+                format!("Release to set {}.  Shift: fine,{alt} Esc: put back", session.selection_name())
             }
             Gesture::Rubber { .. } => "Release to select what is inside.".into(),
             Gesture::Mark(drag) => drag.hint().into(),
