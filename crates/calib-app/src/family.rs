@@ -1,6 +1,6 @@
 //! Cameras that fit what was drawn as well as the solution does: a second one, or a whole family.
 
-use calib_core::{Camera, Code, Known, Options, Site, SiteCamera, Solution};
+use calib_core::{Camera, Code, Known, KnownLenses, Options, Site, SiteCamera, Solution};
 
 /// A camera with a horizontal field of view that was asked for, and how it fits.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ fn focal_of(camera: &SiteCamera, view: f64) -> f64 {
 
 /// The camera with this field of view that fits best.
 #[must_use]
-pub fn fit(site: &Site, index: usize, view: f64) -> Option<Fit> {
+pub fn fit(site: &Site, index: usize, view: f64, lenses: &KnownLenses) -> Option<Fit> {
     let mut camera = site.cameras.get(index)?.clone();
     let focal = focal_of(&camera, view);
     camera.lens.get_or_insert_default().focal_px = Some(Known::fixed(focal));
@@ -54,7 +54,8 @@ pub fn fit(site: &Site, index: usize, view: f64) -> Option<Fit> {
     let cameras = std::iter::once(camera).chain(like).collect();
     let alone = Site { cameras, plan: site.plan.clone(), ..Site::new() };
     let options = Options { refine: false, cameras: Some(vec![id]), ..Options::default() };
-    let solution = alone.calibrate(&options).cameras.into_iter().next()?.1.ok()?;
+    let report = alone.calibrate_knowing(&alone.lenses(lenses), &options);
+    let solution = report.cameras.into_iter().next()?.1.ok()?;
     let pose = solution.camera()?;
     Some(Fit { view, solution, pose })
 }
@@ -62,16 +63,16 @@ pub fn fit(site: &Site, index: usize, view: f64) -> Option<Fit> {
 impl Family {
     /// What else fits a camera; `None` where nothing does.
     #[must_use]
-    pub fn of(site: &Site, index: usize, solution: &Solution) -> Option<Self> {
+    pub fn of(site: &Site, index: usize, solution: &Solution, lenses: &KnownLenses) -> Option<Self> {
         let camera = site.cameras.get(index)?;
         let own = view_of(camera, solution.focal_px);
-        let shown = |a: f64, b: f64| Some([fit(site, index, a)?, fit(site, index, b)?]);
+        let shown = |a: f64, b: f64| Some([fit(site, index, a, lenses)?, fit(site, index, b, lenses)?]);
         let is_open = solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);
         if !is_open {
             let shown = shown(own, solution.alternatives.first()?.hfov_deg)?;
             return Some(Self { camera: camera.clone(), range: None, ends: None, shown });
         }
-        let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i))).collect();
+        let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i), lenses)).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);
         let best = tried.iter().map(chi2).fold(f64::INFINITY, f64::min);
         let mut fits = tried.iter().filter(|fit| chi2(fit) - best <= AS_WELL);
@@ -96,8 +97,8 @@ impl Family {
     }
 
     /// Shows another member.
-    pub fn choose(&mut self, site: &Site, index: usize, which: usize, view: f64) {
-        if let (Some(shown), Some(fit)) = (self.shown.get_mut(which), fit(site, index, view)) {
+    pub fn choose(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &KnownLenses) {
+        if let (Some(shown), Some(fit)) = (self.shown.get_mut(which), fit(site, index, view, lenses)) {
             *shown = fit;
         }
     }
@@ -117,10 +118,11 @@ mod tests {
         (camera.control_points, camera.placement) = (Vec::new(), None);
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        let family = Family::of(&site, 0, solution).expect("verticals alone do not tell the focal");
+        let family = Family::of(&site, 0, solution, &KnownLenses::default())
+            .expect("verticals alone do not tell the focal");
         let [low, high] = family.range.expect("a family, not two cameras");
         assert!(high - low > 20.0, "{low} to {high}");
-        let rms = |view: f64| fit(&site, 0, view).unwrap().solution.rms_px.unwrap();
+        let rms = |view: f64| fit(&site, 0, view, &KnownLenses::default()).unwrap().solution.rms_px.unwrap();
         assert!((rms(low) - rms(high)).abs() < 1.0, "{} and {} px", rms(low), rms(high));
         assert!(family.shown[0].view != family.shown[1].view);
     }
@@ -130,6 +132,6 @@ mod tests {
         let site = calib_demo::demo_site().site;
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        assert!(Family::of(&site, 0, solution).is_none());
+        assert!(Family::of(&site, 0, solution, &KnownLenses::default()).is_none());
     }
 }

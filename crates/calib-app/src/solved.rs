@@ -202,6 +202,12 @@ impl Solved {
         self.joint().map(|joint| &joint.report)
     }
 
+    /// The lenses that were fitted for a camera.
+    #[must_use]
+    pub fn lenses(&self, index: usize) -> KnownLenses {
+        self.entries.get(index).map(|entry| entry.lenses.clone()).unwrap_or_default()
+    }
+
     /// A camera's result.
     #[must_use]
     pub fn result(&self, index: usize) -> Option<Result<&Solution, &Failure>> {

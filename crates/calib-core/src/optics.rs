@@ -86,12 +86,15 @@ impl Site {
         if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
             return None;
         }
+        let fitted = fitted.flatten();
         let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map(|focal| focal.value);
+        let focal = distortion.and_then(|d| d.focal_px).or(focal);
         let options = LensOptions {
             principal_point: entry.principal_point(),
             size: entry.size(),
-            fitted: fitted.flatten(),
-            focal: distortion.and_then(|d| d.focal_px).or(focal),
+            // Of the others the coefficients do not depend on it: another focal is no other question.
+            focal: focal.filter(|_| matches!(fitted, Some(Fitted::KannalaBrandt(_)))),
+            fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
         };
         Some((self.edges_of(entry), options))

@@ -37,7 +37,9 @@ pub fn update(app: &mut App) -> bool {
         app.family = None;
     } else if !is_known {
         let camera = app.session.camera;
-        app.family = Family::of(&app.session.site, camera, solution).map(|family| (camera, family));
+        let lenses = app.session.solved.lenses(camera);
+        let family = Family::of(&app.session.site, camera, solution, &lenses);
+        app.family = family.map(|family| (camera, family));
     }
     app.family.is_some()
 }
@@ -95,7 +97,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                     ui.vertical(|ui| {
                         ui.set_width(width);
                         if let Some(view) = card(app, ui, &family, which) {
-                            family.choose(&app.session.site, camera, which, view);
+                            let lenses = app.session.solved.lenses(camera);
+                            family.choose(&app.session.site, camera, which, view, &lenses);
                         }
                         let view = family.shown[which].view;
                         if ui.button(format!("Use {view:.0}\u{b0}")).clicked() {
