@@ -36,12 +36,15 @@ impl OddPolynomial {
     /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method
     /// kept inside a bracket, so that it always ends.
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
-        let near = 1.5 * value;
-        let mut high = if self.value(near) > value && self.least_slope(near) > 0.0 {
-            near
-        } else {
-            let turn = self.first_turn();
-            if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? }
+        /// Radii, in values, one of which is beyond the answer for all but the outermost points of a lens.
+        const NEAR: [f64; 5] = [1.02, 1.1, 1.2, 1.35, 1.5];
+        let grows_past = |near: &f64| self.value(*near) > value && self.least_slope(*near) > 0.0;
+        let mut high = match NEAR.map(|share| share * value).iter().find(|near| grows_past(near)) {
+            Some(near) => *near,
+            None => {
+                let turn = self.first_turn();
+                if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? }
+            }
         };
         if value.is_nan() || value > self.value(high) {
             return None;
