@@ -1,7 +1,8 @@
 // The whole of it in Chromium: node flow.mjs ADDRESS FILE
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import path from "node:path";
 import { pathToFileURL } from "node:url";
@@ -228,6 +229,63 @@ async function offline() {
   await desk.context.close();
 }
 
+/** A newer version on the server leaves an open page as it is, and is there once no page is open. */
+async function versions() {
+  const folder = path.dirname(file);
+  const files = new Map(readdirSync(folder).map((name) => [name, readFileSync(path.join(folder, name))]));
+  const types = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".svg": "image/svg+xml" };
+  const server = createServer((request, response) => {
+    const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
+    const bytes = files.get(name);
+    const type = types[path.extname(name)] ?? "application/octet-stream";
+    response.writeHead(bytes ? 200 : 404, { "Content-Type": type, "Cache-Control": "no-cache" });
+    response.end(bytes);
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  const url = `http://127.0.0.1:${server.address().port}/?test=1`;
+  const shown = (page) => page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 60_000 });
+  const programs = (page) => page.evaluate(() => performance.getEntriesByType("resource").map((entry) => entry.name.split("/").at(-1)).filter((name) => name.endsWith(".wasm")));
+
+  const desk = await Desk.open(browser, url);
+  await desk.page.evaluate(() => navigator.serviceWorker.ready);
+  await desk.page.reload();
+  await shown(desk.page);
+  // The program gets another name, and the old one is gone from the server.
+  const program = [...files.keys()].find((name) => name.endsWith(".wasm"));
+  const next = program.replace(".wasm", "-next.wasm");
+  files.set(next, files.get(program));
+  files.delete(program);
+  for (const name of [...files.keys()].filter((name) => /\.(html|js)$/.test(name))) {
+    const text = files.get(name).toString().replaceAll(program, next);
+    files.set(name, Buffer.from(text.replace(/const CACHE = "calib-[^"]*"/, 'const CACHE = "calib-next"')));
+  }
+  await desk.page.evaluate(async () => (await navigator.serviceWorker.getRegistration()).update());
+  await desk.page.waitForFunction(async () => (await navigator.serviceWorker.getRegistration()).waiting, null, { timeout: 60_000 });
+  assert.equal(await desk.page.evaluate(async (name) => (await fetch(name)).status, program), 200, "the open page has its own files");
+  await desk.page.reload();
+  await shown(desk.page);
+  assert.deepEqual([...new Set(await programs(desk.page))], [program], "loaded again beside a version that waits");
+  desk.fine();
+  await desk.page.close();
+
+  const end = Date.now() + 30_000;
+  for (let kept = []; kept.join() !== "calib-next";) {
+    assert(Date.now() < end, `the old version stays: ${kept}`);
+    await new Promise((resolve) => setTimeout(resolve, 300));
+    const again = await Desk.open(browser, url, { keep: desk.context });
+    kept = await again.page.evaluate(() => caches.keys());
+    if (kept.join() === "calib-next") {
+      await again.page.reload();
+      await shown(again.page);
+      assert.deepEqual([...new Set(await programs(again.page))], [next]);
+      again.fine();
+    }
+    await again.page.close();
+  }
+  await desk.context.close();
+  server.close();
+}
+
 async function memory() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   // Made and dropped within the page, so that the test's own copies are not measured.
@@ -429,6 +487,7 @@ await step("quota", quota);
 await step("panic", panic);
 await step("context", context);
 await step("offline", offline);
+await step("versions", versions);
 await step("refine", refine);
 await step("drawing", drawing);
 await step("touch", touch);
