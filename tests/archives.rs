@@ -14,8 +14,9 @@ use arrow::array::{
     RecordBatch, StringArray, TimestampMillisecondArray,
 };
 use arrow::datatypes::{Float64Type, Int8Type, Int32Type, Schema};
+use arrow::ipc::CompressionType;
 use arrow::ipc::reader::{FileReader, StreamReader};
-use arrow::ipc::writer::FileWriter;
+use arrow::ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
 use calib_core::{
     BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
     WorldPoint,
@@ -447,6 +448,45 @@ fn a_broken_table_is_refused_and_leaves_nothing() {
     }
     let left: Vec<_> = std::fs::read_dir(scratch.path("")).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
+}
+
+#[test]
+fn a_length_that_promises_too_much_takes_no_memory() {
+    let scratch = scratch(&site());
+    let batch = motley(3000);
+    for (name, packing) in [("zstd", CompressionType::ZSTD), ("lz4", CompressionType::LZ4_FRAME)] {
+        let options = IpcWriteOptions::default().try_with_compression(Some(packing)).unwrap();
+        let mut whole = Vec::new();
+        let mut writer = StreamWriter::try_new_with_options(&mut whole, &batch.schema(), options).unwrap();
+        writer.write(&batch).unwrap();
+        writer.finish().unwrap();
+        let run = |bytes: &[u8]| {
+            scratch.write("packed.arrows", bytes);
+            scratch.calib(&project(&[
+                "--camera-column",
+                "camera_id",
+                "-i",
+                "packed.arrows",
+                "-o",
+                "out.csv",
+                "--force",
+            ]))
+        };
+        run(&whole).expect_code(0);
+        // Columns of 3000 numbers of eight bytes say so before what they were packed into.
+        let promise = 24_000_i64.to_le_bytes();
+        let places: Vec<usize> =
+            (0..whole.len() - 8).step_by(8).filter(|&at| whole[at..at + 8] == promise).collect();
+        assert!(places.len() >= 3, "{name}: {places:?}");
+        for at in places {
+            for forged in [1_i64 << 40, i64::MAX, 24_008, -7] {
+                let mut bytes = whole.clone();
+                bytes[at..at + 8].copy_from_slice(&forged.to_le_bytes());
+                let refused = run(&bytes).expect_code(3);
+                assert!(refused.stderr.contains("packed.arrows"), "{}", refused.stderr);
+            }
+        }
+    }
 }
 
 #[test]

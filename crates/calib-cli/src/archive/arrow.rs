@@ -1,12 +1,13 @@
 //! Arrow IPC, as a stream and as a file.
 
-use std::io::Read;
+use std::io::{BufRead as _, BufReader, Read};
 
 use ::arrow::array::RecordBatch;
 use ::arrow::buffer::Buffer;
 use ::arrow::datatypes::{Schema, SchemaRef};
 use ::arrow::error::ArrowError;
 use ::arrow::ipc::reader::StreamDecoder;
+use ::arrow::ipc::root_as_message;
 use ::arrow::ipc::writer::{FileWriter, StreamWriter};
 
 use super::{Format, Input, Output, Packing, Sink, Source};
@@ -18,10 +19,19 @@ const MAGIC: &[u8] = b"ARROW1";
 /// Bytes read at once.
 const CHUNK: usize = 1 << 20;
 
+/// Before the length of a message; older streams have none.
+const CONTINUES: [u8; 4] = [0xFF; 4];
+
+/// Bytes that one column of a batch may take once it is unpacked: memory is taken for what a length
+/// promises, before anything is unpacked.
+const MOST_UNPACKED: i64 = 1 << 30;
+
 struct Stream {
     name: String,
-    from: Box<dyn Read>,
+    from: BufReader<Box<dyn Read>>,
     is_file: bool,
+    /// Whether the last message was read.
+    is_over: bool,
     /// Takes memory for what has come, not for what a length promises.
     decoder: StreamDecoder,
     chunk: Buffer,
@@ -36,8 +46,9 @@ pub(super) fn open(mut input: Input, _to: &'static Format) -> Result<Box<dyn Sou
     let name = input.name.clone();
     let is_file = input.format()?.name == "arrow-file";
     let (decoder, chunk) = (StreamDecoder::new(), Buffer::from(Vec::<u8>::new()));
-    let from = input.into_read();
-    let mut stream = Stream { name, from, is_file, decoder, chunk, first: None, before: 0, rows: 0 };
+    let from = BufReader::with_capacity(CHUNK, input.into_read());
+    let (first, before, rows) = (None, 0, 0);
+    let mut stream = Stream { name, from, is_file, is_over: false, decoder, chunk, first, before, rows };
     if is_file {
         stream.skip_to_stream()?;
     }
@@ -53,23 +64,71 @@ impl Stream {
         Stop::invalid(&self.name, format!("not a whole Arrow IPC stream or file: {error}"))
     }
 
-    /// Reads on, if all that was read is decoded; whether there is anything left.
+    /// Reads so many bytes more, or all there are.
+    fn read(&mut self, bytes: &mut Vec<u8>, count: u64) -> Result<(), Stop> {
+        let read = self.from.by_ref().take(count).read_to_end(bytes);
+        read.map(drop).map_err(|error| self.broken(error))
+    }
+
+    /// Reads on, if all that was read is decoded: a message, and after the last one what else there is.
+    /// Whether there is anything left.
     fn fill(&mut self) -> Result<bool, Stop> {
         if self.chunk.is_empty() {
-            let mut bytes = Vec::with_capacity(CHUNK);
-            let read = self.from.by_ref().take(CHUNK as u64).read_to_end(&mut bytes);
-            read.map_err(|error| self.broken(error))?;
+            let mut bytes = Vec::new();
+            if self.is_over {
+                self.read(&mut bytes, CHUNK as u64)?;
+            } else {
+                self.is_over = !self.read_message(&mut bytes)?;
+            }
             self.chunk = Buffer::from(bytes);
         }
         Ok(!self.chunk.is_empty())
     }
 
-    /// The zeros after the magic are up to 64 bytes long, and a stream begins with other bytes.
+    /// Reads a message. Whether others may follow: not after the mark of the end, nor after what is none,
+    /// which the decoder names.
+    fn read_message(&mut self, bytes: &mut Vec<u8>) -> Result<bool, Stop> {
+        self.read(bytes, 4)?;
+        if *bytes == CONTINUES {
+            self.read(bytes, 4)?;
+        }
+        let length = bytes.last_chunk().map_or(0, |length| i32::from_le_bytes(*length));
+        let Ok(length @ 1..) = u64::try_from(length) else { return Ok(false) };
+        let head = bytes.len();
+        self.read(bytes, length)?;
+        let Ok(message) = root_as_message(&bytes[head..]) else { return Ok(false) };
+        let Ok(body) = u64::try_from(message.bodyLength()) else { return Ok(false) };
+        let dictionary = message.header_as_dictionary_batch().and_then(|dictionary| dictionary.data());
+        let batch = message.header_as_record_batch().or(dictionary);
+        let packed = batch.filter(|batch| batch.compression().is_some()).and_then(|batch| batch.buffers());
+        let offsets: Vec<i64> =
+            packed.iter().flatten().filter(|part| part.length() >= 8).map(|part| part.offset()).collect();
+        let start = bytes.len();
+        self.read(bytes, body)?;
+        for offset in offsets {
+            let at = usize::try_from(offset).ok().and_then(|offset| start.checked_add(offset));
+            let promised = at.and_then(|at| bytes.get(at..)?.first_chunk());
+            if let Some(promised) =
+                promised.map(|bytes| i64::from_le_bytes(*bytes)).filter(|n| *n > MOST_UNPACKED)
+            {
+                return Err(self.broken(format!(
+                    "a column of a batch unpacks to {promised} bytes; at most {MOST_UNPACKED} are read"
+                )));
+            }
+        }
+        Ok(true)
+    }
+
+    /// After the magic zeros fill up to 8 or to 64 bytes.
     fn skip_to_stream(&mut self) -> Result<(), Stop> {
-        if self.fill()? {
-            self.chunk.advance(MAGIC.len().min(self.chunk.len()));
-            let zeros = self.chunk.iter().take_while(|&&byte| byte == 0).count();
-            self.chunk.advance(zeros);
+        let mut bytes = Vec::new();
+        self.read(&mut bytes, MAGIC.len() as u64 + 2)?;
+        while let Ok(ahead) = self.from.fill_buf() {
+            let zeros = ahead.iter().take_while(|&&byte| byte == 0).count();
+            if zeros == 0 {
+                break;
+            }
+            self.from.consume(zeros);
         }
         Ok(())
     }
