@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::covariance::Covariance;
 use crate::likelihood::Prior;
 use crate::minima::OPEN_FOCAL;
-use crate::minimize::least_squares;
+use crate::minimize::{Reached, least_squares};
 use crate::outliers::{LEVEL, chi2_score, inflation, is_misfit, stands_out};
 use crate::refine::{Joint, Of, View};
 use crate::slots::VIEW;
@@ -237,7 +237,7 @@ fn wrapped(angle: f64) -> f64 {
 }
 
 fn settled(joint: Joint<'_>) -> Option<Settled<'_>> {
-    let (state, chi2, _) = least_squares(&joint, joint.start(), ROUNDS)?;
+    let Reached { state, cost: chi2, .. } = least_squares(&joint, joint.start(), ROUNDS)?;
     let dof = joint.dof(&state)?;
     Some(Settled { joint, state, chi2, dof, covariance: None })
 }

@@ -186,7 +186,9 @@ impl Problem<'_> {
         // A few steps tell which valleys are worth walking to their end.
         let mut begun: Vec<(Vec<f64>, f64)> = fixed
             .chain([padded(smaller)])
-            .filter_map(|start| least_squares(self, start, FIRST).map(|(values, cost, _)| (values, cost)))
+            .filter_map(|start| {
+                least_squares(self, start, FIRST).map(|reached| (reached.state, reached.cost))
+            })
             .collect();
         begun.sort_by(|a, b| a.1.total_cmp(&b.1));
         begun.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
@@ -194,7 +196,7 @@ impl Problem<'_> {
         begun
             .into_iter()
             .filter_map(|(start, _)| {
-                least_squares(self, start, ROUNDS).map(|(values, cost, _)| (values, cost))
+                least_squares(self, start, ROUNDS).map(|reached| (reached.state, reached.cost))
             })
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }

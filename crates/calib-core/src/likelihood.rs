@@ -332,7 +332,7 @@ mod tests {
     use super::*;
     use crate::annotation::Known;
     use crate::evidence::End;
-    use crate::minimize::{Ending, LevenbergMarquardt, least_squares};
+    use crate::minimize::{Ending, LevenbergMarquardt, Reached, least_squares};
     use proptest::prelude::*;
 
     fn any_end() -> impl Strategy<Value = End> {
@@ -455,7 +455,7 @@ mod tests {
             let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
             let start = [core[0] + nudge[0], core[1] + nudge[1], core[2] + nudge[2], core[3]];
             let Some(start) = problem.state_at(start) else { return Ok(()) };
-            let (_, cost, ending) = least_squares(&problem, start.clone(), 200).unwrap();
+            let Reached { cost, ending, .. } = least_squares(&problem, start.clone(), 200).unwrap();
             prop_assert!(ending != Ending::OutOfRounds);
             let oracle = levenberg_marquardt::LevenbergMarquardt::new();
             let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
@@ -537,7 +537,7 @@ mod tests {
         };
         let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
         let start = problem.state_at([0.0, 0.5, 1500_f64.ln(), 3_f64.ln()]).unwrap();
-        let (direct, cost, _) = least_squares(&problem, start.clone(), 100).unwrap();
+        let Reached { state: direct, cost, .. } = least_squares(&problem, start.clone(), 100).unwrap();
         let solver = LevenbergMarquardt::new(&problem, start.clone()).unwrap();
         let run = argmin::core::Executor::new(problem.clone(), solver)
             .configure(|state| state.param(start).max_iters(100))

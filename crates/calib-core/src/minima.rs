@@ -4,7 +4,7 @@
 use crate::criterion::Held;
 use crate::evidence::Toward;
 use crate::likelihood::{Prior, Problem, State};
-use crate::minimize::least_squares;
+use crate::minimize::{Reached, least_squares};
 use crate::normal::Uncertainty;
 use crate::placement::STAGE_1_HEIGHT;
 use crate::residual::{Core, LOG_FOCAL, PITCH, ROLL};
@@ -37,10 +37,8 @@ pub(crate) struct Minimum {
 pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
     for start in starts(problem, held) {
-        let Some((mut state, chi2, _)) = least_squares(problem, start, ROUNDS) else { continue };
-        fold(&mut state, problem);
-        let Some(uncertainty) = problem.uncertainty(&state) else { continue };
-        let minimum = Minimum { state, chi2, uncertainty };
+        let Some(reached) = least_squares(problem, start, ROUNDS) else { continue };
+        let Some(minimum) = minimum(problem, reached) else { continue };
         match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
             Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
             Some(_) => {}
@@ -55,7 +53,20 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
 /// tells everything is not asked.
 pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
     let start = problem.state_at(state.core)?;
-    least_squares(problem, start, ROUNDS).map(|(_, chi2, _)| chi2)
+    least_squares(problem, start, ROUNDS).map(|reached| reached.cost)
+}
+
+fn minimum(problem: &Problem, reached: Reached<Problem>) -> Option<Minimum> {
+    let Reached { mut state, cost: chi2, normal, .. } = reached;
+    let core = state.core;
+    fold(&mut state, problem);
+    // The same angles tell the same; a camera turned about has other slopes.
+    let uncertainty = if state.core == core {
+        Uncertainty::new(&normal.information(problem.free), problem.free)
+    } else {
+        problem.uncertainty(&state)?
+    };
+    Some(Minimum { state, chi2, uncertainty })
 }
 
 /// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.
@@ -75,7 +86,10 @@ fn fold(state: &mut State, problem: &Problem) {
         *roll += PI;
         // The yaw turns by half a turn with them: a direction of the floor is the same line.
     }
-    *roll = (*roll + PI).rem_euclid(TAU) - PI;
+    // Within the range it stays to the last bit.
+    if !(-PI..PI).contains(roll) {
+        *roll = (*roll + PI).rem_euclid(TAU) - PI;
+    }
 }
 
 /// Whether two states are one minimum: nearer to each other than one standard deviation.

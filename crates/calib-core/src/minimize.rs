@@ -166,21 +166,29 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
     }
 }
 
-/// The lowest state reached from `start`, its cost, and how it ended; `None` when the start is impossible.
+/// Where a run ended.
+pub(crate) struct Reached<P: LeastSquares> {
+    /// The lowest state.
+    pub(crate) state: P::State,
+    pub(crate) cost: f64,
+    /// The problem made linear there.
+    pub(crate) normal: P::Normal,
+    #[cfg_attr(not(test), expect(dead_code, reason = "whether it converged is what tests ask"))]
+    pub(crate) ending: Ending,
+}
+
+/// The lowest state reached from `start`; `None` when the start is impossible.
 ///
 /// The step is driven without argmin's executor, which costs more than a whole solve of one camera.
 pub(crate) fn least_squares<P: LeastSquares>(
     problem: &P,
     start: P::State,
     rounds: usize,
-) -> Option<(P::State, f64, Ending)> {
+) -> Option<Reached<P>> {
     let mut solver = LevenbergMarquardt::new(problem, start)?;
-    for _ in 0..rounds {
-        if let Some(ending) = solver.advance(problem) {
-            return Some((solver.state, solver.cost, ending));
-        }
-    }
-    Some((solver.state, solver.cost, Ending::OutOfRounds))
+    let ending = (0..rounds).find_map(|_| solver.advance(problem)).unwrap_or(Ending::OutOfRounds);
+    let LevenbergMarquardt { state, cost, normal, .. } = solver;
+    Some(Reached { state, cost, normal, ending })
 }
 
 /// Runs inside argmin's executor, one accepted step an iteration.

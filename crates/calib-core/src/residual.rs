@@ -167,12 +167,16 @@ impl<N: Number> Unrolled<N> {
 #[inline]
 pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Option<(N, N)> {
     let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
+    let one = N::constant(1.0);
     let on_floor = |end: &End| {
         let [x, y] = end.at;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
         // A millionth of a radian below the horizon.
-        (depth.value() > 1e-6 * f.value()).then(|| (u, depth, u / depth, (cp * f - sp * v) / depth))
+        (depth.value() > 1e-6 * f.value()).then(|| {
+            let per_depth = one / depth;
+            (u, per_depth, u * per_depth, (cp * f - sp * v) * per_depth)
+        })
     };
     let (first, second) = (on_floor(&ends[0])?, on_floor(&ends[1])?);
     let (dx, dy) = (first.2 - second.2, first.3 - second.3);
@@ -180,10 +184,12 @@ pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Opti
     if square.value() <= 0.0 {
         return None;
     }
+    let per_square = one / square;
     // d log length / d (u, v) of one end, turned back into image axes.
-    let variance = |(u, depth, _, _): (N, N, N, N), end: &End| {
-        let across = dx / (square * depth);
-        let along = -(dx * u * cp + dy * f) / (square * depth * depth);
+    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &End| {
+        let share = per_square * per_depth;
+        let across = dx * share;
+        let along = -((dx * u * cp + dy * f) * share * per_depth);
         let by_u = cr * across + sr * along;
         let by_v = cr * along - sr * across;
         let [uu, uv, vv] = end.spread;
