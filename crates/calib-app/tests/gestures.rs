@@ -7,7 +7,7 @@ mod desk;
 use calib_app::hit::Part;
 use calib_app::pane::Place;
 use calib_app::tools::{Pane, TOOLS, plan_scale};
-use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage};
+use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage, WorldPoint};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
@@ -290,8 +290,8 @@ fn a_mark_dragged_in_one_view_moves_in_all() {
     assert!(desk.app().panes.rects.contains_key(&(Place::Tile, Pane::Image(1))));
 }
 
-#[test]
-fn links_go_from_view_to_view() {
+/// All views of the demonstration without links, the tool of links in hand, and a place that views share.
+fn linking() -> (Desk, WorldPoint) {
     let mut site = demo();
     site.links.clear();
     site.distances.clear();
@@ -299,6 +299,12 @@ fn links_go_from_view_to_view() {
     desk.key(Key::Num3);
     desk.take("Link");
     let there = desk.site().marks[2].at_m;
+    (desk, there)
+}
+
+#[test]
+fn links_go_from_view_to_view() {
+    let (mut desk, there) = linking();
     for camera in [0, 2] {
         let at = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap();
         desk.click(Pane::Image(camera), at.into());
@@ -326,14 +332,8 @@ fn links_go_from_view_to_view() {
 
 #[test]
 fn posts_and_floor_lines_go_from_view_to_view_too() {
-    let mut site = demo();
-    site.links.clear();
-    site.distances.clear();
-    let mut desk = Desk::new(site);
-    desk.key(Key::Num3);
-    desk.take("Link");
-    let there = desk.site().marks[2].at_m;
-    let top = calib_core::WorldPoint { z: there.z + 0.6, ..there };
+    let (mut desk, there) = linking();
+    let top = WorldPoint { z: there.z + 0.6, ..there };
     let shown = |desk: &mut Desk, camera: usize, at| {
         desk.app().session.solved.pose(camera).unwrap().world_to_pixel(at).unwrap()
     };
@@ -362,13 +362,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
 
 #[test]
 fn a_link_that_is_selected_goes_on_whichever_waits() {
-    let mut site = demo();
-    site.links.clear();
-    site.distances.clear();
-    let mut desk = Desk::new(site);
-    desk.key(Key::Num3);
-    desk.take("Link");
-    let there = desk.site().marks[2].at_m;
+    let (mut desk, there) = linking();
     let at = |desk: &mut Desk, camera: usize| {
         desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap()
     };
