@@ -6,29 +6,63 @@ use std::path::{Path, PathBuf};
 
 use calib_tests::root;
 
-/// The modules of a crate in the order of its `lib.rs`.
-fn modules(lib: &Path) -> Vec<String> {
-    let text = std::fs::read_to_string(lib).unwrap();
+/// The modules that a `lib.rs` or `mod.rs` declares, in its order.
+fn modules(table: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(table).unwrap();
     text.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).map(str::to_owned).collect()
 }
 
+/// The code of a file without its comments and its tests.
+fn code(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap();
+    let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let code = code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or_default();
+    code.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether `code` names the module at `path`, as in `crate::camera::` or `crate::{camera::`.
+fn names(code: &str, parent: &str, module: &str) -> bool {
+    ["", "{"].iter().any(|brace| code.contains(&format!("{parent}::{brace}{module}::")))
+}
+
 #[test]
-fn a_module_of_the_core_uses_only_those_above_it() {
+fn a_folder_of_the_core_uses_only_folders_above_it() {
     let source = root().join("crates/calib-core/src");
     let order = modules(&source.join("lib.rs"));
-    assert!(order.len() > 10, "the list is read");
+    assert!(order.len() > 5, "the list is read");
     let mut wrong = Vec::new();
-    for (index, name) in order.iter().enumerate() {
-        let text = std::fs::read_to_string(source.join(format!("{name}.rs"))).unwrap();
-        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
-        let code: Vec<&str> =
-            code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or_default().lines().collect();
-        for line in code.iter().filter(|line| !line.trim_start().starts_with("//")) {
+    for (index, folder) in order.iter().enumerate() {
+        let mut found = Vec::new();
+        let path = source.join(folder);
+        if path.is_dir() {
+            files(&path, &mut found)
+        } else {
+            found.push(path.with_extension("rs"))
+        }
+        for path in found.iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
+            let code = code(path);
+            for below in order[index + 1..].iter().filter(|below| names(&code, "crate", below)) {
+                wrong.push(format!("{} uses {below}", path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_file_of_a_folder_uses_only_files_above_it() {
+    let source = root().join("crates/calib-core/src");
+    let mut wrong = Vec::new();
+    for folder in modules(&source.join("lib.rs")).iter().filter(|name| source.join(name).is_dir()) {
+        let order = modules(&source.join(folder).join("mod.rs"));
+        assert!(!order.is_empty(), "{folder} has a table of contents");
+        for (index, file) in order.iter().enumerate() {
+            let path = source.join(folder).join(file);
+            let path = if path.is_dir() { path.join("mod.rs") } else { path.with_extension("rs") };
+            let code = code(&path);
             for below in &order[index + 1..] {
-                if line.contains(&format!("crate::{below}::"))
-                    || line.contains(&format!("crate::{{{below}::"))
-                {
-                    wrong.push(format!("{name} uses {below}: {line}"));
+                if names(&code, &format!("crate::{folder}"), below) || names(&code, "super", below) {
+                    wrong.push(format!("{folder}/{file} uses {below}"));
                 }
             }
         }

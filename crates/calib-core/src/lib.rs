@@ -95,130 +95,41 @@
 //! `serde` (on by default): the site document. `schema`: its JSON Schema. `mint`, `nalgebra`, `cam-geom`:
 //! conversions to and from those libraries.
 
-#![cfg_attr(not(feature = "serde"), expect(dead_code, reason = "only the site document uses all of it"))]
+#![cfg_attr(
+    not(feature = "serde"),
+    expect(dead_code, unused_imports, reason = "only the site document uses all of it")
+)]
 
-// A module uses only those above it; a test holds this order.
-mod minimize;
-mod sparse;
-mod blocks;
-mod report;
-mod space;
-mod polynomial;
-mod lens;
-mod covariance;
+// A folder uses only those above it, and in a folder a file only those above it; a test holds both.
 mod camera;
-mod annotation;
-mod evidence;
-mod straightness;
-mod distortion;
-mod vanishing;
-mod criterion;
-mod placement;
-mod dual;
-mod residual;
-mod normal;
-mod likelihood;
-mod minima;
-mod outliers;
-mod efov;
-mod sight;
-mod accuracy;
-mod fit;
-mod advice;
-mod tie;
-mod locate;
-mod mosaic;
-mod graph;
-mod slots;
-mod refine;
-mod adjustment;
-mod scene;
-mod status;
-mod extent;
-mod projector;
-mod remap;
-#[cfg(feature = "mint")]
-mod as_mint;
-#[cfg(feature = "nalgebra")]
-mod as_nalgebra;
-#[cfg(feature = "cam-geom")]
-mod as_cam_geom;
-#[cfg(feature = "serde")]
-mod solution;
+mod optimize;
+mod floor;
+mod finding;
+mod single;
+mod bundle;
 #[cfg(feature = "serde")]
 mod site;
-#[cfg(feature = "serde")]
-mod entry;
-#[cfg(feature = "serde")]
-mod bounds;
-#[cfg(feature = "serde")]
-mod elements;
-#[cfg(feature = "serde")]
-mod check;
-#[cfg(feature = "serde")]
-mod options;
-#[cfg(feature = "serde")]
-mod known_lenses;
-#[cfg(feature = "serde")]
-mod optics;
-#[cfg(feature = "serde")]
-mod placing;
-#[cfg(feature = "serde")]
-mod stage_1;
-#[cfg(feature = "serde")]
-mod shared;
-#[cfg(feature = "serde")]
-mod joint;
-#[cfg(feature = "serde")]
-mod overlap;
-#[cfg(feature = "serde")]
-mod quality;
-#[cfg(feature = "serde")]
-mod calibrate;
 
-pub use advice::{DrawNext, draw_next, warnings};
-pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use camera::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
-pub use covariance::Covariance;
-pub use criterion::{Held, Orientation, closed_form, minimum as paper_minimum};
-pub use distortion::{Fitted, LensFit, LensOptions};
-pub use efov::{Efov, default_efov, efov_on_floor};
-pub use evidence::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
-pub use extent::Extent;
-pub use fit::{Fit, FitOptions, Solved};
-pub use lens::{BrownConrady, Distortion, Lens};
-pub use likelihood::{Prior, Priors};
-pub use placement::{
-    ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points, with_placement_covariance,
+pub use camera::{
+    BrownConrady, Camera, Covariance, Distortion, FloorCovariance, FloorPoint, Lens, Pixel, PlanPixel,
+    PlanScale, Ray, UndistortedPixel, WorldPoint, angles_from_rotation, camera_from_world,
 };
-pub use projector::FloorProjector;
-pub use remap::{Crop, Remap, Straightened};
-pub use report::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
-pub use scene::{
-    MarkKind, PRISM_HEIGHT, Polyline, Shape3, ellipse, floor_grid, horizon, in_front, on_image,
-    position_ellipse, prism, vertical,
+pub use finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
+pub use floor::{
+    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, PRISM_HEIGHT, Placement, Polyline, Remap,
+    STAGE_1_HEIGHT, Shape3, Status, Straightened, default_efov, efov_on_floor, ellipse, floor_grid,
+    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
+    with_placement_covariance,
 };
-pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
-pub use status::Status;
-pub use straightness::{Edge, straightness_rms};
-
-#[cfg(feature = "serde")]
-pub use bounds::{MAX_ITEMS, SiteError};
-#[cfg(feature = "serde")]
-pub use calibrate::Report;
-#[cfg(feature = "serde")]
-pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
-#[cfg(feature = "serde")]
-pub use known_lenses::KnownLenses;
-#[cfg(feature = "serde")]
-pub use options::Options;
+pub use single::{
+    Annotation, DrawNext, Edge, End, Evidence, Fit, FitOptions, Fitted, Held, KINDS, Kind, KindRow, Known,
+    Length, LensFit, LensOptions, Line, Mute, Orientation, Prior, Priors, Shape, Solved, Source, Toward,
+    Upright, closed_form, draw_next, line_name, paper_minimum, straightness_rms, warnings,
+};
 #[cfg(feature = "serde")]
 pub use site::{
-    ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
-    PlacementEntry, Plan, Site, SiteCamera,
-};
-#[cfg(feature = "serde")]
-pub use solution::{
-    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, ElementSolution, Method,
-    Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage,
+    Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
+    ElementSolution, Format, Georeference, KnownLenses, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES,
+    MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Options, Overlap, PlacementEntry,
+    Plan, Report, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage,
 };

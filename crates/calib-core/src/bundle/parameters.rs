@@ -1,0 +1,59 @@
+//! A place in the blocks of the joint fit for every unknown.
+
+use crate::camera::Covariance;
+
+/// Unknowns of a camera, its lens among them.
+pub(crate) const VIEW: usize = Covariance::SIZE;
+
+/// Block and place in it of every unknown of a camera that is free.
+pub(crate) type Slots = [Option<(usize, usize)>; VIEW];
+
+/// Blocks as they are handed out.
+#[derive(Debug, Default)]
+pub(crate) struct Layout {
+    pub(crate) sizes: Vec<usize>,
+    pub(crate) keep: Vec<bool>,
+    pub(crate) common: Vec<Vec<usize>>,
+}
+
+impl Layout {
+    /// A block of this size; none for no unknown.
+    pub(crate) fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
+        (size > 0).then(|| {
+            self.sizes.push(size);
+            self.keep.push(keep);
+            self.sizes.len() - 1
+        })
+    }
+
+    pub(crate) fn common(&mut self, blocks: impl Iterator<Item = usize>) {
+        self.common.push(blocks.collect());
+    }
+
+    /// The block of a view, its own lens in it or beside it.
+    pub(crate) fn slots(&mut self, free: &[bool; VIEW], shared: Option<usize>) -> Slots {
+        let of_lens = |k: usize| k >= Covariance::FOCAL;
+        let is_own = |k: usize| free[k] && !(shared.is_some() && of_lens(k));
+        let own = self.block((0..VIEW).filter(|&k| is_own(k)).count(), true);
+        let (mut next, mut next_shared) = (0, 0);
+        let slots = std::array::from_fn(|k| {
+            let counter = if is_own(k) { &mut next } else { &mut next_shared };
+            let block = if is_own(k) { own } else { shared.filter(|_| free[k] && of_lens(k)) }?;
+            *counter += 1;
+            Some((block, *counter - 1))
+        });
+        self.common(own.into_iter().chain(shared));
+        slots
+    }
+
+    /// Blocks of the directions and lengths of a view that are used.
+    pub(crate) fn beside(&mut self, used: &[bool], slots: &Slots) -> Vec<Option<usize>> {
+        used.iter()
+            .map(|&is_used| {
+                let block = self.block(usize::from(is_used), false)?;
+                self.common(slots.iter().flatten().map(|slot| slot.0).chain([block]));
+                Some(block)
+            })
+            .collect()
+    }
+}

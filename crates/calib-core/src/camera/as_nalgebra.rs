@@ -1,0 +1,79 @@
+//! Points, poses and covariances as those of [`nalgebra`].
+
+use nalgebra::{Isometry3, Matrix2, Matrix3x4, Point2, Point3, Rotation3, Translation3, UnitQuaternion};
+
+use crate::camera::pinhole::{Camera, FloorCovariance};
+use crate::camera::space::{FloorPoint, Pixel, PlanPixel, UndistortedPixel, WorldPoint};
+
+macro_rules! points {
+    ($($name:ident = $point:ident, $array:ty;)+) => {$(
+        impl From<$name> for $point<f64> {
+            fn from(point: $name) -> Self {
+                Self::from(<$array>::from(point))
+            }
+        }
+        impl From<$point<f64>> for $name {
+            fn from(point: $point<f64>) -> Self {
+                <$array>::from(point).into()
+            }
+        }
+    )+};
+}
+
+points! {
+    Pixel = Point2, [f64; 2];
+    UndistortedPixel = Point2, [f64; 2];
+    FloorPoint = Point2, [f64; 2];
+    PlanPixel = Point2, [f64; 2];
+    WorldPoint = Point3, [f64; 3];
+}
+
+impl Camera {
+    /// The pose that turns points of the base system into camera axes (right, down, forward), in metres.
+    #[must_use]
+    pub fn camera_from_world_isometry(&self) -> Isometry3<f64> {
+        let rows = self.rotation().concat();
+        let matrix = nalgebra::Matrix3::from_row_slice(&rows);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        Isometry3::from_parts(Translation3::from(self.translation()), rotation)
+    }
+
+    /// [`Camera::projection_matrix`]: homogeneous world points to undistorted pixels.
+    #[must_use]
+    pub fn projection(&self) -> Matrix3x4<f64> {
+        Matrix3x4::from_row_slice(&self.projection_matrix().concat())
+    }
+}
+
+impl FloorCovariance {
+    /// The part of the pixel and the part of the calibration, in square metres.
+    #[must_use]
+    pub fn matrices(&self) -> (Matrix2<f64>, Matrix2<f64>) {
+        let matrix = |rows: &[[f64; 2]; 2]| Matrix2::from_row_slice(&rows.concat());
+        (matrix(&self.pixel), matrix(&self.calibration))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn pose_and_matrix_say_what_the_camera_says(
+            camera in any_camera(), x in -50.0..50.0_f64, y in -50.0..50.0_f64, z in -1.0..3.0_f64,
+        ) {
+            let point = WorldPoint { x, y, z };
+            let there = camera.camera_from_world_isometry() * Point3::from(point);
+            let off = (there - Point3::from(camera.in_camera(point))).norm();
+            prop_assert!(off < 1e-9, "{off} m");
+            if let Some(pixel) = camera.world_to_undistorted(point).filter(|_| there.z > 0.1) {
+                let shown = camera.projection() * Point3::from(point).to_homogeneous();
+                let shown = Point2::new(shown.x / shown.z, shown.y / shown.z);
+                prop_assert!((shown - Point2::from(pixel)).norm() < 1e-6 * (1.0 + shown.coords.norm()));
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! How well a camera is known, and how that carries over to what is computed from it.
+
+use crate::camera::lens::Distortion;
+
+/// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels) and the coefficients
+/// of the distortion, for the focal that the lens normalises with; rows and columns of zeros for what
+/// was not estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
+
+impl Covariance {
+    /// Number of unknowns.
+    pub const SIZE: usize = Self::LENS + Distortion::MOST;
+    /// Index of x0.
+    pub const X: usize = 0;
+    /// Index of y0.
+    pub const Y: usize = 1;
+    /// Index of z0.
+    pub const Z: usize = 2;
+    /// Index of yaw.
+    pub const YAW: usize = 3;
+    /// Index of pitch.
+    pub const PITCH: usize = 4;
+    /// Index of roll.
+    pub const ROLL: usize = 5;
+    /// Index of the focal.
+    pub const FOCAL: usize = 6;
+    /// Index of the first coefficient of the distortion; they follow in the order of its model.
+    pub const LENS: usize = 7;
+    /// Names in files of the unknowns before the distortion's, with their units there.
+    pub const NAMES: [&str; Self::LENS] =
+        ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];
+    /// Everything is known for certain.
+    pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
+
+    /// Standard deviation of one unknown; `None` if it was not estimated.
+    #[must_use]
+    pub fn sigma(&self, index: usize) -> Option<f64> {
+        let variance = self.0[index][index];
+        (variance > 0.0).then(|| variance.sqrt())
+    }
+
+    /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
+    pub(crate) fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
+        // The rows first, then the columns of what that gives: the matrix is symmetric.
+        let mut rows = self.0;
+        for i in 0..Self::SIZE {
+            rows[i] = std::array::from_fn(|j| scale[i] * self.0[i][j] + by_focal[i] * self.0[Self::FOCAL][j]);
+        }
+        Self(std::array::from_fn(|i| {
+            std::array::from_fn(|j| scale[j] * rows[i][j] + by_focal[j] * rows[i][Self::FOCAL])
+        }))
+    }
+
+    /// Covariance of a pair of quantities with these slopes by the unknowns.
+    #[must_use]
+    pub fn carried(&self, slopes: &[[f64; 2]; Self::SIZE]) -> [[f64; 2]; 2] {
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * slopes[b][j]).sum::<f64>();
+                (0..Self::SIZE).map(|a| slopes[a][i] * row(a)).sum()
+            })
+        })
+    }
+}
+
+impl Default for Covariance {
+    fn default() -> Self {
+        Self::EXACT
+    }
+}

@@ -1,0 +1,27 @@
+//! The camera: spaces, lenses, the pinhole, and how they depend on each other.
+//!
+//! Law: one camera, no scene. Nothing here knows what was drawn, where the floor ends or who asks; every map
+//! has its derivatives beside it.
+
+mod space;
+mod polynomial;
+mod lens;
+mod covariance;
+mod pinhole;
+mod reprojection;
+#[cfg(feature = "mint")]
+mod as_mint;
+#[cfg(feature = "nalgebra")]
+mod as_nalgebra;
+#[cfg(feature = "cam-geom")]
+mod as_cam_geom;
+
+pub use covariance::Covariance;
+pub use lens::{BrownConrady, Distortion, Lens};
+pub use pinhole::{Camera, FloorCovariance, Ray, angles_from_rotation, camera_from_world};
+pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+
+pub(crate) use pinhole::dot;
+#[cfg(test)]
+pub(crate) use pinhole::tests::any_camera;
+pub(crate) use reprojection::{Drawn, POSE, Pose};

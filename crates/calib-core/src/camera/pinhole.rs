@@ -1,0 +1,443 @@
+//! The pinhole camera of the paper with a lens in front: both maps, the rays, the matrices.
+
+use crate::camera::covariance::Covariance;
+use crate::camera::lens::Lens;
+use crate::camera::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
+
+/// A calibrated camera.
+///
+/// With yaw = pitch = roll = 0 it looks along world +y, image right is world +x, image down is
+/// world -z. The angles turn it in the order yaw, pitch, roll (Abramov, the camera's equations).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The centre of projection, in metres: x0, y0, z0.
+    pub position: WorldPoint,
+    /// Turn about world z, counter-clockwise seen from above, in radians.
+    pub yaw: f64,
+    /// Positive looks down, in radians.
+    pub pitch: f64,
+    /// About the optical axis, positive when the camera is turned clockwise seen from behind, in radians.
+    pub roll: f64,
+    /// Focal length, in pixels; pixels are square.
+    pub focal: f64,
+    /// Principal point and distortion.
+    pub lens: Lens,
+    /// How well pose and focal are known.
+    pub covariance: Covariance,
+}
+
+/// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorCovariance {
+    /// From the noise of the pixel: independent from detection to detection.
+    pub pixel: [[f64; 2]; 2],
+    /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
+    pub calibration: [[f64; 2]; 2],
+}
+
+impl FloorCovariance {
+    /// Both parts together.
+    #[must_use]
+    pub fn total(&self) -> [[f64; 2]; 2] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + self.calibration[i][j]))
+    }
+
+    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in metres.
+    #[must_use]
+    pub fn worst_sigma(&self) -> f64 {
+        let [[a, b], [_, d]] = self.total();
+        (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt()
+    }
+}
+
+/// A half line of the base system.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// The centre of projection, in metres.
+    pub origin: WorldPoint,
+    /// Unit vector, world axes.
+    pub direction: [f64; 3],
+}
+
+/// Points nearer to the camera's plane than this share of a metre are not in front of it.
+const NEAREST: f64 = 1e-9;
+
+/// Rows right, down, forward of a camera in world axes: turns world vectors into camera vectors
+/// (x right, y down, z forward, as OpenCV has them).
+#[must_use]
+pub fn camera_from_world(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
+    let ((sy, cy), (sp, cp), (sr, cr)) = (yaw.sin_cos(), pitch.sin_cos(), roll.sin_cos());
+    let forward = [-sy * cp, cy * cp, -sp];
+    let down_unrolled = [sy * sp, -cy * sp, -cp];
+    let right_unrolled = [cy, sy, 0.0];
+    let mix = |a: f64, b: f64| -> [f64; 3] {
+        std::array::from_fn(|i| a * right_unrolled[i] + b * down_unrolled[i])
+    };
+    [mix(cr, sr), mix(-sr, cr), forward]
+}
+
+/// Roll, pitch and yaw, in radians, of a rotation with rows right, down, forward.
+///
+/// Looking straight up or down, roll and yaw are one turn: then roll is 0.
+#[must_use]
+pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
+    let [right, _, forward] = rotation;
+    let level = forward[0].hypot(forward[1]);
+    if level < 1e-12 {
+        let pitch = if forward[2] < 0.0 { std::f64::consts::FRAC_PI_2 } else { -std::f64::consts::FRAC_PI_2 };
+        return (0.0, pitch, right[1].atan2(right[0]));
+    }
+    let pitch = (-forward[2]).atan2(level);
+    let yaw = (-forward[0]).atan2(forward[1]);
+    let [right_unrolled, down_unrolled, _] = camera_from_world(0.0, pitch, yaw);
+    (dot(right, &down_unrolled).atan2(dot(right, &right_unrolled)), pitch, yaw)
+}
+
+impl Camera {
+    /// Rows right, down, forward of this camera in world axes.
+    #[must_use]
+    pub fn rotation(&self) -> [[f64; 3]; 3] {
+        camera_from_world(self.roll, self.pitch, self.yaw)
+    }
+
+    /// `-R C`, the translation of `x_camera = R x_world + t`, in metres.
+    #[must_use]
+    pub fn translation(&self) -> [f64; 3] {
+        let centre = <[f64; 3]>::from(self.position);
+        self.rotation().map(|row| -dot(&row, &centre))
+    }
+
+    /// Coordinates of a point in camera axes (right, down, forward), in metres.
+    #[must_use]
+    pub fn in_camera(&self, point: WorldPoint) -> [f64; 3] {
+        let from_centre = [point.x - self.position.x, point.y - self.position.y, point.z - self.position.z];
+        self.rotation().map(|row| dot(&row, &from_centre))
+    }
+
+    /// Where the camera shows a point of space: the paper's `f3d->pix`, through the lens.
+    ///
+    /// `None` behind the camera, and where the lens cannot show it.
+    #[must_use]
+    pub fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
+        self.lens.distort(self.world_to_undistorted(point)?)
+    }
+
+    /// Where the camera would show a point of space if its lens were a pinhole. `None` behind it.
+    #[must_use]
+    pub fn world_to_undistorted(&self, point: WorldPoint) -> Option<UndistortedPixel> {
+        let [x, y, z] = self.in_camera(point);
+        (z > NEAREST).then(|| self.undistorted_from_normalised([x / z, y / z]))
+    }
+
+    /// Where the ray through `pixel` meets the horizontal plane at `height` metres: the paper's `fpix->3d`.
+    ///
+    /// `None` when the plane is not in front of the camera along that ray (the pixel is on or above
+    /// the horizon), and outside the lens.
+    #[must_use]
+    pub fn pixel_to_floor(&self, pixel: Pixel, height: f64) -> Option<FloorPoint> {
+        self.ray_to_floor(self.pixel_to_ray(pixel)?, height)
+    }
+
+    /// Where the ray of an undistorted pixel meets the plane at `height` metres.
+    #[must_use]
+    pub fn undistorted_to_floor(&self, pixel: UndistortedPixel, height: f64) -> Option<FloorPoint> {
+        self.ray_to_floor(self.undistorted_to_ray(pixel), height)
+    }
+
+    fn ray_to_floor(&self, ray: Ray, height: f64) -> Option<FloorPoint> {
+        /// A floor point further than this many times the drop is the horizon's rounding.
+        const FARTHEST: f64 = 1e12;
+        let distance = (height - self.position.z) / ray.direction[2];
+        (distance > 0.0 && distance < FARTHEST).then(|| FloorPoint {
+            x: ray.origin.x + distance * ray.direction[0],
+            y: ray.origin.y + distance * ray.direction[1],
+        })
+    }
+
+    /// The ray that the camera shows at `pixel`; `None` outside the lens.
+    #[must_use]
+    pub fn pixel_to_ray(&self, pixel: Pixel) -> Option<Ray> {
+        Some(self.undistorted_to_ray(self.undistort(pixel)?))
+    }
+
+    fn undistorted_to_ray(&self, pixel: UndistortedPixel) -> Ray {
+        let Pixel { u: cu, v: cv } = self.lens.principal_point;
+        let ray = [(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal, 1.0];
+        let [right, down, forward] = self.rotation();
+        let length = dot(&ray, &ray).sqrt();
+        let direction =
+            std::array::from_fn(|i| (ray[0] * right[i] + ray[1] * down[i] + ray[2] * forward[i]) / length);
+        Ray { origin: self.position, direction }
+    }
+
+    /// Where a pinhole would show what the lens shows at `pixel`; `None` outside the lens.
+    #[must_use]
+    pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
+        self.lens.undistort(pixel)
+    }
+
+    /// Where the lens shows what a pinhole would show at `pixel`; `None` outside the lens.
+    #[must_use]
+    pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
+        self.lens.distort(pixel)
+    }
+
+    /// The 3 x 4 matrix `P = K R [I | -C]` from homogeneous world points to undistorted pixels, row by row.
+    #[must_use]
+    pub fn projection_matrix(&self) -> [[f64; 4]; 3] {
+        let (rotation, t) = (self.rotation(), self.translation());
+        let Pixel { u: cu, v: cv } = self.lens.principal_point;
+        let extended = |i: usize| [rotation[i][0], rotation[i][1], rotation[i][2], t[i]];
+        let (x, y, z) = (extended(0), extended(1), extended(2));
+        [
+            std::array::from_fn(|j| self.focal * x[j] + cu * z[j]),
+            std::array::from_fn(|j| self.focal * y[j] + cv * z[j]),
+            z,
+        ]
+    }
+
+    /// The 3 x 3 matrix from homogeneous undistorted pixels to the plane at `height` metres, row by row.
+    ///
+    /// Its third coordinate is positive for pixels that show the plane (for planes below the camera),
+    /// and not positive on and above the horizon.
+    #[must_use]
+    pub fn homography_floor_from_pixel(&self, height: f64) -> [[f64; 3]; 3] {
+        let Pixel { u: cu, v: cv } = self.lens.principal_point;
+        let [right, down, forward] = self.rotation();
+        // Ray direction as a linear function of (u, v, 1).
+        let direction =
+            |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
+        let (dx, dy, dz) = (direction(0), direction(1), direction(2));
+        let drop = self.position.z - height;
+        let WorldPoint { x: x0, y: y0, .. } = self.position;
+        [
+            std::array::from_fn(|j| drop * dx[j] - x0 * dz[j]),
+            std::array::from_fn(|j| drop * dy[j] - y0 * dz[j]),
+            dz.map(|d| -d),
+        ]
+    }
+
+    /// How uncertain the point of the floor is that the camera shows at `pixel`, for a standard
+    /// deviation of `pixel_sigma` pixels of each coordinate.
+    ///
+    /// `None` where there is no floor point.
+    #[must_use]
+    pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
+        self.plane_covariance(pixel, pixel_sigma, 0.0)
+    }
+
+    /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
+    pub(crate) fn plane_covariance(
+        &self,
+        pixel: Pixel,
+        pixel_sigma: f64,
+        height: f64,
+    ) -> Option<FloorCovariance> {
+        /// Of a pixel: small against what bends, large against rounding.
+        const STEP: f64 = 1e-4;
+        let difference = |ahead: Option<FloorPoint>, behind: Option<FloorPoint>, step: f64| {
+            let (a, b) = (ahead?, behind?);
+            Some([(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)])
+        };
+        let by_pixel = |du: f64, dv: f64| {
+            let at = |sign: f64| {
+                let nudged = Pixel { u: pixel.u + sign * STEP * du, v: pixel.v + sign * STEP * dv };
+                self.pixel_to_floor(nudged, height)
+            };
+            difference(at(1.0), at(-1.0), STEP)
+        };
+        let columns = [by_pixel(1.0, 0.0)?, by_pixel(0.0, 1.0)?];
+        let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
+        let pixel_part =
+            std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
+        let slopes = self.plane_slopes(pixel, height)?;
+        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
+    }
+
+    /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
+    ///
+    /// `None` where there is no floor point.
+    #[must_use]
+    pub fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        self.plane_slopes(pixel, 0.0)
+    }
+
+    fn plane_slopes(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
+        const STEP: f64 = 1e-4;
+        let mut slopes = [[0.0; 2]; Covariance::SIZE];
+        for (index, slope) in slopes.iter_mut().enumerate() {
+            if self.covariance.0[index][index] > 0.0 {
+                let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
+                let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, height);
+                let (a, b) = (at(1.0)?, at(-1.0)?);
+                *slope = [(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)];
+            }
+        }
+        Some(slopes)
+    }
+
+    /// The camera with one of the unknowns of [`Covariance`] changed.
+    pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
+        let mut camera = *self;
+        match index {
+            Covariance::X => camera.position.x += by,
+            Covariance::Y => camera.position.y += by,
+            Covariance::Z => camera.position.z += by,
+            Covariance::YAW => camera.yaw += by,
+            Covariance::PITCH => camera.pitch += by,
+            Covariance::ROLL => camera.roll += by,
+            Covariance::FOCAL => camera.focal += by,
+            coefficient => camera.lens = camera.lens.nudged(coefficient - Covariance::LENS, by),
+        }
+        camera
+    }
+
+    /// Horizontal and vertical field of view of an image of this size, in radians, without distortion.
+    #[must_use]
+    pub fn field_of_view(&self, size: [f64; 2]) -> [f64; 2] {
+        size.map(|length| 2.0 * (0.5 * length / self.focal).atan())
+    }
+
+    /// Vanishing point of a world direction, homogeneous, relative to the principal point, undistorted.
+    #[must_use]
+    pub fn vanishing_point(&self, direction: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = self.rotation().map(|row| dot(&row, &direction));
+        [self.focal * x, self.focal * y, z]
+    }
+
+    fn undistorted_from_normalised(&self, [x, y]: [f64; 2]) -> UndistortedPixel {
+        let Pixel { u: cu, v: cv } = self.lens.principal_point;
+        UndistortedPixel { u: cu + self.focal * x, v: cv + self.focal * y }
+    }
+}
+
+pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::camera::lens::{BrownConrady, Distortion};
+    use proptest::prelude::*;
+
+    pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
+        let pose =
+            (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, -0.2..1.5_f64, -0.6..0.6_f64);
+        let brown = (-0.3..0.1_f64, -0.05..0.1_f64, -0.01..0.01_f64, -0.002..0.002_f64, -0.002..0.002_f64);
+        (pose, 600.0..2500.0_f64, brown, any::<bool>()).prop_map(
+            |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), bent)| {
+                let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
+                let distortion = if bent { brown } else { Distortion::None };
+                let lens = Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion };
+                let covariance = Covariance::EXACT;
+                Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens, covariance }
+            },
+        )
+    }
+
+    fn level() -> Camera {
+        Camera {
+            position: WorldPoint::new(0.0, 0.0, 3.0),
+            yaw: 0.0,
+            pitch: 0.0,
+            roll: 0.0,
+            focal: 1000.0,
+            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        }
+    }
+
+    #[test]
+    fn the_axes_are_those_of_the_conventions() {
+        let at = |camera: Camera, x, y, z| camera.world_to_pixel(WorldPoint { x, y, z }).unwrap();
+        assert_eq!(at(level(), 0.0, 5.0, 3.0), Pixel::new(960.0, 540.0));
+        assert!(at(level(), 1.0, 5.0, 3.0).u > 960.0, "world x is to the right");
+        assert!(at(level(), 0.0, 5.0, 2.0).v > 540.0, "below is down");
+        assert!(at(Camera { yaw: 0.2, ..level() }, 0.0, 5.0, 3.0).u > 960.0, "yaw turns the camera left");
+        assert!(at(Camera { pitch: 0.2, ..level() }, 0.0, 5.0, 3.0).v < 540.0, "pitch looks down");
+        assert!(
+            at(Camera { roll: 0.2, ..level() }, 1.0, 5.0, 3.0).v < 540.0,
+            "roll turns the camera clockwise"
+        );
+    }
+
+    #[test]
+    fn a_pixel_above_the_horizon_has_no_floor() {
+        let tilted = Camera { pitch: 0.5, ..level() };
+        assert_eq!(tilted.pixel_to_floor(Pixel::new(640.0, -2000.0), 0.0), None);
+        assert_eq!(level().pixel_to_floor(Pixel::new(640.0, 540.0), 0.0), None, "the horizon itself");
+    }
+
+    #[test]
+    fn a_point_behind_the_camera_has_no_pixel() {
+        assert_eq!(level().world_to_pixel(WorldPoint::new(0.0, -1.0, 3.0)), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_a_pixel_shows_on_the_floor_is_shown_at_that_pixel(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.9_f64,
+        ) {
+            if let Some(floor) = camera.pixel_to_floor(Pixel { u, v }, height) {
+                let range = floor.distance(camera.position.on_floor());
+                prop_assume!(range < 1e5);
+                let back = camera.world_to_pixel(floor.at_height(height));
+                prop_assert!(back.is_some_and(|p| p.distance(Pixel { u, v }) < 1e-7), "{back:?} of {u} {v}");
+            }
+        }
+
+        #[test]
+        fn the_matrices_say_what_the_maps_say(
+            camera in any_camera(), x in -60.0..60.0_f64, y in -60.0..60.0_f64, z in -1.0..1.9_f64,
+        ) {
+            let point = WorldPoint { x, y, z };
+            if let Some(pixel) = camera.world_to_undistorted(point) {
+                prop_assume!(camera.in_camera(point)[2] > 0.1);
+                let p = camera.projection_matrix().map(|row| row[0] * x + row[1] * y + row[2] * z + row[3]);
+                prop_assert!((p[0] / p[2] - pixel.u).hypot(p[1] / p[2] - pixel.v) < 1e-6 * (1.0 + pixel.u.abs() + pixel.v.abs()));
+                let h = camera.homography_floor_from_pixel(z).map(|row| row[0] * pixel.u + row[1] * pixel.v + row[2]);
+                prop_assert!(h[2] > 0.0, "the floor lies in front");
+                prop_assert!((h[0] / h[2] - x).hypot(h[1] / h[2] - y) < 1e-6 * (1.0 + camera.position.distance(point).powi(2)));
+            }
+        }
+
+        #[test]
+        fn a_floor_point_is_as_uncertain_as_its_pixel_times_the_map(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let pixel = Pixel { u, v };
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
+            prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
+            prop_assert_eq!(covariance.calibration, [[0.0; 2]; 2]);
+            // A nudge of half a pixel moves the floor point by no more than its worst direction says.
+            for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
+                let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
+                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma()));
+            }
+        }
+
+        #[test]
+        fn a_height_that_is_uncertain_scales_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let mut camera = camera;
+            camera.covariance.0[Covariance::Z][Covariance::Z] = 0.01_f64.powi(2);
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };
+            let range = floor.distance(camera.position.on_floor());
+            prop_assume!(range < 50.0);
+            prop_assert!((covariance.worst_sigma() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
+        }
+
+        #[test]
+        fn angles_survive_the_rotation_matrix(camera in any_camera()) {
+            let (roll, pitch, yaw) = angles_from_rotation(&camera.rotation());
+            prop_assert!((roll - camera.roll).abs() + (pitch - camera.pitch).abs() + (yaw - camera.yaw).abs() < 1e-9);
+        }
+
+        #[test]
+        fn the_vertical_vanishes_where_the_formula_says(camera in any_camera()) {
+            let [x, y, w] = camera.vanishing_point([0.0, 0.0, -1.0]);
+            let (f, p, r) = (camera.focal, camera.pitch, camera.roll);
+            let expected = [f * p.cos() * r.sin(), f * p.cos() * r.cos(), p.sin()];
+            prop_assert!((x - expected[0]).abs() + (y - expected[1]).abs() + (w - expected[2]).abs() < 1e-9 * f);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! What a camera covers: its image, and the polygon of its EFOV on the floor.
+
+use pulp::Arch;
+
+use crate::camera::{FloorPoint, Pixel};
+use crate::floor::status::Status;
+
+/// What a camera covers: its image, and the polygon of its EFOV on the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent<'a> {
+    /// Width and height of the image, in pixels.
+    pub size: [f64; 2],
+    /// Corners of the EFOV on the floor (z = 0), in metres, either way round.
+    pub efov: &'a [FloorPoint],
+}
+
+/// Points that are judged in step, so that the compiler can use vector instructions.
+const LANES: usize = 64;
+
+impl Extent<'_> {
+    /// Whether a pixel lies inside the image, its border included.
+    #[must_use]
+    pub fn shows(&self, pixel: Pixel) -> bool {
+        let [w, h] = self.size;
+        (0.0..=w).contains(&pixel.u) && (0.0..=h).contains(&pixel.v)
+    }
+
+    /// Whether a point of the floor lies inside the EFOV (even-odd rule).
+    #[must_use]
+    pub fn contains(&self, point: FloorPoint) -> bool {
+        let mut inside = [0; 1];
+        self.cross(&[point.x], &[point.y], &mut inside);
+        inside == [1]
+    }
+
+    /// Turns `inside` over at every edge of the EFOV that lies to the right of a point.
+    #[inline(always)]
+    fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
+        for (i, a) in self.efov.iter().enumerate() {
+            let b = self.efov[(i + 1) % self.efov.len()];
+            // Of a level edge it is not finite, and no point lies between its ends.
+            let slope = (b.x - a.x) / (b.y - a.y);
+            for ((x, y), inside) in x.iter().zip(y).zip(inside.iter_mut()) {
+                let between = (a.y > *y) != (b.y > *y);
+                *inside ^= u64::from(between & (*x < a.x + (y - a.y) * slope));
+            }
+        }
+    }
+
+    /// Judges pixels by the image, and by the floor that they show: `foot + stretch (point - foot)` of
+    /// the points of the plane that they were mapped to. Pixels without such a point come out anyhow.
+    pub(crate) fn judge(
+        &self,
+        foot: FloorPoint,
+        stretch: f64,
+        [u, v]: [&[f64]; 2],
+        [x, y]: [&[f64]; 2],
+        status: &mut [Status],
+    ) {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let (mut floor_x, mut floor_y) = ([0.0; LANES], [0.0; LANES]);
+                for (chunk, status) in status.chunks_mut(LANES).enumerate() {
+                    let (first, count) = (chunk * LANES, status.len());
+                    let at = first..first + count;
+                    let (u, v, x, y) = (&u[at.clone()], &v[at.clone()], &x[at.clone()], &y[at]);
+                    for i in 0..count {
+                        floor_x[i] = foot.x + stretch * (x[i] - foot.x);
+                        floor_y[i] = foot.y + stretch * (y[i] - foot.y);
+                    }
+                    let mut inside = [0; LANES];
+                    // A plane above the camera is seen where the floor is not.
+                    if stretch > 0.0 {
+                        self.cross(&floor_x[..count], &floor_y[..count], &mut inside[..count]);
+                    }
+                    for i in 0..count {
+                        status[i] = match (self.shows(Pixel { u: u[i], v: v[i] }), inside[i]) {
+                            (false, _) => Status::OutsideImage,
+                            (true, 1) => Status::Ok,
+                            (true, _) => Status::OutsideEfov,
+                        };
+                    }
+                }
+            },
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_inside_when_the_polygon_goes_round_it() {
+        let efov = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]].map(FloorPoint::from);
+        let extent = Extent { size: [100.0, 50.0], efov: &efov };
+        let inside = [[1.0, 1.0], [3.0, 1.5], [0.5, 2.4]];
+        let outside = [[2.0, 2.0], [-1.0, 1.0], [5.0, 1.0], [2.0, -0.1], [1.0, 4.0]];
+        assert!(inside.iter().all(|&p| extent.contains(p.into())));
+        assert!(!outside.iter().any(|&p| extent.contains(p.into())));
+        assert!(!Extent { efov: &[], ..extent }.contains(FloorPoint { x: 1.0, y: 1.0 }));
+        assert!(extent.shows(Pixel::new(100.0, 0.0)) && !extent.shows(Pixel::new(100.1, 0.0)));
+    }
+}

@@ -1,0 +1,403 @@
+//! Slices of pixels to the floor and back: a camera prepared once, without allocating.
+
+use pulp::Arch;
+
+use crate::camera::{BrownConrady, Camera, Distortion, FloorCovariance, FloorPoint, Pixel};
+use crate::floor::extent::Extent;
+use crate::floor::status::Status;
+
+/// A camera prepared for mapping many pixels to one horizontal plane, and points of it to pixels.
+///
+/// Results that do not exist are NaN: a slice has no room for `Option`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorProjector {
+    camera: Camera,
+    height: f64,
+    /// Homogeneous floor coordinates from focal-normalised, undistorted ones (of the lens's focal).
+    floor_from_lens: [[f64; 3]; 3],
+    /// Homogeneous lens coordinates from floor coordinates.
+    lens_from_floor: [[f64; 3]; 3],
+    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    most: f64,
+}
+
+/// Points that are mapped in step, so that the compiler can use vector instructions.
+const LANES: usize = 8;
+
+impl FloorProjector {
+    /// Prepares `camera` for the plane at `height` metres.
+    #[must_use]
+    pub fn new(camera: &Camera, height: f64) -> Self {
+        let h = camera.homography_floor_from_pixel(height);
+        let Pixel { u: cu, v: cv } = camera.lens.principal_point;
+        let f = camera.lens.focal;
+        let floor_from_lens = h.map(|[a, b, c]| [a * f, b * f, a * cu + b * cv + c]);
+        let p = camera.projection_matrix();
+        let on_plane = p.map(|[a, b, c, d]| [a, b, c * height + d]);
+        let [x, y, w] = on_plane;
+        let lens_from_floor = [
+            std::array::from_fn(|j| (x[j] - cu * w[j]) / f),
+            std::array::from_fn(|j| (y[j] - cv * w[j]) / f),
+            w,
+        ];
+        let most = camera.lens.distortion.max_radius().powi(2);
+        Self { camera: *camera, height, floor_from_lens, lens_from_floor, most }
+    }
+
+    /// The camera.
+    #[must_use]
+    pub const fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Height of the plane, in metres.
+    #[must_use]
+    pub const fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// Maps raw pixels `(u, v)` to points `(x, y)` of the plane, in metres.
+    ///
+    /// A pixel on or above the horizon or outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        match self.camera.lens.distortion {
+            Distortion::None => self.by_quotient(0.0, [u, v], [x, y]),
+            Distortion::Division { lambda } => self.by_quotient(lambda, [u, v], [x, y]),
+            Distortion::BrownConrady(brown) => self.by_newton(&brown, [u, v], [x, y]),
+            Distortion::KannalaBrandt { .. } => {
+                for i in 0..u.len() {
+                    let floor = self.camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, self.height);
+                    (x[i], y[i]) = floor.map_or((f64::NAN, f64::NAN), |p| (p.x, p.y));
+                }
+            }
+        }
+    }
+
+    /// Of the sign that the third coordinate has where the plane is seen: a plane above the camera is seen
+    /// above the horizon, and one at its height nowhere.
+    fn side(&self) -> f64 {
+        self.camera.position.z - self.height
+    }
+
+    /// The division model, and with 0 no distortion: an undistorted point is the raw one (a, b) over q, and
+    /// so the floor is that of (a, b, q), homogeneous.
+    fn by_quotient(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
+        // A pincushion turns back where q is 2.
+        let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
+                    let (a, b) = ((u - cu) * inverse, (v - cv) * inverse);
+                    let q = 1.0 + lambda * (a * a + b * b);
+                    let w = h[2][0] * a + h[2][1] * b + h[2][2] * q;
+                    let shown = (q > 0.0) & (q <= most) & (w * side > 0.0);
+                    let scale = if shown { w.recip() } else { f64::NAN };
+                    *x = (h[0][0] * a + h[0][1] * b + h[0][2] * q) * scale;
+                    *y = (h[1][0] * a + h[1][1] * b + h[1][2] * q) * scale;
+                }
+            },
+        );
+    }
+
+    fn by_newton(&self, brown: &BrownConrady, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
+        let to_floor = |a: f64, b: f64| {
+            let w = h[2][0] * a + h[2][1] * b + h[2][2];
+            let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
+            ((h[0][0] * a + h[0][1] * b + h[0][2]) * scale, (h[1][0] * a + h[1][1] * b + h[1][2]) * scale)
+        };
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let (us, u_rest) = u.as_chunks::<LANES>();
+                let (vs, v_rest) = v.as_chunks::<LANES>();
+                let (xs, x_rest) = x.as_chunks_mut::<LANES>();
+                let (ys, y_rest) = y.as_chunks_mut::<LANES>();
+                let chunk =
+                    |u: &[f64; LANES], v: &[f64; LANES], x: &mut [f64; LANES], y: &mut [f64; LANES]| {
+                        let mut a: [f64; LANES] = std::array::from_fn(|i| (u[i] - cu) * inverse);
+                        let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
+                        undistort_in_step(brown, self.most, &mut a, &mut b);
+                        for i in 0..LANES {
+                            (x[i], y[i]) = to_floor(a[i], b[i]);
+                        }
+                    };
+                for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
+                    chunk(u, v, x, y);
+                }
+                // What is left over is filled up with the principal point.
+                let fill = |rest: &[f64], with: f64| -> [f64; LANES] {
+                    std::array::from_fn(|i| rest.get(i).copied().unwrap_or(with))
+                };
+                let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+                chunk(&fill(u_rest, cu), &fill(v_rest, cv), &mut x, &mut y);
+                x_rest.copy_from_slice(&x[..x_rest.len()]);
+                y_rest.copy_from_slice(&y[..y_rest.len()]);
+            },
+        );
+    }
+
+    /// As [`Self::pixels_to_floor`], and says of every pixel what became of it.
+    ///
+    /// A pixel is inside the EFOV when the floor that it shows is, whatever the height of the plane.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn pixels_to_floor_within(
+        &self,
+        extent: &Extent<'_>,
+        [u, v]: [&[f64]; 2],
+        [x, y]: [&mut [f64]; 2],
+        status: &mut [Status],
+    ) {
+        assert!(status.len() == u.len(), "slices of one length");
+        self.pixels_to_floor(u, v, x, y);
+        // The floor lies on the ray from the camera through the point of the plane.
+        let stretch = self.camera.position.z / (self.camera.position.z - self.height);
+        let foot = self.camera.position.on_floor();
+        extent.judge(foot, stretch, [u, v], [x, y], status);
+        for i in 0..u.len() {
+            if !(x[i].is_finite() && y[i].is_finite()) {
+                (x[i], y[i]) = (f64::NAN, f64::NAN);
+                let pixel = Pixel { u: u[i], v: v[i] };
+                status[i] = if !pixel.is_finite() {
+                    Status::Missing
+                } else if self.camera.undistort(pixel).is_none() {
+                    Status::OutsideLens
+                } else {
+                    Status::AboveHorizon
+                };
+            }
+        }
+    }
+
+    /// How uncertain the points of the plane are that raw pixels `(u, v)` show, for a standard deviation of
+    /// `pixel_sigma` pixels of each coordinate: [`Camera::floor_covariance`] for this plane.
+    ///
+    /// A pixel without a point has NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
+        assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
+        const NONE: FloorCovariance =
+            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: [[f64::NAN; 2]; 2] };
+        for ((&u, &v), of) in u.iter().zip(v).zip(of) {
+            let found = self.camera.plane_covariance(Pixel { u, v }, pixel_sigma, self.height);
+            *of = found.unwrap_or(NONE);
+        }
+    }
+
+    /// Maps points `(x, y)` of the plane, in metres, to raw pixels `(u, v)`.
+    ///
+    /// A point behind the camera or outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn floor_to_pixels(&self, x: &[f64], y: &[f64], u: &mut [f64], v: &mut [f64]) {
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        let h = self.lens_from_floor;
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let f = self.camera.lens.focal;
+        let plain = self.camera.lens.distortion == Distortion::None;
+        for i in 0..x.len() {
+            let w = h[2][0] * x[i] + h[2][1] * y[i] + h[2][2];
+            let a = (h[0][0] * x[i] + h[0][1] * y[i] + h[0][2]) / w;
+            let b = (h[1][0] * x[i] + h[1][1] * y[i] + h[1][2]) / w;
+            let bent = if plain { Some([a, b]) } else { self.camera.lens.distortion.distort([a, b]) };
+            let shown = bent.filter(|_| w > 0.0).map(|[a, b]| (cu + f * a, cv + f * b));
+            (u[i], v[i]) = shown.unwrap_or((f64::NAN, f64::NAN));
+        }
+    }
+
+    /// One pixel; see [`Camera::pixel_to_floor`].
+    #[must_use]
+    pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
+        self.camera.pixel_to_floor(pixel, self.height)
+    }
+}
+
+/// Undistorts [`LANES`] points at once by Newton's method until the last one has converged; one that has
+/// rests, so that no result depends on the points beside it.
+///
+/// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
+#[inline(always)]
+fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
+    /// In focal-normalised coordinates, squared: Newton's next step is its square.
+    const TOLERANCE: f64 = 1e-14;
+    const ROUNDS: usize = 12;
+    let (bent_x, bent_y) = (*x, *y);
+    let mut step = [f64::INFINITY; LANES];
+    // Two terms of the series of the inverse: right to 1e-3 at the corner of a usual lens.
+    for i in 0..LANES {
+        let square = bent_x[i] * bent_x[i] + bent_y[i] * bent_y[i];
+        let radial = 1.0 + square * (-brown.k1 + square * (3.0 * brown.k1 * brown.k1 - brown.k2));
+        x[i] = bent_x[i] * radial;
+        y[i] = bent_y[i] * radial;
+    }
+    for _ in 0..ROUNDS {
+        for i in 0..LANES {
+            let point = [x[i], y[i]];
+            let bent = brown.distort(point);
+            let [a, b, d] = brown.jacobian(point);
+            let scale = (a * d - b * b).recip();
+            let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
+            let (dx, dy) = ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale);
+            let rests = step[i] < TOLERANCE;
+            x[i] -= if rests { 0.0 } else { dx };
+            y[i] -= if rests { 0.0 } else { dy };
+            step[i] = if rests { step[i] } else { dx * dx + dy * dy };
+        }
+        // The step just taken leaves an error of its square: 1e-14 becomes 1e-28 at the worst.
+        // NaN counts as converged here and is looked at below.
+        if step.iter().fold(0.0_f64, |worst, &s| worst.max(s)) < TOLERANCE {
+            break;
+        }
+    }
+    let is_solved = |i: usize, x: f64, y: f64| step[i] < TOLERANCE && x * x + y * y <= most * (1.0 - 1e-6);
+    if (0..LANES).all(|i| is_solved(i, x[i], y[i])) {
+        return;
+    }
+    for i in 0..LANES {
+        if !is_solved(i, x[i], y[i]) {
+            let solved = Distortion::BrownConrady(*brown).undistort([bent_x[i], bent_y[i]]);
+            [x[i], y[i]] = solved.unwrap_or([f64::NAN; 2]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use crate::camera::{Covariance, Lens};
+    use proptest::prelude::*;
+
+    fn check(camera: &Camera, at: &[(f64, f64)], height: f64) {
+        let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+        let (mut x, mut y) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        FloorProjector::new(camera, height).pixels_to_floor(&u, &v, &mut x, &mut y);
+        for i in 0..u.len() {
+            match camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, height) {
+                Some(floor) => {
+                    let range = floor.distance(camera.position.on_floor());
+                    let off = floor.distance(FloorPoint { x: x[i], y: y[i] });
+                    assert!(
+                        range > 1e6 || off < 1e-11 * (1.0 + range).powi(2) * 10.0,
+                        "{off} m at {range} m"
+                    );
+                }
+                None => assert!(x[i].is_nan() && y[i].is_nan()),
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_slice_maps_as_its_pixels_do(
+            camera in any_camera(), lambda in -0.3..0.1_f64, division: bool,
+            at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), height in -1.0..9.0_f64,
+        ) {
+            let bent = Lens { distortion: Distortion::Division { lambda }, ..camera.lens };
+            let camera = if division { Camera { lens: bent, ..camera } } else { camera };
+            prop_assume!((height - camera.position.z).abs() > 0.2);
+            check(&camera, &at, height);
+        }
+
+        #[test]
+        fn a_pixel_maps_to_the_same_bits_whatever_stands_beside_it(
+            camera in any_camera(),
+            at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), first in 0..40_usize,
+        ) {
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let mapped = |u: &[f64], v: &[f64]| {
+                let (mut x, mut y) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+                FloorProjector::new(&camera, 0.0).pixels_to_floor(u, v, &mut x, &mut y);
+                x.iter().chain(&y).map(|value| value.to_bits()).collect::<Vec<_>>()
+            };
+            let (all, first) = (mapped(&u, &v), first % u.len());
+            let rest = mapped(&u[first..], &v[first..]);
+            prop_assert_eq!(&rest[..u.len() - first], &all[first..u.len()]);
+        }
+
+        #[test]
+        fn every_pixel_is_judged_as_it_is_by_itself(
+            camera in any_camera(), height in -1.0..9.0_f64,
+            at in proptest::collection::vec((-900.0..2800.0_f64, -900.0..1900.0_f64), 1..200),
+        ) {
+            prop_assume!((height - camera.position.z).abs() > 0.2);
+            let size = [1920.0, 1080.0];
+            let efov = crate::floor::efov::default_efov(&camera, size).polygon;
+            let extent = Extent { size, efov: &efov };
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![Status::Ok; u.len()]);
+            FloorProjector::new(&camera, height)
+                .pixels_to_floor_within(&extent, [&u, &v], [&mut x, &mut y], &mut status);
+            for i in 0..u.len() {
+                let pixel = Pixel { u: u[i], v: v[i] };
+                let point = camera.pixel_to_floor(pixel, height);
+                prop_assert_eq!(point.is_none(), x[i].is_nan() && y[i].is_nan());
+                let floor = camera.pixel_to_floor(pixel, 0.0);
+                let expected = match (point, floor) {
+                    (None, _) if camera.undistort(pixel).is_none() => Status::OutsideLens,
+                    (None, _) => Status::AboveHorizon,
+                    _ if !extent.shows(pixel) => Status::OutsideImage,
+                    (_, Some(floor)) if extent.contains(floor) => Status::Ok,
+                    _ => Status::OutsideEfov,
+                };
+                // On an edge of the polygon a rounding decides.
+                let on_edge = floor.is_some_and(|f| {
+                    [(1e-7, 0.0), (-1e-7, 0.0), (0.0, 1e-7), (0.0, -1e-7)].iter().any(|(dx, dy)| {
+                        extent.contains(FloorPoint { x: f.x + dx, y: f.y + dy }) != extent.contains(f)
+                    })
+                });
+                prop_assert!(status[i] == expected || on_edge, "{:?}, not {expected:?}", status[i]);
+            }
+        }
+
+        #[test]
+        fn a_plane_is_as_uncertain_as_the_floor_under_a_camera_as_much_lower(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.5_f64,
+        ) {
+            let mut camera = camera;
+            for (index, sigma) in [(Covariance::Z, 0.02), (Covariance::PITCH, 0.003), (Covariance::FOCAL, 9.0)] {
+                camera.covariance.0[index][index] = sigma * sigma;
+            }
+            let mut lower = camera;
+            lower.position.z -= height;
+            let mut found = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: [[0.0; 2]; 2] }];
+            FloorProjector::new(&camera, height).floor_covariances(&[u], &[v], 0.7, &mut found);
+            match lower.floor_covariance(Pixel { u, v }, 0.7) {
+                Some(floor) => {
+                    let (found, floor) = (found[0].total().concat(), floor.total().concat());
+                    let size = floor[0] + floor[3];
+                    prop_assert!(found.iter().zip(&floor).all(|(a, b)| (a - b).abs() < 1e-6 * size), "{found:?} {floor:?}");
+                }
+                None => prop_assert!(found[0].pixel[0][0].is_nan()),
+            }
+        }
+
+        #[test]
+        fn the_floor_goes_back_to_the_pixels(
+            camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 0.0..1080.0_f64), 1..20),
+        ) {
+            let projector = FloorProjector::new(&camera, 0.0);
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let mut out = [(); 4].map(|()| vec![0.0; u.len()]);
+            let [x, y, a, b] = &mut out;
+            projector.pixels_to_floor(&u, &v, x, y);
+            projector.floor_to_pixels(x, y, a, b);
+            for i in 0..u.len() {
+                prop_assert!(x[i].is_nan() || x[i].hypot(y[i]) > 1e5 || (a[i] - u[i]).hypot(b[i] - v[i]) < 1e-6);
+            }
+        }
+    }
+}

@@ -1,0 +1,381 @@
+//! An image without distortion: a map from every pixel to where the lens shows it, built once and
+//! applied to any number of images of that camera.
+
+use pulp::Arch;
+
+use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel};
+
+/// Which part of the undistorted plane the new image shows. The size of the image stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Crop {
+    /// The same focal: the centre keeps its scale.
+    #[default]
+    SameFocal,
+    /// The largest view without a blank pixel.
+    AllValid,
+    /// Every pixel of the raw image, blank beyond.
+    AllPixels,
+}
+
+/// Bilinear weights are counted in 1/32 of a pixel, as finely as 8-bit colours can show.
+const STEPS: f32 = 32.0;
+const STEP_BITS: u32 = 5;
+const BLANK: u32 = u32::MAX;
+
+/// An image without distortion: which part of the undistorted plane it shows, of which lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Straightened {
+    lens: Lens,
+    width: usize,
+    height: usize,
+    /// Undistorted pixel = offset + scale * pixel of the new image.
+    scale: f64,
+    offset: [f64; 2],
+    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    most: f64,
+}
+
+/// A [`Straightened`] image's map, kept for many images of one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Remap {
+    width: usize,
+    rows: MapRows,
+}
+
+/// For every pixel of the new image the byte index of the raw pixel up and left of the point it
+/// shows, and the weights in x and y.
+#[derive(Clone, Debug, PartialEq)]
+struct MapRows {
+    index: Vec<u32>,
+    /// Weight in x in the low byte, in y in the high one.
+    fraction: Vec<u16>,
+}
+
+impl MapRows {
+    fn new(pixels: usize) -> Self {
+        Self { index: vec![0; pixels], fraction: vec![0; pixels] }
+    }
+}
+
+impl Straightened {
+    /// The undistorted image of a lens for raw images of `width` x `height` pixels; it has their size.
+    ///
+    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
+    #[must_use]
+    pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
+        let bytes = width.checked_mul(height)?.checked_mul(3)?;
+        if width < 2 || height < 2 || bytes >= BLANK as usize {
+            return None;
+        }
+        let (scale, offset) = view(lens, [width as f64, height as f64], crop);
+        let most = lens.distortion.max_radius().powi(2);
+        Some(Self { lens: *lens, width, height, scale, offset, most })
+    }
+
+    /// Focal of the new image when that of the raw one is `focal`, in pixels.
+    #[must_use]
+    pub fn focal(&self, focal: f64) -> f64 {
+        focal / self.scale
+    }
+
+    /// Principal point of the new image.
+    #[must_use]
+    pub fn principal_point(&self) -> Pixel {
+        let Pixel { u, v } = self.lens.principal_point;
+        Pixel { u: (u - self.offset[0]) / self.scale, v: (v - self.offset[1]) / self.scale }
+    }
+
+    /// Maps an image of 8-bit RGB, row by row. Pixels that the raw image does not show become black.
+    ///
+    /// `None` when the slice is not of `width * height * 3` bytes.
+    #[must_use]
+    pub fn apply(&self, raw: &[u8]) -> Option<Vec<u8>> {
+        let mut out = vec![0; self.width * self.height * 3];
+        self.apply_into(raw, &mut out).then_some(out)
+    }
+
+    /// As [`Self::apply`], into a buffer of the same size; `false` when a slice has another one.
+    #[must_use]
+    pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
+        if raw.len() != self.width * self.height * 3 || out.len() != raw.len() {
+            return false;
+        }
+        // One row of the map at a time stays in the fast cache.
+        let mut row = MapRows::new(self.width);
+        let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
+        for (y, out) in out.chunks_exact_mut(self.width * 3).enumerate() {
+            self.map_row(y, [&mut u, &mut v], &mut row.index, &mut row.fraction);
+            apply_rows(raw, self.width * 3, &row.index, &row.fraction, out);
+        }
+        true
+    }
+
+    /// The map, to be kept.
+    #[must_use]
+    pub fn remap(&self) -> Remap {
+        let mut rows = MapRows::new(self.width * self.height);
+        let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
+        let index = rows.index.chunks_exact_mut(self.width);
+        for (y, (index, fraction)) in index.zip(rows.fraction.chunks_exact_mut(self.width)).enumerate() {
+            self.map_row(y, [&mut u, &mut v], index, fraction);
+        }
+        Remap { width: self.width, rows }
+    }
+
+    fn map_row(&self, y: usize, [u, v]: [&mut [f32]; 2], index: &mut [u32], fraction: &mut [u16]) {
+        self.raw_row(y, u, v);
+        pack(self.width, self.height, u, v, index, fraction);
+    }
+
+    /// Where the raw image shows the pixels of a row of the new one (pixel centres at halves), to a
+    /// thousandth of a pixel.
+    fn raw_row(&self, row: usize, u: &mut [f32], v: &mut [f32]) {
+        let lens = &self.lens;
+        let Pixel { u: cu, v: cv } = lens.principal_point;
+        let straight_v = self.offset[1] + self.scale * (row as f64 + 0.5);
+        match lens.distortion {
+            Distortion::BrownConrady(brown) => {
+                let inverse = lens.focal.recip();
+                let first = (self.offset[0] + 0.5 * self.scale - cu) * inverse;
+                let (y, step) = ((straight_v - cv) * inverse, self.scale * inverse);
+                brown_row(&brown, self.most, [first, step, y], [lens.focal, cu, cv], u, v);
+            }
+            _ => {
+                for (column, (u, v)) in u.iter_mut().zip(v).enumerate() {
+                    let straight_u = self.offset[0] + self.scale * (column as f64 + 0.5);
+                    let raw = lens.distort(UndistortedPixel { u: straight_u, v: straight_v });
+                    (*u, *v) = raw.map_or((f32::NAN, f32::NAN), |raw| (raw.u as f32, raw.v as f32));
+                }
+            }
+        }
+    }
+}
+
+impl Remap {
+    /// As [`Straightened::apply_into`].
+    #[must_use]
+    pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
+        if raw.len() != self.rows.index.len() * 3 || out.len() != raw.len() {
+            return false;
+        }
+        apply_rows(raw, self.width * 3, &self.rows.index, &self.rows.fraction, out);
+        true
+    }
+}
+
+/// Fills pixels of the new image, as many as there are in the map.
+fn apply_rows(raw: &[u8], stride: usize, index: &[u32], fraction: &[u16], out: &mut [u8]) {
+    let shown = |index: u32, fraction: u16| {
+        if index == BLANK { 0 } else { bilinear(raw, index as usize, stride, fraction) }
+    };
+    // Four pixels fill three words.
+    let (indices, index_rest) = index.as_chunks::<4>();
+    let (fractions, fraction_rest) = fraction.as_chunks::<4>();
+    let (pixels, pixel_rest) = out.as_chunks_mut::<12>();
+    for ((index, fraction), pixel) in indices.iter().zip(fractions).zip(pixels) {
+        let [a, b, c, d]: [u32; 4] = std::array::from_fn(|i| shown(index[i], fraction[i]));
+        let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
+        for (bytes, word) in pixel.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *bytes = word.to_le_bytes();
+        }
+    }
+    let rest = index_rest.iter().zip(fraction_rest).zip(pixel_rest.as_chunks_mut::<3>().0);
+    for ((&index, &fraction), pixel) in rest {
+        let [red, green, blue, _] = shown(index, fraction).to_le_bytes();
+        *pixel = [red, green, blue];
+    }
+}
+
+/// Weighted mean of the four pixels at `at` (in bytes), to its right and below; red in the low byte.
+///
+/// Colours lie in 16-bit lanes of two words, even and odd bytes: `r g b R G B` (the right pixel in
+/// capitals) is `r b G` and `g R B`. First the rows are mixed, to 11 bits, then the columns.
+#[inline(always)]
+fn bilinear(raw: &[u8], at: usize, stride: usize, fraction: u16) -> u32 {
+    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
+    const ROUND: u64 = 0x0002_0002_0002_0002;
+    const ELEVEN_BITS: u64 = 0x07FF_07FF_07FF_07FF;
+    let (top, bottom) = (pair(raw, at), pair(raw, at + stride));
+    let (fx, fy) = (u64::from(fraction & 0xFF), u64::from(fraction >> 8));
+    // 32 a + (b - a) f, in all lanes at once: what lanes borrow from each other they give back.
+    let mix = |a: u64, b: u64, f: u64| (a << STEP_BITS).wrapping_add(b.wrapping_sub(a).wrapping_mul(f));
+    let rows = |top: u64, bottom: u64| (mix(top & EVEN, bottom & EVEN, fy) + ROUND) >> 2 & ELEVEN_BITS;
+    let (even, odd) = (rows(top, bottom), rows(top >> 8, bottom >> 8));
+    let red_and_blue = mix(even & 0x07FF_07FF, odd >> 16, fx).wrapping_add(0x0080_0080);
+    let green = mix(odd & 0x7FF, even >> 32 & 0x7FF, fx).wrapping_add(0x80);
+    (red_and_blue >> 8) as u32 & 0x00FF_00FF | green as u32 & 0xFF00
+}
+
+/// Two neighbouring pixels as the low six bytes of a word.
+#[inline(always)]
+fn pair(raw: &[u8], at: usize) -> u64 {
+    if let Some(Ok(bytes)) = raw.get(at..at + 8).map(<[u8; 8]>::try_from) {
+        return u64::from_le_bytes(bytes);
+    }
+    last_pair(raw, at)
+}
+
+/// As [`pair`] at the very end of the image: the last two bytes of the word lie beyond it.
+#[cold]
+#[inline(never)]
+fn last_pair(raw: &[u8], at: usize) -> u64 {
+    raw.get(at..at + 6).unwrap_or_default().iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
+}
+
+/// Raw pixels of a row of normalised points `(first + i step, y)`; NaN beyond the lens.
+fn brown_row(
+    brown: &BrownConrady,
+    most: f64,
+    [first, step, y]: [f64; 3],
+    to_pixels: [f64; 3],
+    u: &mut [f32],
+    v: &mut [f32],
+) {
+    let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(|k| k as f32);
+    let (first, step, y, most) = (first as f32, step as f32, y as f32, most as f32);
+    let [focal, cu, cv] = to_pixels.map(|value| value as f32);
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (column, (u, v)) in u.iter_mut().zip(v).enumerate() {
+                let x = first + step * column as i32 as f32;
+                let square = x * x + y * y;
+                let radial = 1.0 + square * (k1 + square * (k2 + square * k3));
+                let bent_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x);
+                let bent_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y;
+                *u = if square <= most { cu + focal * bent_x } else { f32::NAN };
+                *v = cv + focal * bent_y;
+            }
+        },
+    );
+}
+
+/// Packs raw positions as byte index of the pixel up and left, and fractions.
+fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fraction: &mut [u16]) {
+    // Centres are at halves: the pixel whose centre is up and left of u has index floor(u - 0.5).
+    let (last_x, last_y) = (width as i32 - 1, height as i32 - 1);
+    let (most_x, most_y) = ((last_x * 32) as f32, (last_y * 32) as f32);
+    let width = width as u32;
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (((index, fraction), &u), &v) in index.iter_mut().zip(fraction).zip(u).zip(v) {
+                // Half a pixel beyond the outer centres still shows the edge's colour.
+                let (x, y) = ((u - 0.5) * STEPS, (v - 0.5) * STEPS);
+                let inside = (x >= -16.0) & (x <= most_x + 16.0) & (y >= -16.0) & (y <= most_y + 16.0);
+                let (x, y) = (rounded(x, most_x), rounded(y, most_y));
+                // The last column and row are shown from the pixel before with full weight.
+                let (column, line) = ((x >> STEP_BITS).min(last_x - 1), (y >> STEP_BITS).min(last_y - 1));
+                let packed = (line as u32 * width + column as u32) * 3;
+                *index = if inside { packed } else { BLANK };
+                *fraction = ((x - (column << STEP_BITS)) | (y - (line << STEP_BITS)) << 8) as u16;
+            }
+        },
+    );
+}
+
+/// The nearest whole number between 0 and `most`, which is below 2^22; 0 for NaN.
+#[inline(always)]
+fn rounded(x: f32, most: f32) -> i32 {
+    /// Added to it, a number has its units in the last bit of its mantissa.
+    const SHIFT: f32 = 12_582_912.0;
+    let x = if x > 0.0 { x } else { 0.0 };
+    let x = if x < most { x } else { most };
+    (x + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
+}
+
+/// Scale and offset of the new image: undistorted = offset + scale * new.
+fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> (f64, [f64; 2]) {
+    if crop == Crop::SameFocal {
+        return (1.0, [0.0, 0.0]);
+    }
+    const EDGE: usize = 64;
+    let edge = |from: [f64; 2], to: [f64; 2]| {
+        let point = move |i: usize| {
+            let t = i as f64 / EDGE as f64;
+            Pixel { u: from[0] + t * (to[0] - from[0]), v: from[1] + t * (to[1] - from[1]) }
+        };
+        (0..=EDGE).filter_map(|i| lens.undistort(point(i))).collect::<Vec<_>>()
+    };
+    let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+    let [top, right, bottom, left] = [0, 1, 2, 3].map(|i| edge(corners[i], corners[(i + 1) % 4]));
+    let least = |side: &[UndistortedPixel], value: fn(&UndistortedPixel) -> f64| {
+        side.iter().map(value).fold(f64::INFINITY, f64::min)
+    };
+    let most = |side: &[UndistortedPixel], value: fn(&UndistortedPixel) -> f64| {
+        side.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let [x0, x1, y0, y1] = if crop == Crop::AllValid {
+        [most(&left, |p| p.u), least(&right, |p| p.u), most(&top, |p| p.v), least(&bottom, |p| p.v)]
+    } else {
+        let all = [top, right, bottom, left].concat();
+        [least(&all, |p| p.u), most(&all, |p| p.u), least(&all, |p| p.v), most(&all, |p| p.v)]
+    };
+    let ratios = [(x1 - x0) / width, (y1 - y0) / height];
+    let scale = if crop == Crop::AllValid { ratios[0].min(ratios[1]) } else { ratios[0].max(ratios[1]) };
+    if !(scale.is_finite() && scale > 0.0) {
+        return (1.0, [0.0, 0.0]);
+    }
+    (scale, [0.5 * (x0 + x1) - 0.5 * scale * width, 0.5 * (y0 + y1) - 0.5 * scale * height])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn barrel() -> Lens {
+        let brown = BrownConrady { k1: -0.25, k2: 0.05, p1: 0.001, ..BrownConrady::default() };
+        Lens {
+            principal_point: Pixel::new(160.0, 90.0),
+            focal: 220.0,
+            distortion: Distortion::BrownConrady(brown),
+        }
+    }
+
+    /// An image whose colours say where they are: red 0.5 u, green v, blue a mix of both.
+    fn ramp(width: usize, height: usize) -> Vec<u8> {
+        (0..height)
+            .flat_map(|y| (0..width).flat_map(move |x| [(x / 2) as u8, y as u8, ((x + y) / 4) as u8]))
+            .collect()
+    }
+
+    #[test]
+    fn every_pixel_shows_what_the_lens_shows_there() {
+        let (width, height, lens) = (320, 180, barrel());
+        for crop in [Crop::SameFocal, Crop::AllValid, Crop::AllPixels] {
+            let view = Straightened::new(&lens, width, height, crop).unwrap();
+            let out = view.apply(&ramp(width, height)).unwrap();
+            let mut again = vec![7; out.len()];
+            assert!(view.remap().apply_into(&ramp(width, height), &mut again));
+            assert_eq!(out, again, "a map that is kept does the same");
+            let mut blank = 0;
+            for y in 0..height {
+                for x in 0..width {
+                    let straight = UndistortedPixel {
+                        u: view.offset[0] + view.scale * (x as f64 + 0.5),
+                        v: view.offset[1] + view.scale * (y as f64 + 0.5),
+                    };
+                    let colour = &out[(y * width + x) * 3..][..3];
+                    let raw = lens.distort(straight);
+                    let seen = raw.filter(|p| p.u > 1.0 && p.v > 1.0 && p.u < 319.0 && p.v < 179.0);
+                    match seen {
+                        Some(raw) => {
+                            assert!((f64::from(colour[1]) - (raw.v - 0.5)).abs() < 0.6, "{raw:?} {colour:?}");
+                        }
+                        None => blank += usize::from(colour == [0; 3]),
+                    }
+                }
+            }
+            assert_eq!(blank > 0, crop == Crop::AllPixels || crop == Crop::SameFocal && blank > 0);
+            assert!(crop != Crop::AllValid || blank == 0);
+        }
+    }
+
+    #[test]
+    fn a_slice_of_the_wrong_size_is_refused() {
+        let view = Straightened::new(&barrel(), 32, 18, Crop::SameFocal).unwrap();
+        assert_eq!(view.apply(&[0; 5]), None);
+        assert!(!view.remap().apply_into(&[0; 5], &mut [0; 5]));
+        assert_eq!(Straightened::new(&barrel(), 32, 1, Crop::SameFocal), None);
+    }
+}

@@ -1,0 +1,473 @@
+//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D
+//! polylines, and their way onto an image.
+
+use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint};
+
+/// Straight pieces from point to point, in the base system.
+pub type Polyline = Vec<WorldPoint>;
+
+/// Height of the top face of the EFOV prism above the floor, in metres (the paper's result section).
+pub const PRISM_HEIGHT: f64 = 2.0;
+
+/// What a virtual element looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum MarkKind {
+    /// Two crossed lines on the floor; size: arm.
+    Cross,
+    /// An upright box about its base; size: width, depth, height.
+    Post,
+    /// A box; size: width, depth, height.
+    Box,
+    /// An upright cylinder; size: radius, height.
+    Cylinder,
+    /// A circle on the floor; size: radius.
+    Circle,
+    /// A figure; size: height.
+    Person,
+    /// A chequered net; size: cell, columns, rows.
+    Grid,
+}
+
+impl MarkKind {
+    /// Every kind.
+    pub const ALL: [Self; 7] =
+        [Self::Cross, Self::Post, Self::Box, Self::Cylinder, Self::Circle, Self::Person, Self::Grid];
+
+    /// The meaning of the numbers of its size, in order.
+    #[must_use]
+    pub const fn size_names(self) -> &'static [&'static str] {
+        match self {
+            Self::Cross => &["arm"],
+            Self::Post | Self::Box => &["width", "depth", "height"],
+            Self::Cylinder => &["radius", "height"],
+            Self::Circle => &["radius"],
+            Self::Person => &["height"],
+            Self::Grid => &["cell", "columns", "rows"],
+        }
+    }
+}
+
+/// A virtual element of known shape in the base system.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape3 {
+    /// What it looks like.
+    pub kind: MarkKind,
+    /// Where its foot or centre is, in metres.
+    pub at: WorldPoint,
+    /// Turn about the vertical, counter-clockwise seen from above, in radians.
+    pub turn: f64,
+    /// As [`MarkKind::size_names`] says, in metres.
+    pub size: Vec<f64>,
+}
+
+/// Sides of a drawn circle.
+const CIRCLE_SIDES: usize = 48;
+
+impl Shape3 {
+    fn size(&self, index: usize) -> f64 {
+        self.size.get(index).copied().unwrap_or(1.0)
+    }
+
+    /// A point given in the element's own axes.
+    fn place(&self, [x, y, z]: [f64; 3]) -> WorldPoint {
+        let (sin, cos) = self.turn.sin_cos();
+        WorldPoint { x: self.at.x + cos * x - sin * y, y: self.at.y + sin * x + cos * y, z: self.at.z + z }
+    }
+
+    /// A named point of the element, as the site file's `seen` refers to it.
+    ///
+    /// `None` when this kind has no point of that name.
+    #[must_use]
+    pub fn point(&self, name: &str) -> Option<WorldPoint> {
+        let corner = |top: bool, index: usize| {
+            let (w, d) = (0.5 * self.size(0), 0.5 * self.size(1));
+            let (x, y) = [(-w, -d), (w, -d), (w, d), (-w, d)][index];
+            [x, y, if top { self.size(2) } else { 0.0 }]
+        };
+        let local = match (self.kind, name) {
+            (MarkKind::Cross | MarkKind::Cylinder | MarkKind::Circle, "centre")
+            | (MarkKind::Post, "base")
+            | (MarkKind::Person, "foot") => [0.0; 3],
+            (MarkKind::Cross, "x") => [self.size(0), 0.0, 0.0],
+            (MarkKind::Cross, "-x") => [-self.size(0), 0.0, 0.0],
+            (MarkKind::Cross, "y") => [0.0, self.size(0), 0.0],
+            (MarkKind::Cross, "-y") => [0.0, -self.size(0), 0.0],
+            (MarkKind::Post, "top") => [0.0, 0.0, self.size(2)],
+            (MarkKind::Cylinder, "top") => [0.0, 0.0, self.size(1)],
+            (MarkKind::Person, "head") => [0.0, 0.0, self.size(0)],
+            (MarkKind::Box, "b0") => corner(false, 0),
+            (MarkKind::Box, "b1") => corner(false, 1),
+            (MarkKind::Box, "b2") => corner(false, 2),
+            (MarkKind::Box, "b3") => corner(false, 3),
+            (MarkKind::Box, "t0") => corner(true, 0),
+            (MarkKind::Box, "t1") => corner(true, 1),
+            (MarkKind::Box, "t2") => corner(true, 2),
+            (MarkKind::Box, "t3") => corner(true, 3),
+            (MarkKind::Grid, _) => {
+                let (i, j) = name.split_once(',')?;
+                let (i, j): (u32, u32) = (i.trim().parse().ok()?, j.trim().parse().ok()?);
+                if f64::from(i) > self.size(1) || f64::from(j) > self.size(2) {
+                    return None;
+                }
+                [f64::from(i) * self.size(0), f64::from(j) * self.size(0), 0.0]
+            }
+            _ => return None,
+        };
+        Some(self.place(local))
+    }
+
+    /// What to draw.
+    #[must_use]
+    pub fn polylines(&self) -> Vec<Polyline> {
+        let a = self.size(0);
+        let local: Vec<Vec<[f64; 3]>> = match self.kind {
+            MarkKind::Cross => {
+                vec![vec![[-a, 0.0, 0.0], [a, 0.0, 0.0]], vec![[0.0, -a, 0.0], [0.0, a, 0.0]]]
+            }
+            MarkKind::Post | MarkKind::Box => box_edges(0.5 * a, 0.5 * self.size(1), self.size(2)),
+            MarkKind::Cylinder => cylinder_edges(a, self.size(1)),
+            MarkKind::Circle => vec![circle(a, 0.0)],
+            MarkKind::Person => person(a),
+            MarkKind::Grid => net(a, self.size(1), self.size(2)),
+        };
+        local.into_iter().map(|line| line.into_iter().map(|point| self.place(point)).collect()).collect()
+    }
+}
+
+fn circle(radius: f64, z: f64) -> Vec<[f64; 3]> {
+    (0..=CIRCLE_SIDES)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / CIRCLE_SIDES as f64).sin_cos();
+            [radius * cos, radius * sin, z]
+        })
+        .collect()
+}
+
+fn box_edges(x: f64, y: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
+    let corners = [[-x, -y], [x, -y], [x, y], [-x, y], [-x, -y]];
+    let face = |z: f64| corners.map(|[x, y]| [x, y, z]).to_vec();
+    let mut edges = vec![face(0.0), face(height)];
+    edges.extend(corners[..4].iter().map(|&[x, y]| vec![[x, y, 0.0], [x, y, height]]));
+    edges
+}
+
+fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
+    let mut edges = vec![circle(radius, 0.0), circle(radius, height)];
+    edges.extend(
+        [[radius, 0.0], [0.0, radius], [-radius, 0.0], [0.0, -radius]]
+            .map(|[x, y]| vec![[x, y, 0.0], [x, y, height]]),
+    );
+    edges
+}
+
+/// A figure of the proportions of an adult, seen from the front, with a ring where it stands.
+fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
+    let h = height;
+    let outline = [
+        (0.0, 0.0),
+        (0.10, 0.0),
+        (0.09, 0.47),
+        (0.13, 0.48),
+        (0.15, 0.80),
+        (0.05, 0.83),
+        (0.06, 0.87),
+        (0.075, 0.93),
+        (0.05, 0.985),
+        (0.0, 1.0),
+    ];
+    let side = |sign: f64| outline.map(|(x, z)| [sign * x * h, 0.0, z * h]).to_vec();
+    vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
+}
+
+fn net(cell: f64, columns: f64, rows: f64) -> Vec<Vec<[f64; 3]>> {
+    // A drawing of more lines than this is a grey area, and a hostile file's way to fill memory.
+    let (columns, rows) = (columns.clamp(0.0, 1000.0) as usize, rows.clamp(0.0, 1000.0) as usize);
+    let (x, y) = (cell * columns as f64, cell * rows as f64);
+    let along_y = (0..=columns).map(|i| vec![[cell * i as f64, 0.0, 0.0], [cell * i as f64, y, 0.0]]);
+    let along_x = (0..=rows).map(|j| vec![[0.0, cell * j as f64, 0.0], [x, cell * j as f64, 0.0]]);
+    along_y.chain(along_x).collect()
+}
+
+/// The EFOV as a prism: base on the floor, top face [`PRISM_HEIGHT`] above it, edges between.
+#[must_use]
+pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
+    let face = |z: f64| base.iter().chain(base.first()).map(|p| p.at_height(z)).collect::<Polyline>();
+    let mut lines = vec![face(0.0), face(PRISM_HEIGHT)];
+    lines.extend(base.iter().map(|p| vec![p.at_height(0.0), p.at_height(PRISM_HEIGHT)]));
+    lines
+}
+
+/// The lines of the metre grid inside a floor polygon: every multiple of `step` metres in x and y.
+#[must_use]
+pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
+    /// More lines than this are a grey area.
+    const MOST: f64 = 400.0;
+    let mut lines = Vec::new();
+    for axis in 0..2 {
+        let along = |p: &FloorPoint| if axis == 0 { p.x } else { p.y };
+        let across = |p: &FloorPoint| if axis == 0 { p.y } else { p.x };
+        let low = polygon.iter().map(along).fold(f64::INFINITY, f64::min);
+        let high = polygon.iter().map(along).fold(f64::NEG_INFINITY, f64::max);
+        if !(low.is_finite() && high.is_finite() && step > 0.0 && (high - low) / step < MOST) {
+            continue;
+        }
+        let mut index = (low / step).ceil();
+        while index * step <= high {
+            let here = index * step;
+            for pair in crossings(polygon, here, along, across).chunks_exact(2) {
+                let end = |t: f64| if axis == 0 { [here, t, 0.0] } else { [t, here, 0.0] };
+                lines.push(pair.iter().map(|&t| WorldPoint::from(end(t))).collect());
+            }
+            index += 1.0;
+        }
+    }
+    lines
+}
+
+/// Where the line `along = here` enters and leaves a polygon, ascending.
+fn crossings(
+    polygon: &[FloorPoint],
+    here: f64,
+    along: impl Fn(&FloorPoint) -> f64,
+    across: impl Fn(&FloorPoint) -> f64,
+) -> Vec<f64> {
+    let mut found: Vec<f64> = (0..polygon.len())
+        .filter_map(|i| {
+            let (a, b) = (&polygon[i], &polygon[(i + 1) % polygon.len()]);
+            let (s, t) = (along(a) - here, along(b) - here);
+            ((s < 0.0) != (t < 0.0)).then(|| across(a) + s / (s - t) * (across(b) - across(a)))
+        })
+        .collect();
+    found.sort_by(f64::total_cmp);
+    found
+}
+
+/// Where a camera stands: the outline of `sigmas` standard deviations of its position on the floor, as
+/// many points apart as a drawn circle; `None` where its position was not estimated.
+#[must_use]
+pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
+    let axes = [Covariance::X, Covariance::Y];
+    let known = axes.map(|i| axes.map(|j| camera.covariance.0[i][j]));
+    ellipse(camera.position.on_floor(), &known, sigmas)
+}
+
+/// The outline of `sigmas` standard deviations about a point of the floor with this covariance, in square
+/// metres; `None` where there is none.
+#[must_use]
+pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Option<Vec<FloorPoint>> {
+    let [[xx, xy], [_, yy]] = *covariance;
+    // Lower triangle of the root of the covariance: it takes a circle to the ellipse.
+    let a = xx.sqrt();
+    let b = if a > 0.0 { xy / a } else { 0.0 };
+    let c = (yy - b * b).max(0.0).sqrt();
+    if !(a.is_finite() && c.is_finite()) || a + c == 0.0 {
+        return None;
+    }
+    let corner = |[cos, sin, _]: [f64; 3]| {
+        FloorPoint::new(about.x + sigmas * a * cos, about.y + sigmas * (b * cos + c * sin))
+    };
+    Some(circle(1.0, 0.0).into_iter().take(CIRCLE_SIDES).map(corner).collect())
+}
+
+/// The vertical through a point of the floor, up to `height` metres.
+#[must_use]
+pub fn vertical(at: FloorPoint, height: f64) -> Polyline {
+    vec![at.at_height(0.0), at.at_height(height)]
+}
+
+/// The way of a 3-D polyline across an image: in pieces where parts of it cannot be seen.
+///
+/// It is cut at the camera's near side and where the lens ends, and follows the bend of the lens.
+/// What lies off the image is kept, so that a canvas larger than the image shows it.
+#[must_use]
+pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
+    /// Metres in front of the camera's plane at which lines are cut.
+    const NEAR: f64 = 0.05;
+    let mut pieces = vec![Vec::new()];
+    for pair in polyline.windows(2) {
+        let (a, b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
+        let Some(front) = in_front(a, b, NEAR) else {
+            pieces.push(Vec::new());
+            continue;
+        };
+        if a[2] < NEAR {
+            pieces.push(Vec::new());
+        }
+        bend(camera, front, &mut pieces);
+    }
+    pieces.retain(|piece| piece.len() > 1);
+    pieces
+}
+
+/// What of a straight piece is farther forward than `near`; its points are right, down, forward of an eye.
+#[must_use]
+pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
+    let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
+        let t = (near - from[2]) / (to[2] - from[2]);
+        std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
+    };
+    match (a[2] < near, b[2] < near) {
+        (true, true) => None,
+        (true, false) => Some([cut(a, b), b]),
+        (false, true) => Some([a, cut(b, a)]),
+        (false, false) => Some([a, b]),
+    }
+}
+
+/// Appends the image of a straight piece in camera axes, in steps short enough for the bend of the lens.
+fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    /// Pixels between points of a bent line: a curve of 500 px radius is 0.2 px off its chord.
+    const STEP: f64 = 24.0;
+    const MOST: f64 = 256.0;
+    let centre = camera.lens.principal_point;
+    let show = |p: [f64; 3]| {
+        let (u, v) = (centre.u + camera.focal * p[0] / p[2], centre.v + camera.focal * p[1] / p[2]);
+        crate::camera::UndistortedPixel { u, v }
+    };
+    let straight = [show(a), show(b)];
+    let bent = camera.lens.distortion != crate::camera::Distortion::None;
+    let length = straight[0].distance(straight[1]);
+    let steps = if bent { (length / STEP).clamp(1.0, MOST).ceil() as usize } else { 1 };
+    for step in 0..=steps {
+        // Equal steps on the image, not in space: perspective crowds the far end.
+        let t = step as f64 / steps as f64;
+        let pixel = crate::camera::UndistortedPixel {
+            u: straight[0].u + t * (straight[1].u - straight[0].u),
+            v: straight[0].v + t * (straight[1].v - straight[0].v),
+        };
+        match camera.distort(pixel) {
+            Some(pixel) => {
+                if let Some(piece) = pieces.last_mut()
+                    && piece.last() != Some(&pixel)
+                {
+                    piece.push(pixel);
+                }
+            }
+            None => pieces.push(Vec::new()),
+        }
+    }
+}
+
+/// The horizon across an image of this size, bent as the lens bends it; empty when it is out of sight.
+#[must_use]
+pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
+    // Directions of the level plane through the camera, as far points: those in front of it show.
+    const STEPS: usize = 180;
+    const FAR: f64 = 1e6;
+    let ring: Polyline = (0..=STEPS)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / STEPS as f64).sin_cos();
+            let WorldPoint { x, y, z } = camera.position;
+            WorldPoint { x: x + FAR * cos, y: y + FAR * sin, z }
+        })
+        .collect();
+    let margin = 0.5 * (size[0] + size[1]);
+    let near_image =
+        |p: &Pixel| p.u > -margin && p.u < size[0] + margin && p.v > -margin && p.v < size[1] + margin;
+    on_image(camera, &ring).into_iter().filter(|piece| piece.iter().any(near_image)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    #[test]
+    fn every_kind_of_mark_draws_its_named_points() {
+        let names = |kind| match kind {
+            MarkKind::Cross => vec!["centre", "x", "-x", "y", "-y"],
+            MarkKind::Post => vec!["base", "top"],
+            MarkKind::Box => vec!["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
+            MarkKind::Cylinder => vec!["centre", "top"],
+            MarkKind::Circle => vec!["centre"],
+            MarkKind::Person => vec!["foot", "head"],
+            MarkKind::Grid => vec!["0,0", "2,3"],
+        };
+        for kind in MarkKind::ALL {
+            let size = vec![1.0, 2.0, 3.0][..kind.size_names().len()].to_vec();
+            let mark = Shape3 { kind, at: WorldPoint::new(1.0, 2.0, 0.5), turn: 0.3, size };
+            assert!(!mark.polylines().is_empty());
+            for name in names(kind) {
+                let point = mark.point(name).unwrap_or_else(|| panic!("{kind:?} has no {name}"));
+                assert!(point.is_finite() && point.z >= 0.5);
+            }
+            assert_eq!(mark.point("elbow"), None);
+        }
+    }
+
+    #[test]
+    fn every_point_of_the_ellipse_is_as_many_sigmas_away_as_was_asked() {
+        let mut camera = any_position();
+        let (xx, xy, yy) = (0.04, -0.01, 0.09);
+        let rows = &mut camera.covariance.0;
+        (rows[0][0], rows[0][1], rows[1][0], rows[1][1]) = (xx, xy, xy, yy);
+        let determinant = xx * yy - xy * xy;
+        for point in position_ellipse(&camera, 2.0).unwrap() {
+            let (x, y) = (point.x - camera.position.x, point.y - camera.position.y);
+            let square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant;
+            assert!((square - 4.0).abs() < 1e-9, "{square}");
+        }
+        camera.covariance = Covariance::EXACT;
+        assert_eq!(position_ellipse(&camera, 2.0), None);
+    }
+
+    fn any_position() -> Camera {
+        Camera {
+            position: WorldPoint::new(3.0, -2.0, 4.0),
+            yaw: 0.3,
+            pitch: 0.4,
+            roll: 0.0,
+            focal: 1000.0,
+            lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        }
+    }
+
+    #[test]
+    fn the_grid_ends_at_the_polygon() {
+        let square = [[0.5, 0.5], [3.5, 0.5], [3.5, 2.5], [0.5, 2.5]].map(FloorPoint::from);
+        let lines = floor_grid(&square, 1.0);
+        assert_eq!(lines.len(), 5, "x = 1, 2, 3 and y = 1, 2");
+        assert!(lines.iter().flatten().all(|p| p.x >= 0.5 && p.x <= 3.5 && p.y >= 0.5 && p.y <= 2.5));
+    }
+
+    proptest! {
+        #[test]
+        fn a_line_that_passes_behind_the_camera_is_drawn_only_in_front(
+            camera in any_camera(), far in -40.0..40.0_f64, side in -40.0..40.0_f64,
+        ) {
+            let foot = camera.position;
+            let line = [
+                WorldPoint { x: foot.x - 30.0, y: foot.y + side, z: 0.0 },
+                WorldPoint { x: foot.x + 30.0, y: foot.y + far, z: 1.0 },
+            ];
+            for piece in on_image(&camera, &line) {
+                for pixel in piece {
+                    prop_assert!(pixel.is_finite());
+                    if let Some(ray) = camera.pixel_to_ray(pixel) {
+                        let (a, b) = (line[0], line[1]);
+                        // The ray, the line and the centre lie in one plane.
+                        let u = [a.x - foot.x, a.y - foot.y, a.z - foot.z];
+                        let v = [b.x - foot.x, b.y - foot.y, b.z - foot.z];
+                        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+                        let norm = crate::camera::dot(&n, &n).sqrt().max(1e-12);
+                        prop_assert!(crate::camera::dot(&n, &ray.direction).abs() / norm < 1e-6);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn no_pixel_of_the_horizon_shows_the_floor_much_nearer_than_infinity(camera in any_camera()) {
+            for pixel in horizon(&camera, [1920.0, 1080.0]).into_iter().flatten() {
+                if let Some(floor) = camera.pixel_to_floor(pixel, 0.0) {
+                    prop_assert!(floor.distance(camera.position.on_floor()) > 1e3);
+                }
+            }
+        }
+    }
+}

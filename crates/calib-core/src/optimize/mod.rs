@@ -1,0 +1,16 @@
+//! Minimisers and the linear algebra of their normal equations.
+//!
+//! Law: no geometry. Problems come as residuals with Jacobians; what they mean is known by who calls.
+
+mod minimize;
+mod sparse_cholesky;
+mod schur_complement;
+mod dual;
+mod arrow;
+
+pub(crate) use arrow::{Normal, Uncertainty};
+pub(crate) use dual::{Dual, Number};
+#[cfg(test)]
+pub(crate) use minimize::{Ending, LevenbergMarquardt};
+pub(crate) use minimize::{LeastSquares, Reached, least_squares, nelder_mead};
+pub(crate) use schur_complement::{BlockCovariance, BlockNormal, Blocks, Slope};

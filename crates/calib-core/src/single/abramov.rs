@@ -1,0 +1,299 @@
+//! Stage 1 as the paper has it: roll from the verticals, then pitch and focal by minimising C.
+//!
+//! `C = V + sum over directions of mean |1 - |dot|| + mean |dot| + sum over groups of std / mean`
+//!
+//! over the camera (0, 0, 3, roll, pitch, 0, focal): V is the mean sine of the angle between the
+//! viewing plane of a vertical and the vertical; the first dot products are those of floor
+//! directions that must be parallel, the second of those that must be at right angles; the last
+//! term, of option 2, are the lengths on the floor, free of scale. A floor line counts with the
+//! direction in which its viewing plane cuts the floor, which exists above the horizon, too.
+
+use crate::finding::{Failure, FailureCode};
+use crate::optimize::nelder_mead;
+use crate::single::constraints::{Evidence, Line, Toward};
+use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
+
+/// What stage 1 finds out about one camera, by whatever method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientation {
+    /// In radians.
+    pub roll: f64,
+    /// In radians, positive down.
+    pub pitch: f64,
+    /// In pixels.
+    pub focal: f64,
+}
+
+/// What is known of the orientation before: held at the value where there is one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Held {
+    /// In radians.
+    pub roll: Option<f64>,
+    /// In radians.
+    pub pitch: Option<f64>,
+    /// In pixels.
+    pub focal: Option<f64>,
+    /// In metres; the paper's method takes it as it is.
+    pub height: Option<f64>,
+}
+
+/// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.
+const PITCHES: [f64; 14] = [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
+const FIELDS: [f64; 12] = [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0, 100.0, 110.0, 120.0];
+
+/// Roll, pitch and focal at the minimum of the paper's C, and C there.
+///
+/// `width` is that of the image, in pixels.
+///
+/// # Errors
+/// When there are fewer lines than the method needs, saying which.
+pub fn minimum(evidence: &Evidence, held: Held, width: f64) -> Result<(Orientation, f64), Failure> {
+    let roll = match held.roll {
+        Some(roll) => roll,
+        None => roll_of(evidence)?,
+    };
+    if let (Some(pitch), Some(focal)) = (held.pitch, held.focal) {
+        let orientation = Orientation { roll, pitch, focal };
+        return Ok((orientation, Criterion::new(evidence, roll).value(pitch, focal)));
+    }
+    let criterion = Criterion::new(evidence, roll);
+    criterion.check(held)?;
+    // A unit of log focal and a radian of pitch are of one size.
+    let cost = |[pitch, log_focal]: [f64; 2]| criterion.value(pitch, log_focal.exp());
+    let size = [if held.pitch.is_some() { 0.0 } else { 0.05 }, if held.focal.is_some() { 0.0 } else { 0.1 }];
+    let best = starts(&criterion, held, width)
+        .into_iter()
+        .filter_map(|start| nelder_mead(cost, start, size))
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let ([pitch, log_focal], c) = best.ok_or_else(|| {
+        Failure::new(
+            FailureCode::NoSolution,
+            "No pitch and focal put these lines on a floor.",
+            "Check that floor lines were not drawn as verticals, and lengths above the horizon.",
+        )
+    })?;
+    Ok((Orientation { roll, pitch, focal: log_focal.exp() }, c))
+}
+
+/// Roll, pitch and focal from two vanishing points: that of the verticals, `v`, and that of a group
+/// of parallel floor lines, `h`, by `f^2 = -v . h`; the group with the widest fan of lines counts.
+///
+/// `None` when no group gives a focal.
+#[must_use]
+pub fn closed_form(evidence: &Evidence) -> Option<Orientation> {
+    let nadir = vanishing_point(evidence.lines.iter().filter(|line| line.toward == Toward::Vertical))?;
+    let [x, y, w] = if nadir[1] < 0.0 { nadir.map(|c| -c) } else { nadir };
+    let focal = (0..2 * evidence.groups)
+        .filter_map(|class| {
+            let toward = Toward::Floor { group: class / 2, quarter: class % 2 == 1 };
+            let lines = || evidence.lines.iter().filter(move |line| line.toward == toward);
+            let h = vanishing_point(lines())?;
+            let square = -(x * h[0] + y * h[1]) / (w * h[2]);
+            (square > 0.0 && square.is_finite()).then(|| (fan(lines()), square.sqrt()))
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))?
+        .1;
+    Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
+}
+
+/// How far apart the image directions of lines are, times their mean length.
+fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
+    let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for line in lines {
+        let [a, b] = line.ends.map(|end| end.at);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let (length, angle) = (dx.hypot(dy), 2.0 * dy.atan2(dx));
+        cos += length * angle.cos();
+        sin += length * angle.sin();
+        total += length;
+        count += 1.0;
+    }
+    (total - cos.hypot(sin)) / count
+}
+
+fn roll_of(evidence: &Evidence) -> Result<f64, Failure> {
+    let verticals = evidence.lines.iter().filter(|line| line.toward == Toward::Vertical);
+    let count = verticals.clone().count();
+    vanishing_point(verticals).map(roll_from_verticals).ok_or_else(|| {
+        let message = if count < 2 {
+            format!("The paper's method needs two vertical lines for the roll, and has {count}.")
+        } else {
+            "The vertical lines coincide, so that they do not meet in one point.".into()
+        };
+        let advice = "Draw another vertical, far to the side of the first, or hold lens.roll_deg.";
+        Failure::new(FailureCode::TooFewLines, message, advice)
+    })
+}
+
+/// The lowest local minima of C on a grid, as (pitch, log focal).
+fn starts(criterion: &Criterion, held: Held, width: f64) -> Vec<[f64; 2]> {
+    const MOST: usize = 3;
+    let pitches: Vec<f64> = match held.pitch {
+        Some(pitch) => vec![pitch],
+        None => PITCHES.iter().map(|degrees| degrees.to_radians()).collect(),
+    };
+    let focals: Vec<f64> = match held.focal {
+        Some(focal) => vec![focal],
+        None => FIELDS.iter().map(|degrees| 0.5 * width / (0.5 * degrees.to_radians()).tan()).collect(),
+    };
+    let cost: Vec<Vec<f64>> = pitches
+        .iter()
+        .map(|&pitch| focals.iter().map(|&focal| criterion.value(pitch, focal)).collect())
+        .collect();
+    let mut lowest = Vec::new();
+    for i in 0..pitches.len() {
+        for j in 0..focals.len() {
+            let rows = i.saturating_sub(1)..(i + 2).min(pitches.len());
+            let is_lowest = rows
+                .flat_map(|a| cost[a][j.saturating_sub(1)..(j + 2).min(focals.len())].iter())
+                .all(|&neighbour| cost[i][j] <= neighbour);
+            if is_lowest && cost[i][j].is_finite() {
+                lowest.push((cost[i][j], [pitches[i], focals[j].ln()]));
+            }
+        }
+    }
+    lowest.sort_by(|a, b| a.0.total_cmp(&b.0));
+    lowest.into_iter().take(MOST).map(|(_, start)| start).collect()
+}
+
+/// The paper's C for one camera, with the roll taken out of all lines.
+struct Criterion {
+    /// Homogeneous, unrolled.
+    verticals: Vec<[f64; 3]>,
+    /// Homogeneous, unrolled, by floor direction.
+    floor: Vec<FloorLine>,
+    /// End points, unrolled, by group.
+    lengths: Vec<Vec<[[f64; 2]; 2]>>,
+}
+
+struct FloorLine {
+    line: [f64; 3],
+    group: usize,
+    quarter: bool,
+}
+
+impl Criterion {
+    fn new(evidence: &Evidence, roll: f64) -> Self {
+        let (sin, cos) = roll.sin_cos();
+        let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
+        let line = |line: &Line| line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
+        let mut criterion = Self {
+            verticals: Vec::new(),
+            floor: Vec::new(),
+            lengths: vec![Vec::new(); evidence.length_groups.len()],
+        };
+        for drawn in &evidence.lines {
+            match drawn.toward {
+                Toward::Vertical => criterion.verticals.push(line(drawn)),
+                Toward::Floor { group, quarter } => {
+                    criterion.floor.push(FloorLine { line: line(drawn), group, quarter });
+                }
+            }
+        }
+        for length in &evidence.lengths {
+            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.at)));
+        }
+        criterion
+    }
+
+    /// Whether there is anything that tells what is asked for.
+    fn check(&self, held: Held) -> Result<(), Failure> {
+        let pairs = self.pairs().count();
+        let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
+        let by_verticals = !self.verticals.is_empty() && (held.focal.is_some() || held.pitch.is_some());
+        if pairs + lengths > 0 || by_verticals {
+            return Ok(());
+        }
+        Err(Failure::new(
+            FailureCode::TooFewLines,
+            "Nothing on the floor tells pitch and focal apart.",
+            "Draw two parallel floor lines, a right angle, or segments of equal length; or enter the focal.",
+        ))
+    }
+
+    /// Pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by group.
+    fn pairs(&self) -> impl Iterator<Item = (usize, usize, bool)> + '_ {
+        let count = self.floor.len();
+        (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j))).filter_map(|(i, j)| {
+            let (a, b) = (&self.floor[i], &self.floor[j]);
+            (a.group == b.group).then_some((i, j, a.quarter != b.quarter))
+        })
+    }
+
+    /// C at this pitch and focal; infinite where the geometry is impossible.
+    fn value(&self, pitch: f64, focal: f64) -> f64 {
+        if pitch.abs() >= std::f64::consts::FRAC_PI_2 || focal.is_nan() || focal <= 1.0 || focal > 1e9 {
+            return f64::INFINITY;
+        }
+        let (sin, cos) = pitch.sin_cos();
+        self.verticality(sin, cos, focal) + self.directions(sin, cos, focal) + self.evenness(sin, cos, focal)
+    }
+
+    /// V: mean sine of the angle between the viewing planes of the verticals and the vertical,
+    /// `|n . z| / |n|` with the plane's normal `n = (f a, f b, c)` of the line (a, b, c).
+    fn verticality(&self, sin: f64, cos: f64, focal: f64) -> f64 {
+        let sum: f64 = self
+            .verticals
+            .iter()
+            .map(|&[a, b, c]| {
+                let (a, b) = (focal * a, focal * b);
+                (cos * b + sin * c).abs() / (a * a + b * b + c * c).sqrt()
+            })
+            .sum();
+        if self.verticals.is_empty() { 0.0 } else { sum / self.verticals.len() as f64 }
+    }
+
+    fn directions(&self, sin: f64, cos: f64, focal: f64) -> f64 {
+        let unit: Vec<[f64; 2]> = self
+            .floor
+            .iter()
+            .map(|FloorLine { line: [a, b, c], .. }| {
+                let (x, y) = (cos * c - sin * focal * b, -focal * a);
+                let length = x.hypot(y).max(f64::MIN_POSITIVE);
+                [x / length, y / length]
+            })
+            .collect();
+        let mut parallel: Vec<(f64, f64)> = Vec::new();
+        let mut square = (0.0, 0.0);
+        for (i, j, right_angle) in self.pairs() {
+            let dot = (unit[i][0] * unit[j][0] + unit[i][1] * unit[j][1]).abs();
+            if right_angle {
+                square = (square.0 + dot, square.1 + 1.0);
+            } else {
+                let class = 2 * self.floor[i].group + usize::from(self.floor[i].quarter);
+                if parallel.len() <= class {
+                    parallel.resize(class + 1, (0.0, 0.0));
+                }
+                parallel[class].0 += (1.0 - dot).abs();
+                parallel[class].1 += 1.0;
+            }
+        }
+        parallel
+            .iter()
+            .chain([&square])
+            .filter(|(_, count)| *count > 0.0)
+            .map(|(sum, count)| sum / count)
+            .sum()
+    }
+
+    /// Standard deviation over mean of the lengths of every group: free of the scale of the floor.
+    fn evenness(&self, sin: f64, cos: f64, focal: f64) -> f64 {
+        let to_floor = |[u, v]: [f64; 2]| {
+            let depth = cos * v + sin * focal;
+            (depth > 1e-6 * focal).then(|| [u / depth, (cos * focal - sin * v) / depth])
+        };
+        let mut sum = 0.0;
+        for group in self.lengths.iter().filter(|group| group.len() > 1) {
+            let mut lengths = Vec::with_capacity(group.len());
+            for [a, b] in group {
+                let (Some(a), Some(b)) = (to_floor(*a), to_floor(*b)) else { return f64::INFINITY };
+                lengths.push((a[0] - b[0]).hypot(a[1] - b[1]));
+            }
+            let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+            let variance =
+                lengths.iter().map(|l| (l - mean) * (l - mean)).sum::<f64>() / lengths.len() as f64;
+            sum += variance.sqrt() / mean;
+        }
+        sum
+    }
+}

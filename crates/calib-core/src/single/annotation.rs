@@ -1,0 +1,234 @@
+//! What the operator drew on an image, and the table of kinds.
+
+use crate::camera::Pixel;
+
+/// A value the operator knows, with how well: held, or a prior with a standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Known {
+    /// The value, in the unit of its field.
+    pub value: f64,
+    /// Held: the solve does not change it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub fixed: bool,
+    /// Standard deviation, in the unit of the value.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sigma: Option<f64>,
+}
+
+impl Known {
+    /// A value that is held.
+    #[must_use]
+    pub const fn fixed(value: f64) -> Self {
+        Self { value, fixed: true, sigma: None }
+    }
+
+    /// A value with a standard deviation.
+    #[must_use]
+    pub const fn prior(value: f64, sigma: f64) -> Self {
+        Self { value, fixed: false, sigma: Some(sigma) }
+    }
+}
+
+/// What a drawing says about the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum Kind {
+    /// Segments that are plumb in space.
+    Vertical,
+    /// Level segments of one direction.
+    Parallel,
+    /// Level segments, every one at right angles to the first.
+    Perpendicular,
+    /// Floor segments of one unknown length.
+    EqualLength,
+    /// Floor segments of one known length.
+    KnownLength,
+    /// One polyline along an edge that is straight in space.
+    Straight,
+    /// A person or post of known height, from foot to head.
+    Upright,
+}
+
+/// How a kind is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Any number of segments of two or more points.
+    Segments,
+    /// One polyline of three or more points.
+    Polyline,
+    /// One foot and one head.
+    FootAndHead,
+}
+
+/// A row of the table of kinds.
+#[derive(Clone, Copy, Debug)]
+pub struct KindRow {
+    /// Which kind.
+    pub kind: Kind,
+    /// Its name in files.
+    pub name: &'static str,
+    /// Its name on screen.
+    pub title: &'static str,
+    /// With a number, the name of a line: V1, P3.
+    pub letter: char,
+    /// How it is drawn.
+    pub shape: Shape,
+    /// The least number of segments that says anything.
+    pub least: usize,
+    /// Whether `length_m` belongs to it.
+    pub has_length: bool,
+}
+
+/// Every kind of annotation, in the order of tools, legends and reports.
+pub const KINDS: [KindRow; 7] = {
+    use Shape::{FootAndHead, Polyline, Segments};
+    const fn row(
+        kind: Kind,
+        names: (&'static str, &'static str, char),
+        shape: Shape,
+        least: usize,
+    ) -> KindRow {
+        let (name, title, letter) = names;
+        KindRow { kind, name, title, letter, shape, least, has_length: matches!(kind, Kind::KnownLength) }
+    }
+    [
+        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1),
+        row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2),
+        row(Kind::Perpendicular, ("perpendicular", "Right angle", 'R'), Segments, 2),
+        row(Kind::EqualLength, ("equal_length", "Equal length", 'E'), Segments, 2),
+        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1),
+        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1),
+        row(Kind::Upright, ("upright", "Upright", 'U'), FootAndHead, 1),
+    ]
+};
+
+/// The name of a line on overlays and in messages: the letter of its kind, and its number among the
+/// lines of that kind, from 1.
+#[must_use]
+pub fn line_name(annotations: &[Annotation], annotation: usize, segment: usize) -> String {
+    let Some(kind) = annotations.get(annotation).map(|a| a.kind) else { return String::new() };
+    let count = |a: &Annotation| a.segments.as_ref().map_or(1, Vec::len);
+    let before: usize = annotations[..annotation].iter().filter(|a| a.kind == kind).map(count).sum();
+    format!("{}{}", kind.row().letter, before + segment + 1)
+}
+
+impl Kind {
+    /// This kind's row in [`KINDS`].
+    #[must_use]
+    pub fn row(self) -> &'static KindRow {
+        &KINDS[self as usize]
+    }
+}
+
+/// One annotation of an image. Which fields it has, its [`Kind`] says.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Annotation {
+    /// What it says about the scene.
+    pub kind: Kind,
+    /// By which others refer to it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub id: Option<String>,
+    /// What the operator calls it.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub name: Option<String>,
+    /// Not used; its residual is reported all the same.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub off: bool,
+    /// Never set aside as an outlier.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub keep: bool,
+    /// Raw pixels; a length counts from the first point to the last.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub segments: Option<Vec<Vec<Pixel>>>,
+    /// The parallel annotation whose direction is at right angles to this one's.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub at_right_angles_to: Option<String>,
+    /// Length of every segment, in metres.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub length_m: Option<f64>,
+    /// The polyline, raw pixels.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub points: Option<Vec<Pixel>>,
+    /// Where it stands on the floor, raw pixel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub foot: Option<Pixel>,
+    /// Its top, raw pixel.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub head: Option<Pixel>,
+    /// From foot to head, in metres.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub height_m: Option<Known>,
+}
+
+impl Annotation {
+    /// An annotation of this kind with nothing drawn yet.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self {
+            kind,
+            id: None,
+            name: None,
+            off: false,
+            keep: false,
+            segments: None,
+            at_right_angles_to: None,
+            length_m: None,
+            points: None,
+            foot: None,
+            head: None,
+            height_m: None,
+        }
+    }
+
+    /// An annotation of segments.
+    #[must_use]
+    pub fn of_segments(kind: Kind, segments: Vec<Vec<Pixel>>) -> Self {
+        Self { segments: Some(segments), ..Self::new(kind) }
+    }
+
+    /// Its polylines as drawn, whatever its kind: what to paint, and the order residuals count in.
+    pub fn polylines(&self) -> impl Iterator<Item = Vec<Pixel>> + '_ {
+        let segments = self.segments.iter().flatten().cloned();
+        let upright = self.foot.zip(self.head).map(|(foot, head)| vec![foot, head]);
+        segments.chain(self.points.clone()).chain(upright)
+    }
+
+    /// How a message calls it: its name or id if it has one, else its kind, with its index.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        let title = self.kind.row().title;
+        match self.name.as_ref().or(self.id.as_ref()) {
+            Some(name) => format!("{title} \"{name}\" (annotation {index})"),
+            None => format!("{title} (annotation {index})"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_kinds() {
+        for row in &KINDS {
+            assert_eq!(row.kind.row().name, row.name);
+        }
+    }
+
+    #[test]
+    fn lines_are_numbered_by_kind() {
+        let of = |kind, count| Annotation::of_segments(kind, vec![Vec::new(); count]);
+        let annotations = [of(Kind::Vertical, 3), of(Kind::Parallel, 2), of(Kind::Vertical, 2)];
+        assert_eq!(line_name(&annotations, 0, 0), "V1");
+        assert_eq!(line_name(&annotations, 2, 1), "V5");
+        assert_eq!(line_name(&annotations, 1, 1), "P2");
+    }
+}

@@ -1,0 +1,547 @@
+//! Stage 1 by maximum likelihood: roll, pitch, focal and height together, every constraint one
+//! residual in pixels, so that nothing needs a weight set by hand.
+//!
+//! Core unknowns are roll, pitch, log focal and log height; beside them every floor direction has an
+//! angle and every group of equal segments a log length. A residual depends on the core and on one
+//! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
+
+use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
+use crate::single::abramov::{Held, Orientation};
+use crate::single::constraints::{Evidence, Length, Line, Source, Toward, Upright};
+use crate::single::residual::{
+    Angles, Core, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, ROLL, Unrolled, Vanishing, floor_length,
+    upright_residuals,
+};
+use crate::single::vanishing_point::line_through;
+
+/// A value that an unknown is believed to have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// In the unknown's own unit: radians, pixels, metres.
+    pub value: f64,
+    /// Standard deviation, in the same unit.
+    pub sigma: f64,
+}
+
+/// What is believed of roll, pitch, focal and height.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Priors {
+    /// In radians.
+    pub roll: Option<Prior>,
+    /// In radians.
+    pub pitch: Option<Prior>,
+    /// In pixels.
+    pub focal: Option<Prior>,
+    /// In metres.
+    pub height: Option<Prior>,
+    /// Of the log of the focal, where the lines alone do not tell it.
+    pub weak_log_focal: Option<Prior>,
+}
+
+/// The fit of one camera: evidence, what is held and what is believed.
+#[derive(Clone, Debug)]
+pub(crate) struct Problem<'a> {
+    pub(crate) evidence: &'a Evidence,
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub(crate) sigma: f64,
+    pub(crate) priors: Priors,
+    /// Which of the core unknowns are free.
+    pub(crate) free: [bool; 4],
+    /// Pieces of evidence set aside.
+    pub(crate) aside: &'a [Source],
+    /// Width of the image, in pixels: the unit of the possible focals.
+    pub(crate) width: f64,
+}
+
+/// A value for every unknown.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    pub(crate) core: Core,
+    /// Angle of every floor direction in radians, then the log length of every group of lengths
+    /// in units of the camera height.
+    pub(crate) nuisance: Vec<f64>,
+}
+
+impl State {
+    pub(crate) fn orientation(&self) -> Orientation {
+        let [roll, pitch, log_focal, _] = self.core;
+        Orientation { roll, pitch, focal: log_focal.exp() }
+    }
+}
+
+impl<'a> Problem<'a> {
+    /// The problem of this evidence with what is held, at the start of everything else.
+    pub(crate) fn new(evidence: &'a Evidence, held: Held, priors: Priors, sigma: f64, width: f64) -> Self {
+        let tells_height = priors.height.is_some()
+            || !evidence.uprights.is_empty()
+            || evidence.lengths.iter().any(|length| evidence.length_groups[length.group].is_some());
+        let free_height = tells_height && held.height.is_none();
+        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), free_height];
+        Self { evidence, sigma, priors, free, aside: &[], width }
+    }
+
+    /// Number of residuals minus number of unknowns.
+    pub(crate) fn dof(&self) -> i64 {
+        let drawn = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
+        let mut count = drawn as i64;
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
+        let beside = self.used().iter().filter(|&&used| used).count();
+        let unknowns = self.free.iter().filter(|&&free| free).count() + beside;
+        count - unknowns as i64
+    }
+
+    /// Which directions and lengths any evidence hangs on.
+    pub(crate) fn used(&self) -> Vec<bool> {
+        let mut used = vec![false; self.nuisances()];
+        for line in self.lines() {
+            if let Toward::Floor { group, .. } = line.toward {
+                used[group] = true;
+            }
+        }
+        for length in self.lengths().filter(|length| self.evidence.length_groups[length.group].is_none()) {
+            used[self.evidence.groups + length.group] = true;
+        }
+        used
+    }
+
+    fn nuisances(&self) -> usize {
+        self.evidence.groups + self.evidence.length_groups.len()
+    }
+
+    fn in_use(&self, source: Source) -> bool {
+        self.aside.is_empty() || !self.aside.contains(&source)
+    }
+
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line> + '_ {
+        self.evidence.lines.iter().filter(|line| self.in_use(line.source))
+    }
+
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length> + '_ {
+        self.evidence.lengths.iter().filter(|length| self.in_use(length.source))
+    }
+
+    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright> + '_ {
+        self.evidence.uprights.iter().filter(|upright| self.in_use(upright.source))
+    }
+
+    /// A state with this core, directions and lengths in closed form.
+    ///
+    /// `None` when a length lies above the horizon there.
+    pub(crate) fn state_at(&self, core: Core) -> Option<State> {
+        let mut nuisance = vec![0.0; self.nuisances()];
+        let mut sums = vec![[0.0; 2]; self.evidence.groups];
+        let ((sr, cr), (sp, cp), f) = (core[ROLL].sin_cos(), core[PITCH].sin_cos(), core[LOG_FOCAL].exp());
+        for line in self.lines() {
+            let Toward::Floor { group, quarter } = line.toward else { continue };
+            let unroll = |[x, y]: [f64; 2]| [x * cr - y * sr, x * sr + y * cr];
+            let [a, b, c] = line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
+            // Where the viewing plane cuts the floor; doubled, an angle has no sign and adds up.
+            let (x, y) = (cp * c - sp * f * b, -f * a);
+            let square = x * x + y * y;
+            if square > 0.0 {
+                let weight = a.hypot(b) / square * if quarter { -1.0 } else { 1.0 };
+                sums[group][0] += weight * (x * x - y * y);
+                sums[group][1] += weight * 2.0 * x * y;
+            }
+        }
+        for (angle, [cos, sin]) in nuisance.iter_mut().zip(&sums) {
+            *angle = 0.5 * sin.atan2(*cos);
+        }
+        let mut totals = vec![(0.0, 0.0); self.evidence.length_groups.len()];
+        let at = Unrolled::<f64>::new(&core);
+        for length in self.lengths() {
+            let (log_length, _) = floor_length(&at, &length.ends)?;
+            totals[length.group].0 += log_length;
+            totals[length.group].1 += 1.0;
+        }
+        for (value, (sum, count)) in nuisance[self.evidence.groups..].iter_mut().zip(totals) {
+            *value = if count > 0.0 { sum / count } else { 0.0 };
+        }
+        Some(State { core, nuisance })
+    }
+
+    /// Calls `sink` with every residual in sigmas, its unknown beside the core (where there are slopes), and
+    /// its source.
+    ///
+    /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
+    pub(crate) fn each_residual<N: Number>(
+        &self,
+        state: &State,
+        mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) -> Option<()> {
+        let core = &state.core;
+        let focal = core[LOG_FOCAL].exp();
+        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || core[PITCH].abs() > 3.0 {
+            return None;
+        }
+        self.each_line(state, &mut sink);
+        let scale = self.sigma.recip();
+        let at = Unrolled::<N>::new(core);
+        for length in self.lengths() {
+            let (log_length, noise) = floor_length(&at, &length.ends)?;
+            let index = self.evidence.groups + length.group;
+            let (expected, beside) = match self.evidence.length_groups[length.group] {
+                Some(metres) => (N::constant(metres.ln()) - N::unknown(core[LOG_HEIGHT], LOG_HEIGHT), false),
+                None => (N::constant(state.nuisance[index]), true),
+            };
+            let residual = (log_length - expected) / noise * scale;
+            let beside = beside.then(|| (index, -scale / noise.value()));
+            sink(residual, beside, Some(length.source));
+        }
+        for upright in self.uprights() {
+            for residual in upright_residuals(&at, upright, self.sigma)? {
+                sink(residual, None, Some(upright.source));
+            }
+        }
+        self.each_prior(core, |residual| sink(residual, None, None));
+        Some(())
+    }
+
+    /// The residual of every line.
+    #[inline]
+    fn each_line<N: Number>(
+        &self,
+        state: &State,
+        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) {
+        let scale = self.sigma.recip();
+        let angles = Angles::new(&state.core);
+        let down = angles.down();
+        let directions: Vec<[Vanishing; 2]> = state.nuisance[..self.evidence.groups]
+            .iter()
+            .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
+            .collect();
+        for line in self.lines() {
+            let (vanishing, group) = match line.toward {
+                Toward::Vertical => (&down, None),
+                Toward::Floor { group, quarter } => (&directions[group][usize::from(quarter)], Some(group)),
+            };
+            let residual = LineResidual::new(&line.ends, vanishing.at);
+            let value = scale * residual.pixels;
+            if !N::HAS_SLOPE {
+                sink(N::constant(value), None, Some(line.source));
+                continue;
+            }
+            let by_point = residual.by_point();
+            let slope = |change: &[f64; 3]| scale * crate::camera::dot(&by_point, change);
+            let by_core =
+                [slope(&vanishing.by_roll), slope(&vanishing.by_pitch), slope(&vanishing.by_log_focal), 0.0];
+            let beside = group.map(|group| (group, slope(&vanishing.by_angle)));
+            sink(N::new(value, by_core), beside, Some(line.source));
+        }
+    }
+
+    /// `(value - believed) / sigma` for every prior.
+    fn each_prior<N: Number>(&self, core: &Core, mut sink: impl FnMut(N)) {
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        let mut add = |prior: Option<Prior>, value: N| {
+            if let Some(Prior { value: believed, sigma }) = prior {
+                sink((value - believed) * sigma.recip());
+            }
+        };
+        let unknown = |index: usize| N::unknown(core[index], index);
+        add(roll, unknown(ROLL));
+        add(pitch, unknown(PITCH));
+        add(focal, unknown(LOG_FOCAL).exp());
+        add(weak_log_focal, unknown(LOG_FOCAL));
+        add(height, unknown(LOG_HEIGHT).exp());
+    }
+
+    /// Every piece of evidence with its distance from the prediction in pixels (of an upright, of both
+    /// coordinates of its head together).
+    pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
+        let mut found: Vec<(Source, f64)> = Vec::new();
+        self.each_residual(state, |residual: f64, _, source| {
+            let Some(source) = source else { return };
+            match found.last_mut() {
+                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
+                _ => found.push((source, residual * self.sigma)),
+            }
+        })?;
+        Some(found)
+    }
+
+    /// Normal equations at a state; `None` where the geometry is impossible.
+    pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
+        let mut normal = Normal::new(self.nuisances());
+        self.each_residual(state, |residual: Dual, beside, _| {
+            normal.add(residual.value, &residual.slope, beside);
+        })?;
+        normal.cost.is_finite().then_some(normal)
+    }
+
+    /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
+    pub(crate) fn cost(&self, state: &State) -> Option<f64> {
+        let mut cost = 0.0;
+        self.each_residual(state, |residual: f64, _, _| cost += residual * residual)?;
+        cost.is_finite().then_some(cost)
+    }
+
+    /// Covariance of the core at a state.
+    pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
+        Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = State;
+    type Normal = Normal;
+
+    fn linearise(&self, state: &State) -> Option<(f64, Normal)> {
+        let normal = self.normal(state)?;
+        Some((normal.cost, normal))
+    }
+
+    fn step(&self, state: &State, normal: &Normal, damping: f64) -> Option<(State, f64, f64)> {
+        let mut next = state.clone();
+        let (gain, size) = normal.step(&mut next.core, &mut next.nuisance, damping, self.free)?;
+        Some((next, gain, size))
+    }
+}
+
+/// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
+/// and lengths taken as the evidence has them there; those without a prediction are left out.
+pub(crate) fn residuals_at(
+    evidence: &Evidence,
+    at: Orientation,
+    height: f64,
+    width: f64,
+) -> Vec<(Source, f64)> {
+    let held =
+        Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal), height: Some(height) };
+    let core = [at.roll, at.pitch, at.focal.ln(), height.ln()];
+    let evidence = predictable(evidence, &core);
+    let problem = Problem::new(&evidence, held, Priors::default(), 1.0, width);
+    problem.state_at(core).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
+}
+
+/// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
+pub(crate) fn predictable(evidence: &Evidence, core: &Core) -> Evidence {
+    let mut evidence = evidence.clone();
+    let at = Unrolled::<f64>::new(core);
+    evidence.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
+    evidence.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
+    evidence
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimize::{Ending, LevenbergMarquardt, Reached, least_squares};
+    use crate::single::annotation::Known;
+    use crate::single::constraints::End;
+    use proptest::prelude::*;
+
+    fn any_end() -> impl Strategy<Value = End> {
+        ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64)
+            .prop_map(|(at, a, b, d)| End { at, spread: [a * a + b * b, b * (a + d), d * d + b * b] })
+    }
+
+    fn source(segment: usize) -> Source {
+        Source { annotation: 0, segment }
+    }
+
+    /// Evidence that agrees with nothing: derivatives do not care.
+    fn any_evidence() -> impl Strategy<Value = Evidence> {
+        let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
+        let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
+        let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
+        (lines, lengths, uprights).prop_map(|(lines, lengths, uprights)| {
+            let toward = |group: usize, quarter| match group {
+                0 => Toward::Vertical,
+                _ => Toward::Floor { group: group - 1, quarter },
+            };
+            Evidence {
+                lines: lines
+                    .into_iter()
+                    .enumerate()
+                    .map(|(i, (ends, group, quarter))| Line {
+                        ends,
+                        toward: toward(group, quarter),
+                        source: source(i),
+                    })
+                    .collect(),
+                groups: 2,
+                lengths: lengths
+                    .into_iter()
+                    .enumerate()
+                    .map(|(i, (ends, group))| Length { ends, group, source: source(100 + i) })
+                    .collect(),
+                length_groups: vec![None, Some(2.0)],
+                uprights: uprights
+                    .into_iter()
+                    .enumerate()
+                    .map(|(i, (foot, head, height))| {
+                        let height = Known::prior(height, 0.05);
+                        Upright { foot, head, height, source: source(200 + i) }
+                    })
+                    .collect(),
+                mute: Vec::new(),
+            }
+        })
+    }
+
+    fn any_core() -> impl Strategy<Value = Core> {
+        (-0.3..0.3_f64, 0.3..1.5_f64, 600.0..2500.0_f64, 1.5..6.0_f64)
+            .prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
+    }
+
+    fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
+        let mut rows = Vec::new();
+        problem.each_residual(state, |residual: Dual, beside, _| {
+            let mut row = residual.slope.to_vec();
+            row.resize(4 + state.nuisance.len(), 0.0);
+            if let Some((index, derivative)) = beside {
+                row[4 + index] = derivative;
+            }
+            rows.push((residual.value, row));
+        })?;
+        Some(rows)
+    }
+
+    fn nudged(state: &State, index: usize, by: f64) -> State {
+        let mut state = state.clone();
+        match index {
+            0..4 => state.core[index] += by,
+            _ => state.nuisance[index - 4] += by,
+        }
+        state
+    }
+
+    fn priors() -> Priors {
+        let prior = |value, sigma| Some(Prior { value, sigma });
+        Priors {
+            roll: prior(0.1, 0.02),
+            pitch: prior(0.5, 0.1),
+            focal: prior(1200.0, 50.0),
+            height: prior(3.0, 0.2),
+            weak_log_focal: prior(7.0, 0.35),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_is_that_of_differences(evidence in any_evidence(), core in any_core()) {
+            const STEP: f64 = 1e-6;
+            let problem = Problem::new(&evidence, Held::default(), priors(), 0.7, 1920.0);
+            let state = problem.state_at(core);
+            prop_assume!(state.is_some());
+            let Some(state) = state else { return Ok(()) };
+            let rows = residuals(&problem, &state);
+            prop_assume!(rows.is_some());
+            let rows = rows.unwrap_or_default();
+            for index in 0..4 + state.nuisance.len() {
+                let ahead = residuals(&problem, &nudged(&state, index, STEP));
+                let behind = residuals(&problem, &nudged(&state, index, -STEP));
+                let (Some(ahead), Some(behind)) = (ahead, behind) else { continue };
+                for (k, (residual, row)) in rows.iter().enumerate() {
+                    let numeric = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
+                    let scale = 1.0 + row[index].abs() + residual.abs();
+                    // Central differences: rounding 1e-10 of the value, truncation 1e-12 of the third derivative.
+                    prop_assert!((numeric - row[index]).abs() < 2e-4 * scale, "residual {k} by {index}: {numeric} {}", row[index]);
+                }
+            }
+        }
+
+        #[test]
+        fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
+            core in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
+            drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
+        ) {
+            let evidence = drawn_toward(&core, &drawn);
+            let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
+            let start = [core[0] + nudge[0], core[1] + nudge[1], core[2] + nudge[2], core[3]];
+            let Some(start) = problem.state_at(start) else { return Ok(()) };
+            let Reached { cost, ending, .. } = least_squares(&problem, start.clone(), 200).unwrap();
+            prop_assert!(ending != Ending::OutOfRounds);
+            let oracle = levenberg_marquardt::LevenbergMarquardt::new();
+            let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
+            let theirs = 2.0 * report.objective_function;
+            prop_assert!((theirs - cost).abs() < 1e-7 * cost + 1e-12, "{theirs} there, {cost} here");
+        }
+    }
+
+    /// Lines toward the vertical and two floor directions, drawn with noise across them.
+    fn drawn_toward(core: &Core, drawn: &[([f64; 2], f64, f64)]) -> Evidence {
+        let angles = Angles::new(core);
+        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
+            let (toward, v) = match i % 3 {
+                0 => (Toward::Vertical, angles.down().at),
+                1 => (Toward::Floor { group: 0, quarter: false }, angles.floor(0.7).at),
+                _ => (
+                    Toward::Floor { group: 0, quarter: true },
+                    angles.floor(0.7 + std::f64::consts::FRAC_PI_2).at,
+                ),
+            };
+            let way = [v[0] - a[0] * v[2], v[1] - a[1] * v[2]];
+            let length = way[0].hypot(way[1]);
+            let step = 700.0 * share / length;
+            let b = [
+                a[0] + step * way[0] - noise * way[1] / length,
+                a[1] + step * way[1] + noise * way[0] / length,
+            ];
+            Line { ends: [end(a), end(b)], toward, source: source(i) }
+        });
+        Evidence { lines: lines.collect(), groups: 1, ..Evidence::default() }
+    }
+
+    /// The problem as the levenberg-marquardt crate wants it.
+    struct Oracle<'a> {
+        problem: &'a Problem<'a>,
+        state: State,
+    }
+
+    impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn> for Oracle<'_> {
+        type ParameterStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
+        type ResidualStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
+        type JacobianStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::Dyn>;
+
+        fn set_params(&mut self, x: &nalgebra::DVector<f64>) {
+            self.state.core.copy_from_slice(&x.as_slice()[..4]);
+            self.state.nuisance.copy_from_slice(&x.as_slice()[4..]);
+        }
+        fn params(&self) -> nalgebra::DVector<f64> {
+            nalgebra::DVector::from_iterator(
+                4 + self.state.nuisance.len(),
+                self.state.core.iter().chain(&self.state.nuisance).copied(),
+            )
+        }
+        fn residuals(&self) -> Option<nalgebra::DVector<f64>> {
+            let rows = residuals(self.problem, &self.state)?;
+            Some(nalgebra::DVector::from_iterator(rows.len(), rows.iter().map(|(residual, _)| *residual)))
+        }
+        fn jacobian(&self) -> Option<nalgebra::DMatrix<f64>> {
+            let rows = residuals(self.problem, &self.state)?;
+            Some(nalgebra::DMatrix::from_fn(rows.len(), 4 + self.state.nuisance.len(), |i, j| rows[i].1[j]))
+        }
+    }
+
+    #[test]
+    fn the_executor_of_argmin_walks_the_same_way() {
+        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        let line = |a, b, toward, i| Line { ends: [end(a), end(b)], toward, source: source(i) };
+        let floor = Toward::Floor { group: 0, quarter: false };
+        let evidence = Evidence {
+            lines: vec![
+                line([-500.0, -200.0], [-430.0, 200.0], Toward::Vertical, 0),
+                line([480.0, -210.0], [400.0, 220.0], Toward::Vertical, 1),
+                line([-300.0, 400.0], [-100.0, 0.0], floor, 2),
+                line([500.0, 390.0], [120.0, 10.0], floor, 3),
+            ],
+            groups: 1,
+            ..Evidence::default()
+        };
+        let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
+        let start = problem.state_at([0.0, 0.5, 1500_f64.ln(), 3_f64.ln()]).unwrap();
+        let Reached { state: direct, cost, .. } = least_squares(&problem, start.clone(), 100).unwrap();
+        let solver = LevenbergMarquardt::new(&problem, start.clone()).unwrap();
+        let run = argmin::core::Executor::new(problem.clone(), solver)
+            .configure(|state| state.param(start).max_iters(100))
+            .run()
+            .unwrap();
+        assert!((run.state.best_cost - cost).abs() < 1e-9 * cost);
+        assert!((run.state.best_param.unwrap().core[PITCH] - direct.core[PITCH]).abs() < 1e-9);
+    }
+}

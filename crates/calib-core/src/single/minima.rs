@@ -1,0 +1,207 @@
+//! All minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and
+//! the weak belief about the focal where the lines leave it open.
+
+use crate::floor::STAGE_1_HEIGHT;
+use crate::optimize::{Reached, Uncertainty, least_squares};
+use crate::single::abramov::Held;
+use crate::single::constraints::Toward;
+use crate::single::likelihood::{Prior, Problem, State};
+use crate::single::residual::{Core, LOG_FOCAL, PITCH, ROLL};
+use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
+
+/// Horizontal fields of view, in degrees, from which the focal is started.
+const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
+/// Pitches, in degrees, where the verticals do not tie pitch to focal.
+const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
+/// Standard deviation of the log focal above which the weak belief enters.
+pub(crate) const OPEN_FOCAL: f64 = 0.2;
+/// Steps of one run: Newton doubles its digits, and valleys are left to the weak belief.
+const ROUNDS: usize = 60;
+
+/// The weak belief: cameras that are installed have a focal of about 0.8 image widths.
+pub(crate) fn weak_belief(width: f64) -> Prior {
+    Prior { value: (0.8 * width).ln(), sigma: 0.35 }
+}
+
+/// A minimum of the likelihood.
+#[derive(Clone, Debug)]
+pub(crate) struct Minimum {
+    pub(crate) state: State,
+    /// Chi-square: sum of the squared residuals in sigmas.
+    pub(crate) chi2: f64,
+    pub(crate) uncertainty: Uncertainty,
+}
+
+/// Every distinct minimum found, the lowest first; empty when no start is possible.
+pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
+    let mut found: Vec<Minimum> = Vec::new();
+    for start in starts(problem, held) {
+        let Some(reached) = least_squares(problem, start, ROUNDS) else { continue };
+        let Some(minimum) = minimum(problem, reached) else { continue };
+        match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
+            Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
+            Some(_) => {}
+            None => found.push(minimum),
+        }
+    }
+    found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    found
+}
+
+/// The chi-square reached from a state nearby, as when one piece of evidence is taken away; whether the rest
+/// tells everything is not asked.
+pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
+    let start = problem.state_at(state.core)?;
+    least_squares(problem, start, ROUNDS).map(|reached| reached.cost)
+}
+
+fn minimum(problem: &Problem, reached: Reached<Problem>) -> Option<Minimum> {
+    let Reached { mut state, cost: chi2, normal, .. } = reached;
+    let core = state.core;
+    fold(&mut state, problem);
+    // The same angles tell the same; a camera turned about has other slopes.
+    let uncertainty = if state.core == core {
+        Uncertainty::new(&normal.information(problem.free), problem.free)
+    } else {
+        problem.uncertainty(&state)?
+    };
+    Some(Minimum { state, chi2, uncertainty })
+}
+
+/// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.
+fn fold(state: &mut State, problem: &Problem) {
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+    // A roll or pitch that is held or believed in keeps the range it was given in.
+    if !problem.free[ROLL]
+        || !problem.free[PITCH]
+        || problem.priors.roll.is_some()
+        || problem.priors.pitch.is_some()
+    {
+        return;
+    }
+    let [roll, pitch, ..] = &mut state.core;
+    if pitch.abs() > FRAC_PI_2 {
+        *pitch = pitch.signum() * PI - *pitch;
+        *roll += PI;
+        // The yaw turns by half a turn with them: a direction of the floor is the same line.
+    }
+    // Within the range it stays to the last bit.
+    if !(-PI..PI).contains(roll) {
+        *roll = (*roll + PI).rem_euclid(TAU) - PI;
+    }
+}
+
+/// Whether two states are one minimum: nearer to each other than one standard deviation.
+fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
+    const NEAR: f64 = 1e-4;
+    let turn = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+    let difference: [f64; 3] = std::array::from_fn(|i| match i {
+        ROLL => turn(a.state.core[ROLL] - b.state.core[ROLL]),
+        _ => a.state.core[i] - b.state.core[i],
+    });
+    if difference.iter().all(|d| d.abs() < NEAR) {
+        return true;
+    }
+    let far = |minimum: &Minimum| {
+        [ROLL, PITCH, LOG_FOCAL]
+            .into_iter()
+            .filter(|&i| problem.free[i])
+            .any(|i| difference[i].abs() > NEAR && difference[i].abs() > minimum.uncertainty.sigma(i))
+    };
+    !(far(a) && far(b))
+}
+
+fn starts(problem: &Problem, held: Held) -> Vec<State> {
+    const MOST: usize = 4;
+    let verticals = problem.lines().filter(|line| line.toward == Toward::Vertical);
+    let vanishing = vanishing_point(verticals);
+    let roll = held.roll.unwrap_or_else(|| {
+        problem.priors.roll.map_or_else(|| vanishing.map_or(0.0, roll_from_verticals), |prior| prior.value)
+    });
+    let focals = focals(problem, held);
+    let believed = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
+    let log_height = held.height.unwrap_or(believed).ln();
+    let mut rows: Vec<Vec<Core>> = Vec::new();
+    match (held.pitch, vanishing) {
+        (Some(pitch), _) => rows.push(focals.iter().map(|f| [roll, pitch, f.ln(), log_height]).collect()),
+        (None, Some([x, y, w])) => {
+            // d = f cot pitch, with the sign of the pitch.
+            let w = if y < 0.0 { -w } else { w };
+            let along = x.hypot(y);
+            rows.push(focals.iter().map(|f| [roll, (f * w).atan2(along), f.ln(), log_height]).collect());
+        }
+        (None, None) => {
+            let pitch = |degrees: f64| degrees.to_radians();
+            rows.extend(
+                PITCHES.map(|p| focals.iter().map(|f| [roll, pitch(p), f.ln(), log_height]).collect()),
+            );
+        }
+    }
+    lowest(problem, &rows, MOST)
+}
+
+/// Focals to start from: the one held, or a range with the one believed in among them.
+fn focals(problem: &Problem, held: Held) -> Vec<f64> {
+    if let Some(focal) = held.focal {
+        return vec![focal];
+    }
+    let mut focals: Vec<f64> =
+        FIELDS.iter().map(|degrees| 0.5 * problem.width / (0.5 * degrees.to_radians()).tan()).collect();
+    focals.extend(problem.priors.focal.map(|prior| prior.value));
+    focals.sort_by(f64::total_cmp);
+    focals
+}
+
+/// States at the local minima of the cost on a grid of cores, lowest first.
+fn lowest(problem: &Problem, rows: &[Vec<Core>], most: usize) -> Vec<State> {
+    let states: Vec<Vec<Option<(f64, State)>>> = rows
+        .iter()
+        .map(|row| {
+            row.iter()
+                .map(|&core| {
+                    let state = problem.state_at(core)?;
+                    Some((problem.cost(&state)?, state))
+                })
+                .collect()
+        })
+        .collect();
+    let cost = |i: usize, j: usize| states[i][j].as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
+    let mut found: Vec<(f64, usize, usize)> = Vec::new();
+    for i in 0..rows.len() {
+        for j in 0..rows[i].len() {
+            let neighbours = (i.saturating_sub(1)..(i + 2).min(rows.len()))
+                .flat_map(|a| (j.saturating_sub(1)..(j + 2).min(rows[i].len())).map(move |b| (a, b)));
+            let here = cost(i, j);
+            if here.is_finite() && neighbours.into_iter().all(|(a, b)| here <= cost(a, b)) {
+                found.push((here, i, j));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+        .iter()
+        .take(most)
+        .filter_map(|&(_, i, j)| states[i][j].as_ref().map(|(_, state)| state.clone()))
+        .collect()
+}
+
+/// Minima with the belief about the focal in it, if the lines alone leave the focal open.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    /// What is reported, the lowest first.
+    pub(crate) minima: Vec<Minimum>,
+    /// The lowest without the weak belief, where it entered.
+    pub(crate) without_belief: Option<Minimum>,
+}
+
+/// Solves without the weak belief, and again with it where that leaves the focal open.
+pub(crate) fn solve(problem: &Problem, held: Held, allow_belief: bool) -> Found {
+    let minima_alone = minima(problem, held);
+    let open = minima_alone.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
+    if !(open && allow_belief && problem.free[LOG_FOCAL]) {
+        return Found { minima: minima_alone, without_belief: None };
+    }
+    let mut believing = problem.clone();
+    believing.priors.weak_log_focal = Some(weak_belief(problem.width));
+    Found { minima: minima(&believing, held), without_belief: minima_alone.into_iter().next() }
+}

@@ -1,0 +1,35 @@
+//! Stage 1: one camera from what was drawn on its image.
+//!
+//! Law: one image. From annotations to a camera with its covariance, in the order of the files below.
+
+mod annotation;
+mod constraints;
+mod straightness;
+mod plumb_line;
+mod vanishing_point;
+mod abramov;
+mod residual;
+mod likelihood;
+mod minima;
+mod outliers;
+mod accuracy;
+mod fit;
+mod advice;
+
+pub use abramov::{Held, Orientation, closed_form, minimum as paper_minimum};
+pub use advice::{DrawNext, draw_next, warnings};
+pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
+pub use constraints::{End, Evidence, Length, Line, Mute, Source, Toward, Upright};
+pub use fit::{Fit, FitOptions, Solved};
+pub use likelihood::{Prior, Priors};
+pub use plumb_line::{Fitted, LensFit, LensOptions};
+pub use straightness::{Edge, straightness_rms};
+
+pub(crate) use accuracy::placed_floor_length_rel;
+pub(crate) use advice::floor_warning;
+pub(crate) use fit::grid;
+pub(crate) use likelihood::{Problem, State, predictable, residuals_at};
+pub(crate) use minima::{OPEN_FOCAL, weak_belief};
+pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, stands_out};
+pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
+pub(crate) use straightness::straightness;

@@ -1,0 +1,153 @@
+//! Wrong lines: a chi-square test, then every piece of evidence is left out in turn.
+
+use crate::single::abramov::Held;
+use crate::single::constraints::Source;
+use crate::single::likelihood::Problem;
+use crate::single::minima::{Found, Minimum, chi2_near, solve};
+
+/// Normal quantile of the test's level of 1 %: at 5 % good lines would be dropped, and accuracy with them.
+pub(crate) const LEVEL: f64 = 2.326;
+
+/// How many standard deviations a chi-square lies above its mean (Wilson and Hilferty 1931).
+pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
+    if dof < 1 {
+        return 0.0;
+    }
+    let spread = 2.0 / (9.0 * dof as f64);
+    ((chi2 / dof as f64).cbrt() - (1.0 - spread)) / spread.sqrt()
+}
+
+/// Whether a chi-square is too large to come from drawing noise.
+pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
+    chi2_score(chi2, dof) > LEVEL
+}
+
+/// By how much the residuals say that the variance of what was drawn is larger than 1 px^2, where they
+/// are enough to be believed. A misfit of few lines is as good a judge: without it the sigmas would lie.
+pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
+    /// Least degrees of freedom from which the residuals are believed about the drawing noise.
+    const ENOUGH: i64 = 10;
+    if dof >= ENOUGH || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
+}
+
+/// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
+/// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
+/// fit without it, at 1 % for the worst of `count` pieces.
+pub(crate) fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
+    /// Normal quantile of 0.005: two sides of 1 %.
+    const ONE: f64 = 2.576;
+    if dof_without < 3 {
+        return false;
+    }
+    let nu = dof_without as f64;
+    // The quantile for the worst of many, and Student's from the normal one (Fisher's expansion).
+    let z = (ONE * ONE + 2.0 * (count as f64).ln()).sqrt();
+    let student = z
+        + (z.powi(3) + z) / (4.0 * nu)
+        + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
+        + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * nu.powi(3));
+    chi2 - chi2_without > student * student * chi2_without / nu
+}
+
+/// What is asked of a search for wrong lines.
+#[derive(Clone, Copy)]
+pub(crate) struct Search<'a> {
+    pub(crate) held: Held,
+    pub(crate) belief: bool,
+    /// The drawing noise was given, so that a chi-square is a judgement; else it may be the noise
+    /// that is larger than thought, and more than one line must stand out from the others' scatter.
+    pub(crate) noise_is_known: bool,
+    /// Pieces of evidence that are never set aside.
+    pub(crate) keep: &'a dyn Fn(Source) -> bool,
+}
+
+/// The result with wrong lines set aside, and which they are.
+///
+/// At most a third of the redundancy is spent on it; where nothing explains the misfit, nothing is set aside.
+pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Found, Vec<Source>) {
+    let mut aside: Vec<Source> = Vec::new();
+    let mut results = vec![solve(problem, search.held, search.belief)];
+    // How many of the first ones set aside stand out from the rest's own scatter.
+    let mut stark = 0;
+    let most = (problem.dof() / 3).clamp(1, 4);
+    for round in 0..=most {
+        let without = Problem { aside: &aside, ..problem.clone() };
+        let Some(best) = results.last().and_then(|found| found.minima.first()) else { break };
+        if !is_misfit(best.chi2, without.dof()) {
+            if search.noise_is_known || aside.len() < 2 || stark == aside.len() {
+                stark = aside.len();
+            }
+            break;
+        }
+        if round == most {
+            break;
+        }
+        let Some((culprit, chi2)) = culprit(&without, best, search) else { break };
+        let count = sources(&without).len();
+        let chi2_before = best.chi2;
+        aside.push(culprit);
+        let fewer = Problem { aside: &aside, ..problem.clone() };
+        if stark + 1 == aside.len() && stands_out(chi2_before, chi2, fewer.dof(), count) {
+            stark = aside.len();
+        }
+        results.push(solve(&fewer, search.held, search.belief));
+    }
+    aside.truncate(stark);
+    (results.swap_remove(stark), aside)
+}
+
+/// The piece of evidence without which the rest agrees best, and the chi-square without it.
+fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
+    /// Pieces that are left out in turn, and those for which every start is tried again.
+    const MOST: usize = 100;
+    const EVERYWHERE: usize = 40;
+    let suspects = suspects(problem, best, search);
+    let everywhere = if suspects.len() <= EVERYWHERE { suspects.len() } else { EVERYWHERE / 4 };
+    let mut lowest: Option<(f64, Source, f64)> = None;
+    for (rank, &source) in suspects.iter().take(MOST).enumerate() {
+        let aside: Vec<Source> = problem.aside.iter().copied().chain([source]).collect();
+        let without = Problem { aside: &aside, ..problem.clone() };
+        // Without redundancy everything agrees, whatever is left out.
+        if without.dof() < 1 {
+            continue;
+        }
+        // Far from the truth a gross error hides it: look everywhere, not only near.
+        let near = chi2_near(&without, &best.state);
+        let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.belief));
+        let anywhere = anywhere.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
+        let chi2 = near.into_iter().chain(anywhere).fold(f64::INFINITY, f64::min);
+        let score = chi2_score(chi2, without.dof());
+        if lowest.is_none_or(|(least, _, _)| score < least) {
+            lowest = Some((score, source, chi2));
+        }
+    }
+    lowest.map(|(_, source, chi2)| (source, chi2))
+}
+
+/// What may be set aside, the largest residuals first.
+fn suspects(problem: &Problem, best: &Minimum, search: Search) -> Vec<Source> {
+    let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
+    found.retain(|(source, _)| !(search.keep)(*source));
+    found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    found.into_iter().map(|(source, _)| source).collect()
+}
+
+fn sources(problem: &Problem) -> Vec<Source> {
+    let lines = problem.lines().map(|line| line.source);
+    let lengths = problem.lengths().map(|length| length.source);
+    let uprights = problem.uprights().map(|upright| upright.source);
+    lines.chain(lengths).chain(uprights).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_test_is_at_the_one_percent_level() {
+        // Quantiles of the chi-square distribution at 0.99 (any table).
+        for (dof, quantile) in [(1, 6.635), (2, 9.210), (5, 15.086), (10, 23.209), (30, 50.892)] {
+            assert!(!is_misfit(quantile * 0.97, dof) && is_misfit(quantile * 1.03, dof), "dof {dof}");
+        }
+    }
+}

@@ -1,0 +1,458 @@
+//! Problem 1, before all else: distortion from polylines along edges that are straight in space.
+//!
+//! The residual of a point is its distance from the best line through its undistorted polyline,
+//! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its slope J at the
+//! point, and the line `n . x = c` that makes the sum of squares least. Coefficients are those of
+//! coordinates divided by half the diagonal of the image until the focal is known.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::camera::{BrownConrady, Distortion, Lens, Pixel};
+use crate::optimize::{LeastSquares, least_squares};
+use crate::single::constraints::Source;
+use crate::single::straightness::{Edge, best_line, sagitta, straightness};
+
+/// Which coefficients are fitted, of which model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fitted {
+    /// Any of k1, k2, k3, p1, p2, in this order.
+    BrownConrady([bool; 5]),
+    /// lambda.
+    Division,
+    /// k1 to this one.
+    KannalaBrandt(usize),
+}
+
+impl Fitted {
+    fn len(&self) -> usize {
+        match self {
+            Self::BrownConrady(which) => which.iter().filter(|&&is| is).count(),
+            Self::Division => 1,
+            Self::KannalaBrandt(count) => *count,
+        }
+    }
+
+    /// Indices of what is fitted among the coefficients of the model.
+    pub(crate) fn indices(&self) -> Vec<usize> {
+        match self {
+            Self::BrownConrady(which) => (0..Distortion::MOST).filter(|&k| which[k]).collect(),
+            Self::Division => vec![0],
+            Self::KannalaBrandt(count) => (0..*count).collect(),
+        }
+    }
+
+    /// The distortion with these values of what is fitted.
+    fn distortion(&self, values: &[f64]) -> Distortion {
+        match self {
+            Self::BrownConrady(which) => {
+                let mut left = values.iter();
+                let [k1, k2, k3, p1, p2] =
+                    which.map(|is| if is { left.next().copied().unwrap_or(0.0) } else { 0.0 });
+                Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })
+            }
+            Self::Division => Distortion::Division { lambda: values.first().copied().unwrap_or(0.0) },
+            Self::KannalaBrandt(_) => Distortion::KannalaBrandt {
+                k: std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0)),
+            },
+        }
+    }
+}
+
+/// The models tried, one after the other, when the data are to choose.
+const LADDER: [[bool; 5]; 3] =
+    [[true, false, false, false, false], [true, true, false, false, false], [true, true, true, false, false]];
+
+/// What polylines say about a lens.
+#[derive(Clone, Debug)]
+pub struct LensFit {
+    /// The lens; its coefficients refer to half the diagonal of the image (Kannala-Brandt: to the focal).
+    pub lens: Lens,
+    /// What was fitted; `None` when the data support no distortion.
+    pub fitted: Option<Fitted>,
+    /// Root mean square distance of the points from their lines, in raw pixels, before and after.
+    pub straightness: [f64; 2],
+    /// Of every polyline, in raw pixels.
+    pub residuals: Vec<(Source, f64)>,
+    /// Covariance of the coefficients, in the order of [`Distortion::coefficients`]; zeros for those that
+    /// were not fitted.
+    pub covariance: [[f64; Distortion::MOST]; Distortion::MOST],
+    /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
+    /// of the longer edge, and in the corner, in pixels.
+    pub map_error: [f64; 3],
+    /// Polylines that say next to nothing, with what a distortion that moves the corner by 10 px
+    /// would bend them by, in pixels.
+    pub uninformative: Vec<(Source, f64)>,
+    /// Sum of squares over `sigma^2`.
+    pub chi2: f64,
+    /// Points minus two for every line minus coefficients.
+    pub dof: i64,
+}
+
+/// What a fit of a lens starts from, beside its polylines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LensOptions {
+    /// Principal point, raw pixel.
+    pub principal_point: Pixel,
+    /// Width and height of the image, in pixels.
+    pub size: [f64; 2],
+    /// What to fit; chosen by the data if absent.
+    pub fitted: Option<Fitted>,
+    /// The focal that Kannala-Brandt coefficients refer to, in pixels.
+    pub focal: Option<f64>,
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub sigma: f64,
+}
+
+/// One choice of coefficients on given polylines.
+struct Problem<'a> {
+    edges: Vec<&'a Edge>,
+    fitted: Fitted,
+    principal_point: Pixel,
+    unit: f64,
+    /// Width and height of the image, in pixels.
+    size: [f64; 2],
+}
+
+impl Problem<'_> {
+    fn lens(&self, values: &[f64]) -> Lens {
+        Lens {
+            principal_point: self.principal_point,
+            focal: self.unit,
+            distortion: self.fitted.distortion(values),
+        }
+    }
+
+    /// `None` where the lens folds back on itself before a corner of the image.
+    fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
+        let lens = self.lens(values);
+        if !lens.shows_image(self.size) {
+            return None;
+        }
+        let mut all = Vec::new();
+        for edge in &self.edges {
+            all.extend(straightness(&lens, &edge.points)?);
+        }
+        Some(DVector::from_vec(all))
+    }
+
+    /// Sum of the squared residuals of every polyline.
+    fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
+        let lens = self.lens(values);
+        self.edges.iter().map(move |edge| crookedness(&lens, edge))
+    }
+
+    /// Central differences of the residuals, each with its own best line.
+    fn slopes(&self, values: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
+        const STEP: f64 = 1e-6;
+        let mut slopes = DMatrix::zeros(residuals.len(), values.len());
+        for index in 0..values.len() {
+            let nudged = |by: f64| {
+                let mut values = values.to_vec();
+                values[index] += by;
+                self.residuals(&values)
+            };
+            // At the border of what can be inverted one side is enough.
+            let column = match (nudged(STEP), nudged(-STEP)) {
+                (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * STEP),
+                (Some(ahead), None) => (ahead - residuals) / STEP,
+                (None, Some(behind)) => (residuals - behind) / STEP,
+                (None, None) => continue,
+            };
+            slopes.set_column(index, &column);
+        }
+        slopes
+    }
+
+    /// Of what is fitted, for points with a standard deviation of one pixel.
+    fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
+        let slopes = self.slopes(values, &self.residuals(values)?);
+        slopes.tr_mul(&slopes).try_inverse()
+    }
+
+    /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
+    fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
+        const ROUNDS: usize = 60;
+        const FIRST: usize = 6;
+        /// Valleys that are walked to their end.
+        const MOST: usize = 3;
+        /// Coefficients nearer than this lie in one valley.
+        const NEAR: f64 = 1e-4;
+        let count = self.fitted.len();
+        let padded = |values: &[f64]| -> Vec<f64> {
+            (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
+        };
+        let fixed = STARTS.iter().map(|start| padded(start));
+        // A few steps tell which valleys are worth walking to their end.
+        let mut begun: Vec<(Vec<f64>, f64)> = fixed
+            .chain([padded(smaller)])
+            .filter_map(|start| {
+                least_squares(self, start, FIRST).map(|reached| (reached.state, reached.cost))
+            })
+            .collect();
+        begun.sort_by(|a, b| a.1.total_cmp(&b.1));
+        begun.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
+        begun.truncate(MOST);
+        begun
+            .into_iter()
+            .filter_map(|(start, _)| {
+                least_squares(self, start, ROUNDS).map(|reached| (reached.state, reached.cost))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Normal equations of a fit of a lens.
+struct Normal {
+    square: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl LeastSquares for Problem<'_> {
+    type State = Vec<f64>;
+    type Normal = Normal;
+
+    fn linearise(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
+        let residuals = self.residuals(values)?;
+        let slopes = self.slopes(values, &residuals);
+        let cost = residuals.norm_squared();
+        let normal = Normal { square: slopes.tr_mul(&slopes), gradient: slopes.tr_mul(&residuals) };
+        cost.is_finite().then_some((cost, normal))
+    }
+
+    fn step(&self, values: &Vec<f64>, normal: &Normal, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
+        let mut damped = normal.square.clone();
+        for i in 0..values.len() {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&(-&normal.gradient));
+        let promised: f64 = (0..values.len())
+            .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
+            .sum();
+        let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
+        Some((next, promised, step.amax()))
+    }
+}
+
+impl LensFit {
+    /// The fit of a lens to polylines. Those of fewer than three points say nothing.
+    ///
+    /// `None` when there is no polyline of three points.
+    #[must_use]
+    pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
+        /// Points that are used: enough for any lens, and a bound on the time of a hostile file.
+        const MOST: usize = 20_000;
+        let mut room = MOST;
+        let edges: Vec<&Edge> = edges
+            .iter()
+            .filter(|edge| edge.points.len() > 2)
+            .take_while(|edge| {
+                let fits = edge.points.len() <= room;
+                room = room.saturating_sub(edge.points.len());
+                fits
+            })
+            .collect();
+        let spare: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
+        if spare < 1 {
+            return None;
+        }
+        let problem = |fitted: Fitted| {
+            let kannala = matches!(fitted, Fitted::KannalaBrandt(_));
+            let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
+            let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
+            let LensOptions { principal_point, size, .. } = *options;
+            Problem { edges: edges.clone(), fitted, principal_point, unit, size }
+        };
+        let straight = Choice::straight(problem(Fitted::BrownConrady([false; 5])))?;
+        let before = straight.cost;
+        let choice = match &options.fitted {
+            Some(fitted) => {
+                let problem = problem(fitted.clone());
+                let solved = problem.solve(&[]);
+                solved.map_or(straight, |(values, cost)| Choice { problem, values, cost, doubt: None })
+            }
+            None => climb(straight, spare, options.sigma, &problem),
+        };
+        Some(Self::of(&choice, before, spare, options))
+    }
+
+    fn of(choice: &Choice, before: f64, spare: i64, options: &LensOptions) -> Self {
+        let Choice { problem, values, cost, doubt } = choice;
+        let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
+        let lens = problem.lens(values);
+        let per_edge = |edge: &&Edge| {
+            let distances = straightness(&lens, &edge.points).unwrap_or_default();
+            let square = distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64;
+            (edge.source, square.sqrt())
+        };
+        Self {
+            lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
+            fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
+            straightness: [before, *cost].map(|cost| (cost / points as f64).sqrt()),
+            residuals: problem.edges.iter().map(per_edge).collect(),
+            covariance: in_full(problem, values, options.sigma),
+            map_error: map_error(problem, values, doubt.as_ref(), options),
+            uninformative: uninformative(problem, &lens, options),
+            chi2: cost / (options.sigma * options.sigma),
+            dof: spare - values.len() as i64,
+        }
+    }
+}
+
+/// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
+const STARTS: [[f64; 2]; 7] =
+    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
+
+/// A model with the values that straighten the polylines best.
+struct Choice<'a> {
+    problem: Problem<'a>,
+    values: Vec<f64>,
+    cost: f64,
+    /// A larger model that was turned down, and the probability that it is the right one all the same.
+    doubt: Option<(Lens, f64)>,
+}
+
+impl<'a> Choice<'a> {
+    /// No distortion.
+    fn straight(problem: Problem<'a>) -> Option<Self> {
+        let cost = problem.residuals(&[])?.norm_squared();
+        Some(Self { problem, values: Vec::new(), cost, doubt: None })
+    }
+}
+
+/// The largest model of the ladder that the data support, by the Bayesian information criterion: of all
+/// polylines together, and of all but the one that it helps most.
+fn climb<'a>(
+    straight: Choice<'a>,
+    spare: i64,
+    sigma: f64,
+    problem: &dyn Fn(Fitted) -> Problem<'a>,
+) -> Choice<'a> {
+    // -2 log of a model's probability, but for a constant.
+    let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
+    let mut lowest = criterion(straight.cost, 0);
+    let mut best = straight;
+    for which in LADDER {
+        let next = problem(Fitted::BrownConrady(which));
+        let count = next.fitted.len();
+        if spare <= count as i64 {
+            continue;
+        }
+        let Some((values, cost)) = next.solve(&best.values) else { continue };
+        let worth = criterion(cost, count);
+        if worth < lowest && criterion(-shared_gain(&best, &next, &values), count) < 0.0 {
+            lowest = worth;
+            best = Choice { problem: next, values, cost, doubt: None };
+            continue;
+        }
+        // A model too small for the lens fits badly: the next one may still be right.
+        let probability = (1.0 + (0.5 * (worth - lowest)).exp()).recip();
+        if best.doubt.as_ref().is_none_or(|(_, other)| probability > *other) {
+            best.doubt = Some((next.lens(&values), probability));
+        }
+    }
+    best
+}
+
+/// What a larger model takes from the sum of squares, the polyline it helps most left out: a crooked one
+/// alone must not bend the lens, and one that alone reaches a corner is believed if the others agree.
+fn shared_gain(smaller: &Choice, larger: &Problem, values: &[f64]) -> f64 {
+    let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
+    let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
+    total - most
+}
+
+/// Sum of the squared distances of a polyline's points from straight; infinite outside the lens.
+fn crookedness(lens: &Lens, edge: &Edge) -> f64 {
+    straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
+}
+
+/// Standard deviation of the undistorted position at three places: from the covariance of the
+/// coefficients, and from the doubt whether they are enough.
+fn map_error(
+    problem: &Problem,
+    values: &[f64],
+    doubt: Option<&(Lens, f64)>,
+    options: &LensOptions,
+) -> [f64; 3] {
+    const STEP: f64 = 1e-6;
+    let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
+    let [w, h] = options.size;
+    let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
+    let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
+    let variance = |place: [f64; 2]| {
+        let place = Pixel::from(place);
+        let at = |index: usize, by: f64| {
+            let mut values = values.to_vec();
+            values[index] += by;
+            problem.lens(&values).undistort(place)
+        };
+        let mut slopes = Vec::new();
+        for index in 0..values.len() {
+            let (a, b) = (at(index, STEP)?, at(index, -STEP)?);
+            slopes.push([(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)]);
+        }
+        let mut variance = 0.0;
+        for i in 0..values.len() {
+            for j in 0..values.len() {
+                variance += covariance[(i, j)] * (slopes[i][0] * slopes[j][0] + slopes[i][1] * slopes[j][1]);
+            }
+        }
+        let doubt = match doubt {
+            Some((other, probability)) => {
+                let apart = problem.lens(values).undistort(place)?.distance(other.undistort(place)?);
+                probability * apart * apart
+            }
+            None => 0.0,
+        };
+        Some(options.sigma * options.sigma * variance.max(0.0) + doubt)
+    };
+    // At the very border of what can be inverted the undistorted position hangs on nothing.
+    [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
+}
+
+/// The covariance with a row and a column for every coefficient of the model.
+fn in_full(problem: &Problem, values: &[f64], sigma: f64) -> [[f64; Distortion::MOST]; Distortion::MOST] {
+    let mut full = [[0.0; Distortion::MOST]; Distortion::MOST];
+    let Some(covariance) = problem.covariance(values) else { return full };
+    let indices = problem.fitted.indices();
+    for (i, &a) in indices.iter().enumerate().take(values.len()) {
+        for (j, &b) in indices.iter().enumerate().take(values.len()) {
+            full[a][b] = sigma * sigma * covariance[(i, j)];
+        }
+    }
+    full
+}
+
+/// Polylines that a distortion of 10 px in the corner would not bend by one sigma, and less than a third
+/// of what it bends the best of them by.
+fn uninformative(problem: &Problem, lens: &Lens, options: &LensOptions) -> Vec<(Source, f64)> {
+    /// Movement of the corner, in pixels.
+    const CORNER: f64 = 10.0;
+    let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
+    let k1 = CORNER / half_diagonal;
+    let brown = |k1: f64| Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() });
+    let extra = Lens { focal: half_diagonal, distortion: brown(-k1), ..*lens };
+    let bend = |edge: &Edge| {
+        // The largest sagitta that the extra distortion gives to the edge.
+        let points: Vec<[f64; 2]> =
+            edge.points.iter().filter_map(|&p| extra.undistort(p)).map(|p| [p.u, p.v]).collect();
+        let plain: Vec<[f64; 2]> = edge.points.iter().map(|p| [p.u, p.v]).collect();
+        if points.len() < plain.len() {
+            return f64::INFINITY;
+        }
+        let moved: Vec<f64> = {
+            let (normal, _) = best_line(&plain, &vec![1.0; plain.len()]);
+            points
+                .iter()
+                .zip(&plain)
+                .map(|(a, b)| normal[0] * (a[0] - b[0]) + normal[1] * (a[1] - b[1]))
+                .collect()
+        };
+        sagitta(&plain, &moved)
+    };
+    let bent: Vec<(Source, f64)> = problem.edges.iter().map(|edge| (edge.source, bend(edge))).collect();
+    let best = bent.iter().map(|(_, sagitta)| *sagitta).filter(|s| s.is_finite()).fold(0.0, f64::max);
+    // Alone, a short edge that is the best there is says nothing, either.
+    let most = if best < options.sigma { f64::INFINITY } else { best / 3.0 };
+    bent.into_iter().filter(|(_, sagitta)| *sagitta < options.sigma && *sagitta <= most).collect()
+}

@@ -1,0 +1,299 @@
+//! The residuals of stage 1: what a line, a length and an upright say about roll, pitch, focal and
+//! height, in pixels, with their derivatives.
+
+use crate::optimize::Number;
+use crate::single::constraints::{End, Upright};
+use crate::single::vanishing_point::line_through;
+
+/// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
+pub(crate) type Core = [f64; 4];
+
+/// Index of the unknowns in [`Core`].
+pub(crate) const ROLL: usize = 0;
+pub(crate) const PITCH: usize = 1;
+pub(crate) const LOG_FOCAL: usize = 2;
+pub(crate) const LOG_HEIGHT: usize = 3;
+
+/// A vanishing point relative to the principal point, homogeneous, with its derivatives.
+pub(crate) struct Vanishing {
+    pub(crate) at: [f64; 3],
+    pub(crate) by_roll: [f64; 3],
+    pub(crate) by_pitch: [f64; 3],
+    pub(crate) by_log_focal: [f64; 3],
+    pub(crate) by_angle: [f64; 3],
+}
+
+/// Sines, cosines and focal of a core.
+pub(crate) struct Angles {
+    roll: (f64, f64),
+    pitch: (f64, f64),
+    focal: f64,
+}
+
+impl Angles {
+    pub(crate) fn new(core: &Core) -> Self {
+        Self { roll: core[ROLL].sin_cos(), pitch: core[PITCH].sin_cos(), focal: core[LOG_FOCAL].exp() }
+    }
+
+    /// `(f cos p sin r, f cos p cos r, sin p)`.
+    pub(crate) fn down(&self) -> Vanishing {
+        let (sp, cp) = self.pitch;
+        self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
+    }
+
+    /// The floor direction at `angle` counter-clockwise from the camera's right, yaw 0.
+    pub(crate) fn floor(&self, angle: f64) -> Vanishing {
+        let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
+        self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
+    }
+
+    /// From the direction in unrolled camera axes and its derivatives by pitch and by the angle.
+    fn vanishing(&self, direction: [f64; 3], by_pitch: [f64; 3], by_angle: [f64; 3]) -> Vanishing {
+        let ((sr, cr), f) = (self.roll, self.focal);
+        let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
+        let at = image(direction);
+        Vanishing {
+            at,
+            by_roll: [at[1], -at[0], 0.0],
+            by_pitch: image(by_pitch),
+            by_log_focal: [at[0], at[1], 0.0],
+            by_angle: image(by_angle),
+        }
+    }
+}
+
+/// How far, in pixels, the ends of a segment must move at least so that its line passes through the
+/// homogeneous point V = (Vxy, Vw); signed.
+///
+/// `l = p1 x p2`, `q_i = p_i Vw - Vxy`, `T = w1 |q1|^2 + w2 |q2|^2`, `D = w1 w2 (q1 x q2)^2`,
+/// `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`: the root of the least eigenvalue of
+/// the ends' scatter about V, exact, and finite for V at infinity. The weights `w_i` are the inverse
+/// variances of the ends across the line, 1 without distortion.
+pub(crate) struct LineResidual {
+    pub(crate) pixels: f64,
+    ends: [[f64; 2]; 2],
+    v: [f64; 3],
+    line: [f64; 3],
+    weights: [f64; 2],
+    miss: f64,
+    trace: f64,
+    root: f64,
+    sum: f64,
+    factor: f64,
+}
+
+impl LineResidual {
+    #[inline]
+    pub(crate) fn new(ends: &[End; 2], v: [f64; 3]) -> Self {
+        let [p1, p2] = [ends[0].at, ends[1].at];
+        let line = line_through(p1, p2);
+        let weights = across(ends, &line);
+        let [w1, w2] = weights;
+        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
+        let miss = crate::camera::dot(&line, &v);
+        let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
+        let weight = w1 * w2;
+        // q1 x q2 = Vw (l . V).
+        let determinant = weight * (v[2] * miss).powi(2);
+        let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
+        let sum = (trace + root).max(f64::MIN_POSITIVE);
+        let factor = (2.0 * weight / sum).sqrt();
+        Self { pixels: factor * miss, ends: [p1, p2], v, line, weights, miss, trace, root, sum, factor }
+    }
+
+    /// Its derivative by V.
+    #[inline]
+    pub(crate) fn by_point(&self) -> [f64; 3] {
+        let Self { ends: [p1, p2], v, line, weights: [w1, w2], miss, trace, root, sum, factor, .. } = *self;
+        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
+        // Where both eigenvalues meet the root has a kink; the mean of its two slopes is 0.
+        let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
+        let share = 0.5 * miss / sum;
+        std::array::from_fn(|k| {
+            let by_trace = match k {
+                0 => -2.0 * (w1 * q1[0] + w2 * q2[0]),
+                1 => -2.0 * (w1 * q1[1] + w2 * q2[1]),
+                _ => 2.0 * (w1 * (q1[0] * p1[0] + q1[1] * p1[1]) + w2 * (q2[0] * p2[0] + q2[1] * p2[1])),
+            };
+            let own = if k == 2 { miss } else { 0.0 };
+            let by_determinant = 2.0 * w1 * w2 * v[2] * miss * (own + v[2] * line[k]);
+            let by_sum = by_trace + (trace * by_trace - 2.0 * by_determinant) * by_root;
+            factor * (line[k] - share * by_sum)
+        })
+    }
+}
+
+/// From the homogeneous point V to a pixel, times Vw.
+#[inline]
+fn toward(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
+    [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
+}
+
+/// Inverse variances of the two ends across the line.
+fn across(ends: &[End; 2], line: &[f64; 3]) -> [f64; 2] {
+    let [a, b, _] = *line;
+    let square = (a * a + b * b).max(f64::MIN_POSITIVE);
+    ends.map(|end| {
+        let [uu, uv, vv] = end.spread;
+        square / (a * a * uu + 2.0 * a * b * uv + b * b * vv)
+    })
+}
+
+/// Sines, cosines, focal and height of a core, with their derivatives: what every length and upright asks for.
+pub(crate) struct Unrolled<N> {
+    roll: (N, N),
+    pitch: (N, N),
+    focal: N,
+    /// One over the height of the camera.
+    per_height: N,
+}
+
+impl<N: Number> Unrolled<N> {
+    pub(crate) fn new(core: &Core) -> Self {
+        Self {
+            roll: N::unknown(core[ROLL], ROLL).sin_cos(),
+            pitch: N::unknown(core[PITCH], PITCH).sin_cos(),
+            focal: N::unknown(core[LOG_FOCAL], LOG_FOCAL).exp(),
+            per_height: (-N::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+        }
+    }
+}
+
+/// Log of the length on the floor of a segment in camera heights, and its standard deviation for
+/// pixels with one of 1 (Sampson's form: the gradient by all four pixel coordinates).
+///
+/// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
+/// `None` when an end is on or above the horizon.
+#[inline]
+pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Option<(N, N)> {
+    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
+    let one = N::constant(1.0);
+    let on_floor = |end: &End| {
+        let [x, y] = end.at;
+        let (u, v) = (cr * x - sr * y, sr * x + cr * y);
+        let depth = cp * v + sp * f;
+        // A millionth of a radian below the horizon.
+        (depth.value() > 1e-6 * f.value()).then(|| {
+            let per_depth = one / depth;
+            (u, per_depth, u * per_depth, (cp * f - sp * v) * per_depth)
+        })
+    };
+    let (first, second) = (on_floor(&ends[0])?, on_floor(&ends[1])?);
+    let (dx, dy) = (first.2 - second.2, first.3 - second.3);
+    let square = dx * dx + dy * dy;
+    if square.value() <= 0.0 {
+        return None;
+    }
+    let per_square = one / square;
+    // d log length / d (u, v) of one end, turned back into image axes.
+    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &End| {
+        let share = per_square * per_depth;
+        let across = dx * share;
+        let along = -((dx * u * cp + dy * f) * share * per_depth);
+        let by_u = cr * across + sr * along;
+        let by_v = cr * along - sr * across;
+        let [uu, uv, vv] = end.spread;
+        by_u * by_u * uu + by_u * by_v * (2.0 * uv) + by_v * by_v * vv
+    };
+    let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
+    Some((square.ln() * 0.5, noise))
+}
+
+/// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
+/// ends and of the height.
+///
+/// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
+/// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
+/// behind the camera.
+pub(crate) fn upright_residuals<N: Number>(
+    at: &Unrolled<N>,
+    upright: &Upright,
+    sigma: f64,
+) -> Option<[N; 2]> {
+    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
+    let [x, y] = upright.foot.at;
+    let (u, v) = (cr * x - sr * y, sr * x + cr * y);
+    let depth = cp * v + sp * f;
+    let k = depth * per_height * upright.height.value;
+    let divisor = f - k * sp;
+    if depth.value() <= 1e-6 * f.value() || divisor.value() <= 1e-6 * f.value() {
+        return None;
+    }
+    let (a, b) = (f * u / divisor, f * (v - k * cp) / divisor);
+    // Derivatives of the unrolled head by the unrolled foot and by the height.
+    let k_by_v = cp * per_height * upright.height.value;
+    let divide = divisor * divisor;
+    let a_by_u = f / divisor;
+    let a_by_v = f * u * k_by_v * sp / divide;
+    let b_by_v = f * ((-(k_by_v * cp) + 1.0) * divisor + (v - k * cp) * k_by_v * sp) / divide;
+    let k_by_h = depth * per_height;
+    let a_by_h = f * u * k_by_h * sp / divide;
+    let b_by_h = f * ((v - k * cp) * sp - cp * divisor) * k_by_h / divide;
+    let turn = |[uu, uv, vv]: [f64; 3]| {
+        // Into unrolled axes.
+        let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;
+        (
+            cr * cr * uu - cr * sr * (2.0 * uv) + sr * sr * vv,
+            off,
+            sr * sr * uu + cr * sr * (2.0 * uv) + cr * cr * vv,
+        )
+    };
+    let (fuu, fuv, fvv) = turn(upright.foot.spread);
+    let (huu, huv, hvv) = turn(upright.head.spread);
+    let spread = upright.height.sigma.unwrap_or(0.0) / sigma;
+    let square = spread * spread;
+    let caa = huu
+        + a_by_u * a_by_u * fuu
+        + a_by_u * a_by_v * fuv * 2.0
+        + a_by_v * a_by_v * fvv
+        + a_by_h * a_by_h * square;
+    let cab = huv + b_by_v * (a_by_u * fuv + a_by_v * fvv) + a_by_h * b_by_h * square;
+    let cbb = hvv + b_by_v * b_by_v * fvv + b_by_h * b_by_h * square;
+    let [hx, hy] = upright.head.at;
+    let (da, db) = (a - (cr * hx - sr * hy), b - (sr * hx + cr * hy));
+    // Whitened with the lower Cholesky factor of the covariance.
+    let l11 = caa.sqrt();
+    let l21 = cab / l11;
+    let l22 = (cbb - l21 * l21).sqrt();
+    let first = da / l11;
+    let second = (db - l21 * first) / l22;
+    Some([first * sigma.recip(), second * sigma.recip()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_line_through_the_point_has_no_residual(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], v in [-3e3..3e3_f64, -3e3..3e3_f64], t in 0.05..0.9_f64,
+            weights in [0.5..2.0_f64, 0.5..2.0_f64],
+        ) {
+            let b = [a[0] + t * (v[0] - a[0]), a[1] + t * (v[1] - a[1])];
+            let end = |at, w: f64| End { at, spread: [w, 0.0, w] };
+            let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
+            prop_assert!(residual.abs() < 1e-8, "{residual}");
+        }
+
+        #[test]
+        fn the_residual_is_the_least_movement_of_the_ends(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], b in [-900.0..900.0_f64, -500.0..500.0_f64],
+            v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
+        ) {
+            let end = |at, w: f64| End { at, spread: [1.0 / w, 0.0, 1.0 / w] };
+            let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
+            // Every line through v, by its angle: the weighted squares of the distances of the ends.
+            let cost = |angle: f64| {
+                let (sin, cos) = angle.sin_cos();
+                let distance = |p: [f64; 2]| (p[0] - v[0]) * sin - (p[1] - v[1]) * cos;
+                weights[0] * distance(a).powi(2) + weights[1] * distance(b).powi(2)
+            };
+            let least = (0..20_000).map(|i| cost(std::f64::consts::PI * f64::from(i) / 20_000.0)).fold(f64::INFINITY, f64::min);
+            let reach = weights[0] * (a[0] - v[0]).hypot(a[1] - v[1]).powi(2) + weights[1] * (b[0] - v[0]).hypot(b[1] - v[1]).powi(2);
+            prop_assert!(residual * residual <= least + 1e-6, "{} above {least}", residual * residual);
+            prop_assert!(least - residual * residual < 1e-7 * reach, "{} below {least}", residual * residual);
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The vanishing point of a bundle of lines, and roll from that of the verticals (the paper's stage 1, step 1).
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+use crate::single::constraints::Line;
+
+/// The line through both ends, homogeneous: `end1 x end2`.
+pub(crate) fn line_through([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> [f64; 3] {
+    [y1 - y2, x2 - x1, x1 * y2 - y1 * x2]
+}
+
+/// The point, homogeneous, whose distances from all lines have the least sum of squares.
+///
+/// Distances are those of lines of unit normal in coordinates of the size of 1. The point may be at
+/// infinity (third coordinate 0). `None` for fewer than two lines or for lines that coincide.
+pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
+    let lines: Vec<&Line> = lines.collect();
+    if lines.len() < 2 {
+        return None;
+    }
+    // Coordinates of the size of 1 keep the eigenvalues comparable.
+    let size = lines
+        .iter()
+        .flat_map(|line| line.ends)
+        .fold(0.0_f64, |most, end| most.max(end.at[0].abs()).max(end.at[1].abs()));
+    let scatter = lines.iter().fold(Matrix3::zeros(), |sum, line| {
+        let [a, b] = line.ends.map(|end| end.at.map(|c| c / size));
+        let line = Vector3::from(line_through(a, b));
+        sum + line * line.transpose() / line.xy().norm_squared().max(f64::MIN_POSITIVE)
+    });
+    let eigen = SymmetricEigen::try_new(scatter, f64::EPSILON, 200)?;
+    let (least, _) = eigen.eigenvalues.argmin();
+    let mut sorted: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    // One line drawn twice leaves a whole line of candidates.
+    if sorted[1] <= 1e-24 * sorted[2] {
+        return None;
+    }
+    let point = eigen.eigenvectors.column(least);
+    Some([point[0] * size, point[1] * size, point[2]])
+}
+
+/// Roll of the camera, in radians, from the vanishing point of the verticals:
+/// `atan2(vx, vy)` toward the nadir, taken on the side below the principal point.
+pub(crate) fn roll_from_verticals([x, y, _]: [f64; 3]) -> f64 {
+    if y < 0.0 { (-x).atan2(-y) } else { x.atan2(y) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::single::constraints::{End, Source, Toward};
+
+    fn line(a: [f64; 2], b: [f64; 2]) -> Line {
+        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        Line {
+            ends: [end(a), end(b)],
+            toward: Toward::Vertical,
+            source: Source { annotation: 0, segment: 0 },
+        }
+    }
+
+    #[test]
+    fn lines_meet_at_their_common_point() {
+        let at = [120.0, 900.0];
+        let toward = |x: f64, y: f64| line([x, y], [x + 0.3 * (at[0] - x), y + 0.3 * (at[1] - y)]);
+        let lines = [toward(-500.0, -20.0), toward(40.0, 10.0), toward(700.0, 300.0)];
+        let [x, y, w] = vanishing_point(lines.iter()).unwrap();
+        assert!((x / w - at[0]).hypot(y / w - at[1]) < 1e-8, "{} {}", x / w, y / w);
+    }
+
+    #[test]
+    fn parallel_lines_meet_at_infinity_and_still_give_the_roll() {
+        let lines = [line([0.0, 0.0], [10.0, 100.0]), line([50.0, 0.0], [60.0, 100.0])];
+        let [x, y, w] = vanishing_point(lines.iter()).unwrap();
+        assert!(w.abs() < 1e-12 && (roll_from_verticals([x, y, w]) - 0.1_f64.atan()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn one_line_drawn_twice_has_no_vanishing_point() {
+        let twice = line([0.0, 0.0], [10.0, 100.0]);
+        assert_eq!(vanishing_point([twice, twice].iter()), None);
+    }
+}

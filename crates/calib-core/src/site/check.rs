@@ -1,0 +1,500 @@
+//! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
+
+use std::collections::{HashMap, HashSet};
+
+use jiff::Timestamp;
+
+use crate::single::{Annotation, Kind, Shape};
+use crate::site::bounds::{
+    At, Bounds, Checked, MAX_ITEMS, SiteError, count, known, name, optional, pixels, pointer_of, quoted,
+};
+use crate::site::check_elements::check_elements;
+use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
+use crate::site::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Solution, Stage};
+
+/// Longest text of a site that is read, in bytes; `data:` images included.
+pub const MAX_BYTES: usize = 1 << 30;
+/// Most values in a site: a hostile file cannot fill memory with empty lists.
+pub const MAX_VALUES: usize = 4_000_000;
+/// Most cameras in a site.
+pub const MAX_CAMERAS: usize = 10_000;
+/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
+const MAX_CORNERS: usize = 10_000;
+/// Longest side of an image, in pixels.
+pub const MAX_SIDE: u32 = 65_536;
+impl Site {
+    /// Reads and checks a site file.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn from_json(text: &str) -> Result<Self, SiteError> {
+        let at_root = |message: String| SiteError { pointer: String::new(), message };
+        if text.len() > MAX_BYTES {
+            let found = text.len();
+            return Err(at_root(format!("found {found} bytes, expected at most {MAX_BYTES}")));
+        }
+        let values = count_values(text);
+        if values > MAX_VALUES {
+            return Err(at_root(format!("found about {values} values, expected at most {MAX_VALUES}")));
+        }
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let pointer = pointer_of(error.path());
+            let message = in_plain_words(&error.into_inner().to_string());
+            named(text, SiteError { pointer, message })
+        })?;
+        reader.end().map_err(|error| at_root(error.to_string()))?;
+        site.check().map_err(|error| named(text, error))?;
+        Ok(site)
+    }
+
+    /// Whether every value is possible and every reference leads somewhere.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn check(&self) -> Checked {
+        let root = At::root();
+        if self.version != 1 {
+            return root.key("version").expected(self.version, "1, the only version there is");
+        }
+        name(&root.key("name"), self.name.as_ref())?;
+        if let Some(plan) = &self.plan {
+            check_plan(&root.key("plan"), plan)?;
+        }
+        if let Some(georeference) = &self.georeference {
+            check_georeference(&root.key("georeference"), georeference)?;
+        }
+        let cameras = root.key("cameras");
+        count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
+        for (i, camera) in self.cameras.iter().enumerate() {
+            check_camera(&cameras.index(i), camera, self)?;
+        }
+        check_periods(&cameras, &self.cameras)?;
+        check_elements(&root, self)
+    }
+}
+
+/// What the JSON reader says, in the words of somebody who writes a site file.
+fn in_plain_words(message: &str) -> String {
+    const WORDS: [(&str, &str); 9] = [
+        ("expected f64", "expected a number, without quotes"),
+        ("expected u32", "expected a whole number, without quotes"),
+        (
+            "expected struct Known",
+            "expected {\"value\": ..., \"fixed\": true} or {\"value\": ..., \"sigma\": ...}",
+        ),
+        ("expected a string", "expected a text in quotes"),
+        ("expected a sequence", "expected a list in [ ]"),
+        ("expected a map", "expected an object in { }"),
+        ("EOF while parsing", "the file ends too early, something is not closed:"),
+        (
+            "trailing characters",
+            "more than there should be: a value too many, or a bracket closed too early or missing",
+        ),
+        ("invalid type:", "found"),
+    ];
+    WORDS.iter().fold(message.to_owned(), |said, (from, to)| said.replace(from, to))
+}
+
+/// The error with the camera and the annotation it is about, by the names the operator gave them.
+fn named(text: &str, error: SiteError) -> SiteError {
+    let Ok(document) = serde_json::from_str::<serde_json::Value>(text) else { return error };
+    let mut parts = error.pointer.split('/').skip(1);
+    let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return error };
+    let text_at = |pointer: String| document.pointer(&pointer).and_then(|v| v.as_str()).map(str::to_owned);
+    let Some(id) = text_at(format!("/cameras/{index}/id")) else { return error };
+    let mut about = format!("camera {}", quoted(&id));
+    if let (Some("annotations"), Some(number)) = (parts.next(), parts.next()) {
+        let at = |field: &str| text_at(format!("/cameras/{index}/annotations/{number}/{field}"));
+        let kind = at("kind").unwrap_or_default();
+        let name =
+            at("name").or_else(|| at("id")).map_or_else(String::new, |name| format!(" {}", quoted(&name)));
+        about = format!("{about}, {kind}{name} (annotation {number})");
+    }
+    SiteError { message: format!("{} ({about})", error.message), ..error }
+}
+
+/// About how many values a JSON text holds: one for every bracket and comma outside strings.
+fn count_values(text: &str) -> usize {
+    let (mut values, mut in_string, mut escaped) = (0, false, false);
+    for byte in text.bytes() {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b'[' | b'{' | b',' if !in_string => values += 1,
+            _ => {}
+        }
+    }
+    values
+}
+
+fn check_plan(at: &At, plan: &Plan) -> Checked {
+    Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
+    Bounds::COORDINATE.check_all(&at.key("origin_px"), &<[f64; 2]>::from(plan.origin_px))?;
+    Bounds::DEGREES.check(&at.key("x_axis_deg"), plan.x_axis_deg)?;
+    plan.georeference.as_ref().map_or(Ok(()), |g| check_georeference(&at.key("georeference"), g))
+}
+
+fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
+    Bounds::PITCH.check(&at.key("lat_deg"), georeference.lat_deg)?;
+    Bounds::DEGREES.check(&at.key("lon_deg"), georeference.lon_deg)?;
+    Bounds::DEGREES.check(&at.key("x_axis_azimuth_deg"), georeference.x_axis_azimuth_deg)
+}
+
+fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    name(&at.key("id"), Some(&camera.id))?;
+    name(&at.key("name"), camera.name.as_ref())?;
+    for (i, &side) in camera.size_px.iter().enumerate() {
+        if side == 0 || side > MAX_SIDE {
+            return at.key("size_px").index(i).expected(side, format!("1 to {MAX_SIDE} pixels"));
+        }
+    }
+    check_lens(&at.key("lens"), camera, site)?;
+    known(&at.key("height_m"), camera.height_m.as_ref(), Bounds::POSITIVE)?;
+    optional(&at.key("sigma_px"), camera.sigma_px, Bounds::POSITIVE)?;
+    let annotations = at.key("annotations");
+    count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
+    check_annotations(&annotations, &camera.annotations)?;
+    if let Some(corners) = &camera.efov_px {
+        let efov = at.key("efov_px");
+        pixels(&efov, corners, 3)?;
+        // Enough for any outline, and the floor's accuracy is worked out corner by corner.
+        count(&efov, corners.len(), 1000)?;
+    }
+    if let Some(placement) = &camera.placement {
+        let at = at.key("placement");
+        Bounds::COORDINATE.check_all(&at.key("move_m"), &<[f64; 2]>::from(placement.move_m))?;
+        Bounds::DEGREES.check(&at.key("turn_deg"), placement.turn_deg)?;
+        Bounds { high: 1e6, ..Bounds::POSITIVE }.check(&at.key("scale"), placement.scale)?;
+    }
+    let points = at.key("control_points");
+    count(&points, camera.control_points.len(), MAX_ITEMS)?;
+    let mut ids = HashSet::new();
+    for (i, point) in camera.control_points.iter().enumerate() {
+        check_control_point(&points.index(i), point, site)?;
+        if let Some(id) = point.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            let at = points.index(i);
+            return at.key("id").expected(quoted(id), "an id that no other control point of this camera has");
+        }
+    }
+    camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
+}
+
+fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    let Some(lens) = &camera.lens else { return Ok(()) };
+    known(&at.key("focal_px"), lens.focal_px.as_ref(), Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    known(&at.key("roll_deg"), lens.roll_deg.as_ref(), Bounds::DEGREES)?;
+    known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
+    if let Some(point) = lens.principal_point_px {
+        Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &<[f64; 2]>::from(point))?;
+    }
+    if let Some(distortion) = &lens.distortion {
+        check_distortion(&at.key("distortion"), distortion, lens.focal_px.map(|focal| focal.value))?;
+    }
+    let Some(like) = &lens.like else { return Ok(()) };
+    let at = at.key("like");
+    match site.cameras.iter().find(|other| &other.id == like) {
+        None => at.expected(quoted(like), "the id of a camera of this site"),
+        Some(other) if other.id == camera.id => at.expected("the camera itself", "another camera"),
+        Some(other) if other.lens.as_ref().is_some_and(|lens| lens.like.is_some()) => {
+            at.expected(format!("{}, which is like another one itself", quoted(like)), "the first of them")
+        }
+        Some(_) => Ok(()),
+    }
+}
+
+/// The coefficients a model has, by name.
+fn coefficients(entry: &DistortionEntry) -> [(&'static str, Option<f64>, &'static [DistortionModel]); 7] {
+    use DistortionModel::{BrownConrady, Division, KannalaBrandt};
+    [
+        ("k1", entry.k1, &[BrownConrady, KannalaBrandt]),
+        ("k2", entry.k2, &[BrownConrady, KannalaBrandt]),
+        ("k3", entry.k3, &[BrownConrady, KannalaBrandt]),
+        ("k4", entry.k4, &[KannalaBrandt]),
+        ("p1", entry.p1, &[BrownConrady]),
+        ("p2", entry.p2, &[BrownConrady]),
+        ("lambda", entry.lambda, &[Division]),
+    ]
+}
+
+fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
+    let mut given = false;
+    for (key, value, models) in coefficients(entry) {
+        let Some(value) = value else { continue };
+        given = true;
+        if !models.contains(&entry.model) {
+            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
+        }
+        Bounds::COEFFICIENT.check(&at.key(key), value)?;
+    }
+    optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    if let Some(fit) = &entry.fit {
+        if given {
+            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
+        }
+        for (i, wanted) in fit.iter().enumerate() {
+            let name = serde_json::to_value(wanted).unwrap_or_default();
+            let name = name.as_str().unwrap_or_default();
+            let known =
+                coefficients(entry).iter().any(|(key, _, m)| *key == name && m.contains(&entry.model));
+            if !known || fit[..i].contains(wanted) {
+                return at
+                    .key("fit")
+                    .index(i)
+                    .expected(quoted(name), "coefficients of this model, each once");
+            }
+        }
+    }
+    if given && entry.focal_px.is_none() && focal.is_none() {
+        return at.expected(
+            "coefficients without a focal",
+            "\"focal_px\" here, which they refer to, or in the lens",
+        );
+    }
+    Ok(())
+}
+
+fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
+    let mut ids = HashSet::new();
+    for (i, annotation) in annotations.iter().enumerate() {
+        let at = at.index(i);
+        check_annotation(&at, annotation)?;
+        if let Some(id) = annotation.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            return at.key("id").expected(quoted(id), "an id that no other annotation of this camera has");
+        }
+    }
+    check_ties(at, annotations)
+}
+
+fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
+    name(&at.key("id"), annotation.id.as_ref())?;
+    name(&at.key("name"), annotation.name.as_ref())?;
+    let row = annotation.kind.row();
+    let belongs = [
+        (
+            "segments",
+            annotation.segments.is_some(),
+            row.shape == Shape::Segments,
+            row.shape == Shape::Segments,
+        ),
+        ("points", annotation.points.is_some(), row.shape == Shape::Polyline, row.shape == Shape::Polyline),
+        ("foot", annotation.foot.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        ("head", annotation.head.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
+        (
+            "height_m",
+            annotation.height_m.is_some(),
+            row.shape == Shape::FootAndHead,
+            row.shape == Shape::FootAndHead,
+        ),
+        ("length_m", annotation.length_m.is_some(), row.has_length, row.has_length),
+        (
+            "at_right_angles_to",
+            annotation.at_right_angles_to.is_some(),
+            annotation.kind == Kind::Parallel,
+            false,
+        ),
+    ];
+    for (key, is_there, may, must) in belongs {
+        if is_there && !may {
+            return at.key(key).expected(format!("{key:?}"), format!("fields that {} has", row.name));
+        }
+        if must && !is_there {
+            return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
+        }
+    }
+    for (i, segment) in annotation.segments.iter().flatten().enumerate() {
+        pixels(&at.key("segments").index(i), segment, 2)?;
+    }
+    if let Some(points) = &annotation.points {
+        pixels(&at.key("points"), points, 3)?;
+    }
+    for (key, pixel) in [("foot", annotation.foot), ("head", annotation.head)] {
+        if let Some(pixel) = pixel {
+            Bounds::COORDINATE.check_all(&at.key(key), &<[f64; 2]>::from(pixel))?;
+        }
+    }
+    optional(&at.key("length_m"), annotation.length_m, Bounds::POSITIVE)?;
+    known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
+}
+
+/// Ties lead to parallel annotations and not in a circle.
+fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
+    let by_id: HashMap<&str, usize> = annotations
+        .iter()
+        .enumerate()
+        .filter(|(_, a)| a.kind == Kind::Parallel)
+        .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
+        .collect();
+    let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();
+    // Of every annotation: not looked at, on the chain that is followed, or known to end.
+    let (mut on_chain, mut ends) = (vec![false; annotations.len()], vec![false; annotations.len()]);
+    for start in 0..annotations.len() {
+        let mut chain = Vec::new();
+        let mut here = start;
+        while !ends[here] {
+            on_chain[here] = true;
+            chain.push(here);
+            let Some(id) = tie(here) else { break };
+            let index = at.index(here);
+            let field = index.key("at_right_angles_to");
+            match by_id.get(id) {
+                None => return field.expected(quoted(id), "the id of a parallel annotation of this camera"),
+                Some(&next) if on_chain[next] => {
+                    return field.expected("ties that run in a circle", "a chain that ends");
+                }
+                Some(&next) => here = next,
+            }
+        }
+        for link in chain {
+            on_chain[link] = false;
+            ends[link] = true;
+        }
+    }
+    Ok(())
+}
+
+fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
+    name(&at.key("id"), point.id.as_ref())?;
+    name(&at.key("name"), point.name.as_ref())?;
+    Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
+    match (point.world_m, point.plan_px) {
+        (Some(world), None) => {
+            Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?;
+            if point.height_m.is_some() {
+                return at.key("height_m").expected("\"height_m\"", "it only beside \"plan_px\"");
+            }
+        }
+        (None, Some(plan)) => {
+            Bounds::COORDINATE.check_all(&at.key("plan_px"), &<[f64; 2]>::from(plan))?;
+            if site.plan.is_none() {
+                return at
+                    .key("plan_px")
+                    .expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
+            }
+        }
+        (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "one of them"),
+        (None, None) => {
+            return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\"");
+        }
+    }
+    optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
+    optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
+    optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
+}
+
+/// Whether a solution can be written and read again.
+pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
+    Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
+    let point = <[f64; 2]>::from(solution.principal_point_px);
+    Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    let pose = [
+        ("position_m", solution.position_m.is_some()),
+        ("yaw_deg", solution.yaw_deg.is_some()),
+        ("pitch_deg", solution.pitch_deg.is_some()),
+        ("roll_deg", solution.roll_deg.is_some()),
+    ];
+    for (key, is_there) in pose {
+        if !is_there && solution.stage != Stage::Lens {
+            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
+        }
+    }
+    if let Some(position) = solution.position_m {
+        Bounds::COORDINATE.check_all(&at.key("position_m"), &<[f64; 3]>::from(position))?;
+    }
+    let angles = [solution.yaw_deg, solution.pitch_deg, solution.roll_deg];
+    for (key, angle) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().zip(angles) {
+        optional(&at.key(key), angle, Bounds::DEGREES)?;
+    }
+    if let Some(distortion) = &solution.distortion {
+        check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
+    }
+    let efov = at.key("efov_m");
+    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
+    for (i, &point) in solution.efov_m.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
+    }
+    solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
+}
+
+fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
+    let n = covariance.of.len();
+    count(&at.key("of"), n, 100)?;
+    let expected = n * (n + 1) / 2;
+    if covariance.upper.len() != expected {
+        let found = format!("{} numbers", covariance.upper.len());
+        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
+    }
+    let broken = covariance.upper.iter().position(|value| !value.is_finite());
+    if let Some(i) = broken {
+        return at.key("upper").index(i).expected(covariance.upper[i], "a number");
+    }
+    // Row by row, the diagonal is the first of each row.
+    let mut first = 0;
+    for row in 0..n {
+        if covariance.upper[first] < 0.0 {
+            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
+        }
+        first += n - row;
+    }
+    Ok(())
+}
+
+/// An id may repeat when the periods of validity do not overlap.
+fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
+    let mut periods: HashMap<&str, Vec<(Timestamp, Timestamp)>> = HashMap::new();
+    for (i, camera) in cameras.iter().enumerate() {
+        let at = at.index(i);
+        let from = instant(&at.key("valid_from"), camera.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at.key("valid_to"), camera.valid_to.as_ref(), Timestamp::MAX)?;
+        if from >= to {
+            return at.key("valid_to").expected("a period that ends before it begins", "a later time");
+        }
+        let others = periods.entry(&camera.id).or_default();
+        if others.iter().any(|&(start, end)| from < end && start < to) {
+            let expected = "an id that no other camera has at the same time";
+            return at.key("id").expected(quoted(&camera.id), expected);
+        }
+        others.push((from, to));
+    }
+    Ok(())
+}
+
+fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestamp, SiteError> {
+    let Some(text) = text else { return Ok(absent) };
+    match text.parse() {
+        Ok(instant) => Ok(instant),
+        Err(_) => at.expected(quoted(text), "a time such as 2026-05-01T08:00:00Z").map(|()| absent),
+    }
+}
+
+impl SiteCamera {
+    /// Whether this calibration holds at a time (RFC 3339).
+    ///
+    /// # Errors
+    /// When the text is not a time.
+    pub fn is_valid_at(&self, time: &str) -> Result<bool, SiteError> {
+        let at = At::root();
+        let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
+        let from = instant(&at, self.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at, self.valid_to.as_ref(), Timestamp::MAX)?;
+        Ok(from <= when && when < to)
+    }
+
+    /// When this calibration holds: from the first to before the second, in nanoseconds since 1970 (UTC).
+    ///
+    /// What is open, or more than 292 years from 1970, is the least or the largest number.
+    ///
+    /// # Errors
+    /// When `valid_from` or `valid_to` is not a time.
+    pub fn period_ns(&self) -> Result<[i64; 2], SiteError> {
+        let at = At::root();
+        let nanoseconds = |time: Timestamp| {
+            let open = if time < Timestamp::UNIX_EPOCH { i64::MIN } else { i64::MAX };
+            i64::try_from(time.as_nanosecond()).unwrap_or(open)
+        };
+        let from = instant(&at.key("valid_from"), self.valid_from.as_ref(), Timestamp::MIN)?;
+        let to = instant(&at.key("valid_to"), self.valid_to.as_ref(), Timestamp::MAX)?;
+        Ok([from, to].map(nanoseconds))
+    }
+}

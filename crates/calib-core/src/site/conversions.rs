@@ -1,0 +1,383 @@
+//! Entries of the site file as the types of the geometry, and back.
+
+use crate::camera::{
+    BrownConrady, Camera, Covariance, Distortion, FloorPoint, Lens, Pixel, PlanScale, WorldPoint,
+};
+use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
+use crate::single::{Held, Prior, Priors};
+use crate::site::document::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
+use crate::site::solution::{
+    CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution, Stage,
+};
+
+impl Plan {
+    /// How the plan's picture lies in the base system.
+    #[must_use]
+    pub fn scale(&self) -> PlanScale {
+        PlanScale {
+            metres_per_px: self.metres_per_px,
+            origin: self.origin_px,
+            x_axis: self.x_axis_deg.to_radians(),
+        }
+    }
+}
+
+impl Site {
+    /// Where the site lies on the earth, said by itself or by its plan.
+    #[must_use]
+    pub fn georeference(&self) -> Option<&Georeference> {
+        self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
+    }
+
+    /// The first camera of this id.
+    #[must_use]
+    pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
+        self.cameras.iter().find(|camera| camera.id == id)
+    }
+}
+
+impl Mark {
+    /// The mark as a shape in the base system.
+    #[must_use]
+    pub fn shape(&self) -> Shape3 {
+        let (at, turn_deg) = match &self.solution {
+            Some(solution) => (solution.at_m, solution.turn_deg.unwrap_or(self.turn_deg)),
+            None => (self.at_m, self.turn_deg),
+        };
+        Shape3 { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
+    }
+}
+
+impl PlacementEntry {
+    /// The placement in metres and radians.
+    #[must_use]
+    pub fn placement(&self) -> Placement {
+        Placement { by: self.move_m, turn: self.turn_deg.to_radians(), scale: self.scale }
+    }
+}
+
+impl From<Placement> for PlacementEntry {
+    fn from(placement: Placement) -> Self {
+        Self {
+            move_m: placement.by,
+            turn_deg: placement.turn.to_degrees(),
+            scale: placement.scale,
+            fixed: false,
+        }
+    }
+}
+
+impl ControlPointEntry {
+    /// What residuals call it: its id, or its number in the list of its camera.
+    #[must_use]
+    pub fn label(&self, index: usize) -> String {
+        self.id.clone().unwrap_or_else(|| index.to_string())
+    }
+
+    /// The point with its place in the base system; `None` for a plan pixel without a plan.
+    #[must_use]
+    pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
+        let on_plan = || -> Option<WorldPoint> {
+            let floor = plan?.scale().floor_from_plan(self.plan_px?);
+            Some(floor.at_height(self.height_m.unwrap_or(0.0)))
+        };
+        Some(ControlPoint { pixel: self.px, world: self.world_m.or_else(on_plan)? })
+    }
+}
+
+impl DistortionEntry {
+    /// An entry of this model without coefficients.
+    #[must_use]
+    pub const fn new(model: DistortionModel) -> Self {
+        Self {
+            model,
+            k1: None,
+            k2: None,
+            k3: None,
+            k4: None,
+            p1: None,
+            p2: None,
+            lambda: None,
+            focal_px: None,
+            fit: None,
+        }
+    }
+
+    /// The coefficients, if they are given: those left out are 0.
+    #[must_use]
+    pub fn distortion(&self) -> Option<Distortion> {
+        let given = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2, self.lambda];
+        given.iter().any(Option::is_some).then_some(())?;
+        let value = |coefficient: Option<f64>| coefficient.unwrap_or(0.0);
+        let [k1, k2, k3, k4, p1, p2, lambda] = given.map(value);
+        Some(match self.model {
+            DistortionModel::BrownConrady => Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }),
+            DistortionModel::Division => Distortion::Division { lambda },
+            DistortionModel::KannalaBrandt => Distortion::KannalaBrandt { k: [k1, k2, k3, k4] },
+        })
+    }
+
+    /// The entry of a lens as a camera of this focal has it; `None` without distortion.
+    ///
+    /// Coefficients are expressed for `focal`, or keep a focal of their own where the model cannot.
+    #[must_use]
+    pub fn of(lens: &Lens, focal: f64) -> Option<Self> {
+        let (distortion, focal_px) = match lens.distortion.rescaled(focal / lens.focal) {
+            Some(distortion) => (distortion, None),
+            None => (lens.distortion, Some(lens.focal)),
+        };
+        match distortion {
+            Distortion::None => None,
+            Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => Some(Self {
+                k1: Some(k1),
+                k2: Some(k2),
+                k3: Some(k3),
+                p1: Some(p1),
+                p2: Some(p2),
+                focal_px,
+                ..Self::new(DistortionModel::BrownConrady)
+            }),
+            Distortion::Division { lambda } => {
+                Some(Self { lambda: Some(lambda), focal_px, ..Self::new(DistortionModel::Division) })
+            }
+            Distortion::KannalaBrandt { k: [k1, k2, k3, k4] } => Some(Self {
+                k1: Some(k1),
+                k2: Some(k2),
+                k3: Some(k3),
+                k4: Some(k4),
+                focal_px,
+                ..Self::new(DistortionModel::KannalaBrandt)
+            }),
+        }
+    }
+}
+
+impl SiteCamera {
+    /// The principal point: the one given, or the image centre.
+    #[must_use]
+    pub fn principal_point(&self) -> Pixel {
+        let [width, height] = self.size();
+        let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        given.unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+    }
+
+    /// The lens as far as it is given: distortion held at its coefficients, or none.
+    #[must_use]
+    pub fn lens(&self) -> Lens {
+        let pinhole = Lens::pinhole(self.principal_point());
+        let given = || {
+            let entry = self.lens.as_ref()?;
+            let coefficients = entry.distortion.as_ref()?;
+            let focal = coefficients.focal_px.or(entry.focal_px.map(|focal| focal.value))?;
+            Some(Lens { focal, distortion: coefficients.distortion()?, ..pinhole })
+        };
+        given().unwrap_or(pinhole)
+    }
+
+    /// What of the orientation is held.
+    #[must_use]
+    pub fn held(&self) -> Held {
+        let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
+        let Some(lens) = &self.lens else { return Held { height: fixed(self.height_m), ..Held::default() } };
+        Held {
+            roll: fixed(lens.roll_deg).map(f64::to_radians),
+            pitch: fixed(lens.pitch_deg).map(f64::to_radians),
+            focal: fixed(lens.focal_px),
+            height: fixed(self.height_m),
+        }
+    }
+
+    /// What is believed of the orientation and the height.
+    #[must_use]
+    pub fn priors(&self) -> Priors {
+        let prior = |known: Option<crate::Known>| {
+            known.and_then(|known| Some(Prior { value: known.value, sigma: known.sigma? }))
+        };
+        let radians = |known: Option<crate::Known>| {
+            prior(known).map(|p| Prior { value: p.value.to_radians(), sigma: p.sigma.to_radians() })
+        };
+        let lens = self.lens.as_ref();
+        Priors {
+            roll: radians(lens.and_then(|lens| lens.roll_deg)),
+            pitch: radians(lens.and_then(|lens| lens.pitch_deg)),
+            focal: prior(lens.and_then(|lens| lens.focal_px)),
+            height: prior(self.height_m),
+            weak_log_focal: None,
+        }
+    }
+
+    /// Whether its solution was typed or imported, and nothing is drawn that could change it.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
+    }
+
+    /// Whether it was solved, and stands where it belongs in the site.
+    #[must_use]
+    pub fn is_placed(&self) -> bool {
+        self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
+    }
+
+    /// The calibrated camera, if it was solved beyond its lens.
+    #[must_use]
+    pub fn camera(&self) -> Option<Camera> {
+        self.solution.as_ref()?.camera()
+    }
+
+    /// Corners of the EFOV on the floor, in metres: as solved, or what the polygon drawn covers, or the
+    /// default one. Empty without a calibration.
+    #[must_use]
+    pub fn floor_polygon(&self) -> Vec<FloorPoint> {
+        let Some(camera) = self.camera() else { return Vec::new() };
+        // A solution from elsewhere may come without its polygon on the floor.
+        match (&self.solution, &self.efov_px) {
+            (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
+            (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
+            _ => default_efov(&camera, self.size()).polygon,
+        }
+    }
+}
+
+impl Solution {
+    /// The pose and the lens of a camera, and nothing of how well they are known.
+    #[must_use]
+    pub fn of(camera: &Camera, method: Method, stage: Stage) -> Self {
+        Self {
+            position_m: Some(camera.position),
+            yaw_deg: Some(camera.yaw.to_degrees()),
+            pitch_deg: Some(camera.pitch.to_degrees()),
+            roll_deg: Some(camera.roll.to_degrees()),
+            distortion: DistortionEntry::of(&camera.lens, camera.focal),
+            ..Self::new(method, stage, camera.focal, camera.lens.principal_point)
+        }
+    }
+
+    /// The calibrated camera; `None` when only the lens is known.
+    #[must_use]
+    pub fn camera(&self) -> Option<Camera> {
+        Some(Camera {
+            position: self.position_m?,
+            yaw: self.yaw_deg?.to_radians(),
+            pitch: self.pitch_deg?.to_radians(),
+            roll: self.roll_deg?.to_radians(),
+            focal: self.focal_px,
+            lens: self.lens(),
+            covariance: self
+                .covariance
+                .as_ref()
+                .map_or(Covariance::EXACT, |entry| entry.covariance(self.focal_px, &self.lens().distortion)),
+        })
+    }
+
+    /// Principal point and distortion.
+    #[must_use]
+    pub fn lens(&self) -> Lens {
+        let pinhole = Lens { focal: self.focal_px, ..Lens::pinhole(self.principal_point_px) };
+        let Some(entry) = &self.distortion else { return pinhole };
+        let focal = entry.focal_px.unwrap_or(self.focal_px);
+        Lens { focal, distortion: entry.distortion().unwrap_or_default(), ..pinhole }
+    }
+}
+
+/// Files have degrees where the code has radians.
+fn unit_in_file(index: usize) -> f64 {
+    if matches!(index, Covariance::YAW | Covariance::PITCH | Covariance::ROLL) {
+        1_f64.to_degrees()
+    } else {
+        1.0
+    }
+}
+
+/// Name of an unknown in files.
+fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
+    let own = distortion.names();
+    Covariance::NAMES.get(index).or_else(|| own.get(index.checked_sub(Covariance::LENS)?)).copied()
+}
+
+/// The coefficients in a file are those for the camera's focal and change with it; those of a
+/// [`Lens`] are for a focal that stays. The slopes of the former by the latter and by the focal,
+/// where the latter are for a focal `ratio` times smaller.
+fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
+    let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
+    let mut slopes = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
+    for (i, &power) in powers.iter().enumerate() {
+        slopes[0][Covariance::LENS + i] = ratio.powi(power);
+        slopes[1][Covariance::LENS + i] = f64::from(power) * coefficients[i] * ratio.powi(power) / focal;
+    }
+    slopes
+}
+
+impl CovarianceEntry {
+    /// The matrix in metres, radians and pixels of a camera with this focal and distortion; names that
+    /// are not of the camera are left out.
+    #[must_use]
+    pub fn covariance(&self, focal: f64, distortion: &Distortion) -> Covariance {
+        let index = |known: &String| (0..Covariance::SIZE).find(|&i| name(i, distortion) == Some(known));
+        let rows: Vec<Option<usize>> = self.of.iter().map(index).collect();
+        let mut covariance = Covariance::EXACT;
+        let mut upper = self.upper.iter();
+        for (i, &a) in rows.iter().enumerate() {
+            for &b in &rows[i..] {
+                let value = upper.next().copied().unwrap_or(0.0);
+                if let (Some(a), Some(b)) = (a, b) {
+                    covariance.0[a][b] = value / unit_in_file(a) / unit_in_file(b);
+                    covariance.0[b][a] = covariance.0[a][b];
+                }
+            }
+        }
+        let [scale, by_focal] = in_file(distortion, 1.0, focal);
+        covariance.sheared(&scale, &by_focal.map(|slope| -slope))
+    }
+
+    /// The entry of everything that was estimated; `None` when nothing was.
+    #[must_use]
+    pub fn of(camera: &Camera) -> Option<Self> {
+        let distortion = camera.lens.distortion;
+        let [scale, by_focal] = in_file(&distortion, camera.focal / camera.lens.focal, camera.focal);
+        let covariance = camera.covariance.sheared(&scale, &by_focal);
+        let is_estimated =
+            |&i: &usize| camera.covariance.sigma(i).is_some() && name(i, &distortion).is_some();
+        let rows: Vec<usize> = (0..Covariance::SIZE).filter(is_estimated).collect();
+        let value = |a: usize, b: usize| covariance.0[a][b] * unit_in_file(a) * unit_in_file(b);
+        (!rows.is_empty()).then(|| Self {
+            of: rows.iter().filter_map(|&i| name(i, &distortion).map(str::to_owned)).collect(),
+            upper: rows
+                .iter()
+                .enumerate()
+                .flat_map(|(k, &a)| rows[k..].iter().map(move |&b| value(a, b)))
+                .collect(),
+        })
+    }
+}
+
+impl Sigmas {
+    /// The diagonal of a camera's covariance as files have it, and the error of floor lengths.
+    #[must_use]
+    pub fn of(camera: &Camera, floor_length_rel: Option<f64>) -> Self {
+        let entry = CovarianceEntry::of(camera);
+        let (names, upper) = entry.as_ref().map_or((&[][..], &[][..]), |e| (&e.of[..], &e.upper[..]));
+        let sigma = |known: &str| {
+            let row = names.iter().position(|name| name == known)?;
+            // Rows of an upper triangle grow shorter by one.
+            let diagonal = (0..row).map(|i| names.len() - i).sum::<usize>();
+            upper.get(diagonal).map(|variance| variance.max(0.0).sqrt())
+        };
+        Self {
+            x_m: sigma("x_m"),
+            y_m: sigma("y_m"),
+            z_m: sigma("z_m"),
+            yaw_deg: sigma("yaw_deg"),
+            pitch_deg: sigma("pitch_deg"),
+            roll_deg: sigma("roll_deg"),
+            focal_px: sigma("focal_px"),
+            k1: sigma("k1"),
+            k2: sigma("k2"),
+            k3: sigma("k3"),
+            k4: sigma("k4"),
+            p1: sigma("p1"),
+            p2: sigma("p2"),
+            lambda: sigma("lambda"),
+            floor_length_rel,
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! The site document, its checks, and the pipeline that solves it.
+//!
+//! Law: the only folder that knows names, degrees and files' words; it states no formula.
+
+mod solution;
+mod document;
+mod conversions;
+mod bounds;
+mod check_elements;
+mod check;
+mod options;
+mod lens_cache;
+mod lens_step;
+mod placement_step;
+mod single_step;
+mod observations;
+mod bundle_step;
+mod overlap;
+mod quality;
+mod pipeline;
+
+pub use bounds::{MAX_ITEMS, SiteError};
+pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
+pub use document::{
+    ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
+    PlacementEntry, Plan, Site, SiteCamera,
+};
+pub use lens_cache::KnownLenses;
+pub use options::Options;
+pub use pipeline::Report;
+pub use solution::{
+    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, ElementSolution, Method,
+    Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage,
+};

@@ -1,0 +1,297 @@
+//! The whole calibration of a site: every camera by itself, then placed.
+
+use std::collections::BTreeSet;
+
+use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
+use crate::finding::{Code, Failure, FailureCode, ResidualOf, Warning};
+use crate::floor::{default_efov, efov_on_floor};
+use crate::single::{Evidence, Mute, OPEN_FOCAL, line_name};
+use crate::site::bounds::At;
+use crate::site::bundle_step::{Joined, Together};
+use crate::site::check::check_solution;
+use crate::site::document::{Site, SiteCamera};
+use crate::site::lens_cache::KnownLenses;
+use crate::site::options::Options;
+use crate::site::placement_step::placed_uncertainty;
+use crate::site::single_step::{First, Lenses, Owners, listed, residuals_when_off, rms};
+use crate::site::solution::{DistortionEntry, ElementSolution, Method, SiteSolution, Solution, Stage};
+
+/// What calibrating a site found out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// For every camera that was asked for: its index in the site, and the result.
+    pub cameras: Vec<(usize, Result<Solution, Failure>)>,
+    /// For every link of the site: where it is, if it took part.
+    pub links: Vec<Option<ElementSolution>>,
+    /// For every mark of the site: where it is, if it took part.
+    pub marks: Vec<Option<ElementSolution>>,
+    /// What is to be said of the site as a whole.
+    pub site: SiteSolution,
+}
+
+impl Report {
+    /// The site with these results written into it; what was drawn and entered stays as it is.
+    #[must_use]
+    pub fn write_into(&self, site: &Site) -> Site {
+        let mut solved = site.clone();
+        solved.solution = (!self.site.is_empty()).then(|| self.site.clone());
+        for (link, found) in solved.links.iter_mut().zip(&self.links) {
+            link.solution.clone_from(found);
+        }
+        for (mark, found) in solved.marks.iter_mut().zip(&self.marks) {
+            mark.solution.clone_from(found);
+        }
+        for (index, result) in &self.cameras {
+            let camera = &mut solved.cameras[*index];
+            (camera.solution, camera.error) = match result {
+                Ok(solution) => (Some(solution.clone()), None),
+                Err(failure) => (None, Some(failure.clone())),
+            };
+        }
+        solved
+    }
+
+    /// Whether every camera has a result.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.cameras.iter().all(|(_, result)| result.is_ok())
+    }
+}
+
+impl Site {
+    /// Calibrates every camera that `options` asks for. A camera that cannot be solved does not keep
+    /// the others from it.
+    #[must_use]
+    pub fn calibrate(&self, options: &Options) -> Report {
+        self.calibrate_knowing(&KnownLenses::default(), options)
+    }
+
+    /// As [`Self::calibrate`], with lenses that need not be fitted again; see [`Self::lenses`].
+    #[must_use]
+    pub fn calibrate_knowing(&self, lenses: &KnownLenses, options: &Options) -> Report {
+        let firsts = self.firsts(lenses, options);
+        let is_joint = options.refine && options.method != Method::Paper;
+        let together = match options.method {
+            Method::Paper => Together::default(),
+            Method::MaximumLikelihood | Method::Given => self.join(&firsts, options.refine),
+        };
+        let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
+        let mut cameras: Vec<(usize, Result<Solution, Failure>)> = (0..self.cameras.len())
+            .filter(|&index| asked(&self.cameras[index]))
+            .map(|index| (index, self.finish(index, &firsts[index], &together, options.method)))
+            .collect();
+        let located = together.located();
+        self.add_shared_residuals(&together, &located, &mut cameras);
+        let [links, marks] = self.elements(&together, &located);
+        let mut site = self.quality(&together, &located, &cameras);
+        if !is_joint {
+            site.warnings.extend(self.unused_elements());
+        }
+        Report { cameras, links, marks, site }
+    }
+
+    /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
+    fn firsts(&self, known: &KnownLenses, options: &Options) -> Vec<Result<First, Failure>> {
+        let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
+        // Lenses that others share are fitted once.
+        let none = Owners::new();
+        let alone = Lenses { owners: &none, known };
+        let owners: Owners = self
+            .cameras
+            .iter()
+            .filter_map(like)
+            .collect::<BTreeSet<String>>()
+            .into_iter()
+            .filter_map(|id| {
+                let first = self.first(self.camera(&id)?, options, None, alone);
+                Some((id, first))
+            })
+            .collect();
+        let lenses = Lenses { owners: &owners, known };
+        let first = |camera: &SiteCamera| match owners.get(&camera.id) {
+            Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
+            _ => self.first(camera, options, None, lenses),
+        };
+        let mut firsts: Vec<Result<First, Failure>> = self.cameras.iter().map(first).collect();
+        let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
+        if !has_draft || options.method == Method::Paper {
+            return firsts;
+        }
+        let drafts = self.join(&firsts, false);
+        for (index, draft) in drafts.cameras.iter().enumerate() {
+            let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
+            if let (Some(draft), Some(own)) = (draft, own) {
+                let better = (&own.optics, draft.camera.lens);
+                firsts[index] = self.first(&self.cameras[index], options, Some(better), lenses);
+            }
+        }
+        firsts
+    }
+
+    /// What ties cameras together is not used while every camera is solved by itself.
+    fn unused_elements(&self) -> Vec<Warning> {
+        let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
+        let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
+        let distances = self.distances.iter().filter(|distance| !distance.off).count();
+        let unused = |(count, what): (usize, &str)| {
+            let message = format!("{count} {what} are not used: every camera is solved by itself.");
+            let advice = "Let the cameras be refined together, by the maximum-likelihood method.";
+            (count > 0).then(|| Warning::new(Code::UnusedAnnotation, message, advice))
+        };
+        let list = [(links, "links"), (marks, "marks tied to pixels"), (distances, "distances")];
+        list.into_iter().filter_map(unused).collect()
+    }
+
+    /// What is written of a camera: stage 1, improved with the others or placed by itself.
+    fn finish(
+        &self,
+        index: usize,
+        first: &Result<First, Failure>,
+        together: &Together,
+        method: Method,
+    ) -> Result<Solution, Failure> {
+        let entry = &self.cameras[index];
+        let first = first.as_ref().map_err(Clone::clone)?;
+        let mut solution = first.solution.clone();
+        if entry.is_given() {
+            // What an earlier solve said of what it shares is said anew.
+            solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
+            return check_finite(solution);
+        }
+        let Some(own) = solution.camera() else { return check_finite(solution) };
+        let joined = together.cameras.get(index).and_then(Option::as_ref);
+        let own = joined.map_or(own, |joined| joined.camera);
+        let (camera, stage) = match joined {
+            Some(joined) if joined.is_tied => {
+                // What was told of the height and what the placement says are held against each other
+                // all the same.
+                let mut said = Vec::new();
+                let _ = self.place(entry, first.solution.camera().unwrap_or(own), &mut said);
+                said.retain(|warning| warning.code == Code::ScaleConflict);
+                solution.warnings.extend(said);
+                (joined.camera, Stage::Refined)
+            }
+            _ => self.place(entry, own, &mut solution.warnings),
+        };
+        if let Some(joined) = joined {
+            rewrite(entry, &camera, first, joined, &mut solution);
+        }
+        solution.position_m = Some(camera.position);
+        solution.yaw_deg = Some(camera.yaw.to_degrees());
+        solution.stage = stage;
+        if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
+            placed_uncertainty(entry, &camera, &mut solution);
+        }
+        let straightness = first.optics.straightness_under(&camera.lens, &entry.annotations);
+        solution.residuals.extend(listed(straightness.into_iter(), &[]));
+        solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
+        solution.warnings.extend(first.optics.warnings(&entry.annotations));
+        mute(entry, &first.evidence, &mut solution.warnings);
+        check_lens(entry, &camera, &mut solution.warnings);
+        solution.efov_m = efov(entry, &camera, &mut solution.warnings);
+        self.add_control_residuals(entry, &camera, &mut solution);
+        check_finite(solution)
+    }
+}
+
+/// The numbers of the joint fit in place of those of stage 1.
+fn rewrite(entry: &SiteCamera, camera: &Camera, first: &First, joined: &Joined, solution: &mut Solution) {
+    solution.pitch_deg = Some(camera.pitch.to_degrees());
+    solution.roll_deg = Some(camera.roll.to_degrees());
+    solution.focal_px = camera.focal;
+    solution.principal_point_px = camera.lens.principal_point;
+    solution.distortion = DistortionEntry::of(&camera.lens, camera.focal);
+    solution.chi2 = Some(joined.chi2);
+    solution.dof = usize::try_from(joined.dof).ok();
+    solution.sigma_px = Some(joined.sigma);
+    let outliers = first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);
+    let off = residuals_when_off(entry, camera);
+    solution.residuals = listed(joined.residuals.iter().copied().chain(off), outliers);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    // What stage 1 left open the other cameras may tell.
+    let told =
+        camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
+    if joined.is_tied && told {
+        solution
+            .warnings
+            .retain(|warning| !matches!(warning.code, Code::FocalUnobservable | Code::PriorDominates));
+    }
+    if joined.is_tied && joined.misfit {
+        let (chi2, dof) = (joined.chi2, joined.dof);
+        solution.warnings.retain(|warning| warning.code != Code::Misfit);
+        solution.warnings.push(Warning::new(
+            Code::Misfit,
+            format!("The cameras that are fitted together contradict each other: chi-square {chi2:.0} for {dof} degrees of freedom."),
+            "Look for the largest residuals among links, marks and control points.",
+        ));
+    }
+}
+
+fn efov(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) -> Vec<FloorPoint> {
+    let Some(corners) = &entry.efov_px else { return default_efov(camera, entry.size()).polygon };
+    let efov = efov_on_floor(camera, corners);
+    if efov.clipped {
+        let message = if efov.polygon.is_empty() {
+            "The whole EFOV lies above the horizon or outside the lens."
+        } else {
+            "A part of the EFOV lies above the horizon, farther than 50 camera heights, or outside the lens; it was cut off."
+        };
+        let advice = "Draw the far edge of the EFOV lower, where the floor can still be told.";
+        warnings.push(Warning::new(Code::EfovAboveHorizon, message, advice));
+    }
+    efov.polygon
+}
+
+/// Warns when the lens folds back on itself inside the image.
+fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) {
+    if camera.lens.distortion == Distortion::None {
+        return;
+    }
+    if !camera.lens.shows_image(entry.size()) {
+        warnings.push(Warning::new(
+            Code::DistortionNotInvertible,
+            "The distortion folds back on itself inside the image: a corner shows no ray.",
+            "Draw straight edges nearer to the corners, or fit fewer coefficients.",
+        ));
+    }
+}
+
+fn mute(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
+    for (source, why) in &evidence.mute {
+        let label = entry.annotations[source.annotation].label(source.annotation);
+        let (says, advice) = match why {
+            Mute::OutsideLens => (
+                "has a point where the lens shows nothing",
+                "Move the point inward, or correct the distortion.",
+            ),
+            Mute::NoLength => ("has no length", "Draw it again, or delete it."),
+        };
+        let name = line_name(&entry.annotations, source.annotation, source.segment);
+        let message = format!("{name} of {label} {says}.");
+        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
+    }
+}
+
+/// A result with a number that is none is no result.
+fn check_finite(solution: Solution) -> Result<Solution, Failure> {
+    let pose = solution.camera().is_none_or(|camera| {
+        let angles = [camera.roll, camera.pitch, camera.yaw, camera.focal];
+        let known = camera.covariance.0.iter().flatten().all(|value| value.is_finite());
+        known && camera.position.is_finite() && angles.iter().all(|value| value.is_finite())
+    });
+    let quality =
+        [solution.rms_px, solution.chi2, solution.sigma_px].iter().flatten().all(|value| value.is_finite());
+    let others = solution.alternatives.iter().all(|other| {
+        [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
+    });
+    // What cannot be read again must not be written.
+    let readable = check_solution(&At::root(), &solution).is_ok();
+    if pose && quality && others && readable {
+        return Ok(solution);
+    }
+    Err(Failure::new(
+        FailureCode::NoSolution,
+        "The numbers drawn and entered are too extreme to be calculated with.",
+        "Look for a value that is thousands of times too large or too small.",
+    ))
+}

@@ -1,0 +1,291 @@
+//! Stage 1 of one camera by itself: its lens, its lines, by either method.
+
+use std::collections::BTreeMap;
+
+use crate::camera::{Camera, Covariance, Lens, WorldPoint};
+use crate::finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
+use crate::floor::STAGE_1_HEIGHT;
+use crate::single::{
+    Annotation, Evidence, Fit, FitOptions, Held, Kind, Orientation, Priors, Shape, Solved, Source, draw_next,
+    paper_minimum, residuals_at, warnings,
+};
+use crate::site::document::{Site, SiteCamera};
+use crate::site::lens_cache::KnownLenses;
+use crate::site::lens_step::Optics;
+use crate::site::options::Options;
+use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
+
+/// Stage 1 of the cameras whose lens others share, by their ids.
+pub(crate) type Owners = BTreeMap<String, Result<First, Failure>>;
+
+/// What is known of lenses before a camera is asked for its own.
+#[derive(Clone, Copy)]
+pub(crate) struct Lenses<'a> {
+    pub(crate) owners: &'a Owners,
+    pub(crate) known: &'a KnownLenses,
+}
+
+/// What is held of the orientation; the focal may be that of the camera this one is like.
+fn held_of(entry: &SiteCamera, owner: Option<&Result<First, Failure>>) -> Result<Held, Failure> {
+    let own = entry.held();
+    match owner {
+        None => Ok(own),
+        // Of edges alone the focal stays open: each camera's own lines tell it.
+        Some(Ok(owner)) if owner.solution.stage == Stage::Lens && owner.held.focal.is_none() => Ok(own),
+        Some(Ok(owner)) => Ok(Held { focal: owner.held.focal.or(Some(owner.solution.focal_px)), ..own }),
+        Some(Err(failure)) => {
+            let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
+            let message =
+                format!("The lens is that of camera \"{like}\", which has no result: {}", failure.message);
+            let advice = format!("Complete camera \"{like}\" first, or give this camera a lens of its own.");
+            Err(Failure::new(FailureCode::MissingValue, message, advice))
+        }
+    }
+}
+
+/// Stage 1 of one camera.
+#[derive(Clone, Debug)]
+pub(crate) struct First {
+    pub(crate) solution: Solution,
+    pub(crate) optics: Optics,
+    /// What the lines said through the lens, and what of them was held.
+    pub(crate) evidence: Evidence,
+    pub(crate) held: Held,
+    /// The maximum-likelihood fit.
+    pub(crate) fit: Option<Fit>,
+}
+
+impl First {
+    /// Whether the lens was fitted to lines of this camera, and lines were drawn beside.
+    pub(crate) fn is_fitted(&self) -> bool {
+        self.fit.is_some() && self.optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
+    }
+}
+
+impl Site {
+    /// Stage 1 of a camera; what was typed or imported stands.
+    ///
+    /// A lens that is fitted is known better once stage 1 has spoken, too: `better` is what the joint fit
+    /// made of the first answer. Until then no line is set aside, for it may be the lens that is wrong.
+    pub(crate) fn first(
+        &self,
+        entry: &SiteCamera,
+        options: &Options,
+        better: Option<(&Optics, Lens)>,
+        lenses: Lenses,
+    ) -> Result<First, Failure> {
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
+        let owner = like.and_then(|id| lenses.owners.get(id));
+        let mut optics = match (better, owner) {
+            (Some((optics, _)), _) => optics.clone(),
+            (None, Some(Ok(owner))) => owner.optics.shared_by(entry),
+            _ => self.optics(entry, lenses.known),
+        };
+        let lens = better.map(|(_, lens)| lens);
+        let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        optics.lens = lens.unwrap_or(optics.lens);
+        let lens = optics.lens;
+        let first = |solution, optics, evidence, held, fit| First { solution, optics, evidence, held, fit };
+        if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
+            return Ok(first(given.clone(), optics, Evidence::default(), Held::default(), None));
+        }
+        let held = held_of(entry, owner)?;
+        let evidence = Evidence::new(&entry.annotations, &lens, false);
+        let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
+        if evidence.is_empty() && optics.fit.is_some() && is_open {
+            return Ok(first(lens_only(entry, &optics), optics, evidence, held, None));
+        }
+        let (solution, fit) = match options.method {
+            Method::Paper => (paper(entry, &evidence, lens, held)?, None),
+            Method::MaximumLikelihood | Method::Given => {
+                let believed = options.prior;
+                let (solution, fit) = likelihood(entry, &evidence, lens, held, [believed, is_draft])?;
+                (solution, Some(fit))
+            }
+        };
+        Ok(first(solution, optics, evidence, held, fit))
+    }
+}
+
+/// Stage 1 by the joint fit in pixels.
+fn likelihood(
+    entry: &SiteCamera,
+    evidence: &Evidence,
+    lens: Lens,
+    held: Held,
+    [prior, keeps_all]: [bool; 2],
+) -> Result<(Solution, Fit), Failure> {
+    let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
+    let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
+    let options = FitOptions {
+        lens,
+        size: entry.size(),
+        efov: entry.efov_px.as_deref().unwrap_or_default(),
+        held,
+        // What is held needs no belief beside it.
+        priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
+        sigma: entry.sigma_px,
+        weak_belief: prior,
+        keep: &keep,
+    };
+    let fit = Fit::new(evidence, &options)?;
+    let next = draw_next(&fit, evidence, &options);
+    let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
+    solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
+    solution.covariance = CovarianceEntry::of(&fit.camera);
+    solution.sigma_px = Some(fit.sigma);
+    solution.chi2 = Some(fit.chi2);
+    solution.dof = usize::try_from(fit.dof).ok();
+    solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
+    solution.warnings = warnings(&fit, &entry.annotations, next.as_ref());
+    solution.draw_next = next;
+    unused(&entry.annotations, "The fit does not use", |_| false, &mut solution.warnings);
+    let off = residuals_when_off(entry, &fit.camera);
+    solution.residuals = listed(fit.residuals.iter().copied().chain(off), &fit.outliers);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    Ok((solution, fit))
+}
+
+/// What is switched off, as far from the prediction of a camera as it is.
+pub(crate) fn residuals_when_off(entry: &SiteCamera, camera: &Camera) -> Vec<(Source, f64)> {
+    let off = Evidence::new(&entry.annotations, &camera.lens, true);
+    let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
+    residuals_at(&off, at, camera.position.z, entry.size()[0])
+}
+
+fn alternative(other: &Solved, entry: &SiteCamera) -> Alternative {
+    let focal = other.orientation.focal;
+    Alternative {
+        focal_px: focal,
+        hfov_deg: 2.0 * (0.5 * entry.size()[0] / focal).atan().to_degrees(),
+        pitch_deg: other.orientation.pitch.to_degrees(),
+        roll_deg: other.orientation.roll.to_degrees(),
+        chi2: other.chi2,
+    }
+}
+
+/// Stage 1 as the paper has it.
+fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Result<Solution, Failure> {
+    let width = entry.size()[0];
+    let (at, _) = paper_minimum(evidence, held, width)?;
+    let height = held.height.unwrap_or(STAGE_1_HEIGHT);
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, height),
+        yaw: 0.0,
+        pitch: at.pitch,
+        roll: at.roll,
+        focal: at.focal,
+        lens,
+        covariance: Covariance::EXACT,
+    };
+    let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
+    let off = Evidence::new(&entry.annotations, &lens, true);
+    let both = [evidence, &off].into_iter().flat_map(|evidence| residuals_at(evidence, at, height, width));
+    solution.residuals = listed(both, &[]);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
+    unused(&entry.annotations, "The paper's method does not use", unknown, &mut solution.warnings);
+    priors_unused(entry, &mut solution.warnings);
+    Ok(solution)
+}
+
+pub(crate) fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -> Vec<Residual> {
+    let mut list: Vec<Residual> = residuals
+        .filter(|(_, px)| px.is_finite())
+        .map(|(source, px)| Residual {
+            of: ResidualOf::Annotation,
+            annotation: Some(source.annotation),
+            segment: Some(source.segment),
+            id: None,
+            px,
+            outlier: outliers.contains(&source),
+        })
+        .collect();
+    list.sort_by_key(|residual| (residual.annotation, residual.segment));
+    list
+}
+
+/// Covariance of a camera of which only the lens was fitted.
+fn lens_covariance(optics: &Optics) -> Covariance {
+    let mut covariance = Covariance::EXACT;
+    if let Some(fit) = optics.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
+        for (i, row) in fit.covariance.iter().enumerate() {
+            covariance.0[Covariance::LENS + i][Covariance::LENS..].copy_from_slice(row);
+        }
+    }
+    covariance
+}
+
+/// The solution of a camera whose straight edges are all that was drawn: its lens.
+fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
+    // Without a focal the width of the image is the unit of the coefficients.
+    let focal =
+        entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(entry.size()[0], |focal| focal.value);
+    let camera = Camera {
+        position: WorldPoint::default(),
+        yaw: 0.0,
+        pitch: 0.0,
+        roll: 0.0,
+        focal,
+        lens: optics.lens,
+        covariance: lens_covariance(optics),
+    };
+    let mut solution = Solution {
+        distortion: DistortionEntry::of(&camera.lens, focal),
+        sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
+        covariance: CovarianceEntry::of(&camera),
+        ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
+    };
+    solution.residuals = listed(optics.straightness_under(&optics.lens, &entry.annotations).into_iter(), &[]);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    solution.warnings = optics.warnings(&entry.annotations);
+    solution
+}
+
+/// Root mean square of the residuals of what was used.
+pub(crate) fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<f64> {
+    let is_used = |r: &&Residual| !r.outlier && r.annotation.is_some_and(|index| !annotations[index].off);
+    let squares: Vec<f64> = residuals.iter().filter(is_used).map(|r| r.px * r.px).collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// What a method cannot use is named, never dropped in silence.
+fn unused(
+    annotations: &[Annotation],
+    who: &str,
+    unknown: impl Fn(Kind) -> bool,
+    warnings: &mut Vec<Warning>,
+) {
+    for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| !a.off) {
+        let row = annotation.kind.row();
+        let drawn = annotation.segments.as_ref().map_or(0, Vec::len);
+        let tied = annotation.at_right_angles_to.is_some()
+            || annotation.id.is_some() && annotations.iter().any(|a| a.at_right_angles_to == annotation.id);
+        let (why, advice) = if unknown(annotation.kind) {
+            (String::new(), "Switch it off, or use a method that does.")
+        } else if row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0) {
+            (format!(": it has {drawn} segment(s) and needs {}", row.least), "Draw the missing segments.")
+        } else {
+            continue;
+        };
+        let message = format!("{who} {}{why}.", annotation.label(index));
+        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
+    }
+}
+
+fn priors_unused(entry: &SiteCamera, warnings: &mut Vec<Warning>) {
+    let lens = entry.lens.as_ref();
+    let priors = [
+        ("lens.focal_px", lens.and_then(|l| l.focal_px)),
+        ("lens.pitch_deg", lens.and_then(|l| l.pitch_deg)),
+        ("lens.roll_deg", lens.and_then(|l| l.roll_deg)),
+        ("height_m", entry.height_m),
+    ];
+    for (field, _) in priors.iter().filter(|(_, known)| known.is_some_and(|known| !known.fixed)) {
+        warnings.push(Warning::new(
+            Code::UnusedAnnotation,
+            format!("The paper's method does not use the prior {field}."),
+            "Hold it with \"fixed\": true, or use --method ml.",
+        ));
+    }
+}

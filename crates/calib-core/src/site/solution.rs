@@ -1,0 +1,360 @@
+//! What solving writes into the site file.
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::{FloorPoint, Pixel, WorldPoint};
+use crate::finding::{Residual, Warning};
+use crate::single::DrawNext;
+
+/// Declares plain structs of the document: strict, with optional fields left out when absent.
+macro_rules! document {
+    ($($(#[$attribute:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
+        $(#[$attribute])*
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $($(#[$field_doc])* pub $field: $type,)+
+        }
+    )+};
+}
+
+pub(crate) use document;
+
+document! {
+    /// Coefficients of a distortion model, or which of them to fit.
+    struct DistortionEntry {
+        /// Which model.
+        model: DistortionModel,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k1: Option<f64>,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k2: Option<f64>,
+        /// Brown-Conrady or Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k3: Option<f64>,
+        /// Kannala-Brandt.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k4: Option<f64>,
+        /// Brown-Conrady.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p1: Option<f64>,
+        /// Brown-Conrady.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p2: Option<f64>,
+        /// Division.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lambda: Option<f64>,
+        /// Focal that the coefficients refer to, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_px: Option<f64>,
+        /// Coefficients to fit.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        fit: Option<Vec<Coefficient>>,
+    }
+
+    /// What solving found out about a camera.
+    struct Solution {
+        /// By which method.
+        method: Method,
+        /// How far it got.
+        stage: Stage,
+        /// x0, y0, z0, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position_m: Option<WorldPoint>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        yaw_deg: Option<f64>,
+        /// In degrees, positive down.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pitch_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        roll_deg: Option<f64>,
+        /// In pixels.
+        focal_px: f64,
+        /// Raw pixel.
+        principal_point_px: Pixel,
+        /// Coefficients for `focal_px`, or for a focal of their own.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        distortion: Option<DistortionEntry>,
+        /// Standard deviations of what was estimated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma: Option<Sigmas>,
+        /// Covariance of everything estimated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        covariance: Option<CovarianceEntry>,
+        /// Standard deviation of a drawn coordinate that the sigmas stand on, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_px: Option<f64>,
+        /// Root mean square of the residuals, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        rms_px: Option<f64>,
+        /// Sum of the squared residuals over their variances.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        chi2: Option<f64>,
+        /// Residuals minus unknowns.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dof: Option<usize>,
+        /// The EFOV on the floor, in metres.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        efov_m: Vec<FloorPoint>,
+        /// One for every piece of evidence.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        residuals: Vec<Residual>,
+        /// Other minima that the data cannot rule out.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        alternatives: Vec<Alternative>,
+        /// What the operator should know.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        warnings: Vec<Warning>,
+        /// The drawing that would help most.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        draw_next: Option<DrawNext>,
+    }
+
+    /// Standard deviations of what was estimated; absent where nothing was.
+    #[derive(Default)]
+    struct Sigmas {
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        x_m: Option<f64>,
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        y_m: Option<f64>,
+        /// In metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        z_m: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        yaw_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pitch_deg: Option<f64>,
+        /// In degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        roll_deg: Option<f64>,
+        /// In pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_px: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k1: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k2: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k3: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k4: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p1: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        p2: Option<f64>,
+        /// Coefficient of the distortion.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lambda: Option<f64>,
+        /// Relative standard deviation of lengths on the floor inside the EFOV.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_length_rel: Option<f64>,
+    }
+
+    /// A covariance matrix: what its rows are, and its upper triangle row by row.
+    struct CovarianceEntry {
+        /// Names as in the solution, with their units.
+        of: Vec<String>,
+        /// Upper triangle, row by row.
+        upper: Vec<f64>,
+    }
+
+    /// Another minimum that the data cannot rule out.
+    struct Alternative {
+        /// In pixels.
+        focal_px: f64,
+        /// Horizontal field of view, in degrees.
+        hfov_deg: f64,
+        /// In degrees.
+        pitch_deg: f64,
+        /// In degrees.
+        roll_deg: f64,
+        /// Its sum of squared residuals over their variances.
+        chi2: f64,
+    }
+
+    /// What solving found out about a link or a mark.
+    struct ElementSolution {
+        /// Where it is, in metres.
+        at_m: WorldPoint,
+        /// In degrees, where it has a direction.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        turn_deg: Option<f64>,
+        /// Length of a post, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_m: Option<f64>,
+        /// Standard deviations.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma: Option<Sigmas>,
+        /// One for every camera that shows it.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        residuals: Vec<SeenResidual>,
+    }
+
+    /// How far a camera's pixel of a link or mark is from the prediction.
+    struct SeenResidual {
+        /// Id of the camera.
+        camera: String,
+        /// In pixels.
+        px: f64,
+        /// Whether it was set aside.
+        outlier: bool,
+    }
+
+    /// What solving found out about the site as a whole.
+    #[derive(Default)]
+    struct SiteSolution {
+        /// Ids of the cameras that hang together, group by group.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        components: Vec<Vec<String>>,
+        /// Whether metres are metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scale: Option<Scale>,
+        /// Gap around the loops of the camera graph, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        loop_closure_m: Option<f64>,
+        /// Pairs of cameras that see the same floor.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        overlaps: Vec<Overlap>,
+        /// What the operator should know.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        warnings: Vec<Warning>,
+    }
+
+    /// Two cameras that see the same floor, and how far they disagree there.
+    struct Overlap {
+        /// Their ids.
+        cameras: [String; 2],
+        /// Root mean square of the distances on the floor between where the two put what both show, in
+        /// metres; absent where they share no evidence.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_rms_m: Option<f64>,
+        /// Predicted standard deviation of such a distance from the calibration alone, over the floor
+        /// that both see, in metres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_sigma_m: Option<f64>,
+    }
+}
+
+/// Names of the distortion models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum DistortionModel {
+    /// k1, k2, k3, p1, p2 in OpenCV's terms.
+    BrownConrady,
+    /// lambda.
+    Division,
+    /// k1 to k4, OpenCV's fisheye.
+    KannalaBrandt,
+}
+
+/// Names of the distortion coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names are those of the coefficients")]
+pub enum Coefficient {
+    K1,
+    K2,
+    K3,
+    K4,
+    P1,
+    P2,
+    Lambda,
+}
+
+/// How a solution came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The joint fit in pixels.
+    MaximumLikelihood,
+    /// The paper's criterion.
+    Paper,
+    /// Imported or typed.
+    Given,
+}
+
+/// How far a solution got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Stage {
+    /// Only the distortion.
+    Lens,
+    /// Roll, pitch and focal: stage 1.
+    Partial,
+    /// Position and yaw, too: stage 2.
+    Placed,
+    /// Improved together with other cameras.
+    Refined,
+}
+
+/// Whether the site's metres are metres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Something gives it.
+    Known,
+    /// The height of 3 m of the first camera stands.
+    Unknown,
+}
+
+impl Solution {
+    /// A solution that says nothing but its focal, in pixels, and its principal point.
+    #[must_use]
+    pub const fn new(method: Method, stage: Stage, focal_px: f64, principal_point_px: Pixel) -> Self {
+        Self {
+            method,
+            stage,
+            position_m: None,
+            yaw_deg: None,
+            pitch_deg: None,
+            roll_deg: None,
+            focal_px,
+            principal_point_px,
+            distortion: None,
+            sigma: None,
+            covariance: None,
+            sigma_px: None,
+            rms_px: None,
+            chi2: None,
+            dof: None,
+            efov_m: Vec::new(),
+            residuals: Vec::new(),
+            alternatives: Vec::new(),
+            warnings: Vec::new(),
+            draw_next: None,
+        }
+    }
+}
+
+impl SiteSolution {
+    /// Whether there is nothing to be said.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        let Self { components, scale, loop_closure_m, overlaps, warnings } = self;
+        components.is_empty()
+            && scale.is_none()
+            && loop_closure_m.is_none()
+            && overlaps.is_empty()
+            && warnings.is_empty()
+    }
+}
