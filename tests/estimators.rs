@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, Camera, Code, Evidence, Fit, FitOptions, Held, Kind, Known, Lens, LensEntry, Method, Options,
-    Pixel, PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,
+    Annotation, Camera, Code, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, Lens, LensEntry,
+    Method, Options, Pixel, PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
@@ -20,15 +20,15 @@ fn scenes(drawn: Drawn, count: usize, seed: u64) -> Vec<RandomScene> {
 }
 
 fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> Fit {
-    let evidence = Evidence::new(annotations, &lens(), false);
+    let evidence = Constraints::new(annotations, &lens(), false);
     let options = FitOptions {
         lens: lens(),
         size: SIZE,
         efov: &scene.efov,
-        held: Held::default(),
+        held: FixedParameters::default(),
         priors: Priors::default(),
         sigma,
-        weak_belief: true,
+        weak_prior: true,
         keep: &[],
     };
     Fit::new(&evidence, &options).unwrap_or_else(|failure| panic!("{failure}"))
@@ -38,8 +38,8 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
 fn the_papers_method_finds_exact_scenes() {
     for drawn in [Drawn::Directions, Drawn::Lengths] {
         for scene in scenes(drawn, 40, 21) {
-            let evidence = Evidence::new(&scene.annotations, &lens(), false);
-            let (at, _) = paper_minimum(&evidence, Held::default(), SIZE[0]).unwrap();
+            let evidence = Constraints::new(&scene.annotations, &lens(), false);
+            let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).unwrap();
             assert!(
                 (at.focal / scene.camera.focal - 1.0).abs() < 1e-3,
                 "{drawn:?} {at:?} {:?}",

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Code, Distortion, Edge, Fitted, Kind, KnownLenses, Lens, LensFit, LensOptions,
+    Annotation, BrownConrady, Code, Distortion, Edge, Fitted, Kind, Lens, LensCache, LensFit, LensOptions,
     Options, Pixel, Source, UndistortedPixel,
 };
 use calib_demo::random::normal;
@@ -372,14 +372,18 @@ fn polylines(data: &Value) -> Vec<Vec<Pixel>> {
 fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_moved() {
     let mut site = demo_site_with(KnownLens::Fitted).site;
     let options = Options::default();
-    let lenses = site.lenses(&KnownLenses::default());
-    assert_eq!(site.calibrate_knowing(&lenses, &options), site.calibrate(&options));
+    let lenses = site.lenses(&LensCache::default());
+    assert_eq!(site.calibrate_with_lenses(&lenses, &options), site.calibrate(&options));
     let mut drawn = site.cameras.iter_mut().flat_map(|camera| &mut camera.annotations);
     let edge = drawn.find(|annotation| annotation.kind == Kind::Straight).unwrap();
     edge.points.as_mut().unwrap()[1].u += 2.0;
     let alone = site.calibrate(&options);
-    assert_eq!(site.calibrate_knowing(&lenses, &options), alone, "the old lens is not that of these edges");
-    assert_eq!(site.calibrate_knowing(&site.lenses(&lenses), &options), alone);
+    assert_eq!(
+        site.calibrate_with_lenses(&lenses, &options),
+        alone,
+        "the old lens is not that of these edges"
+    );
+    assert_eq!(site.calibrate_with_lenses(&site.lenses(&lenses), &options), alone);
 }
 
 #[test]

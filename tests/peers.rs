@@ -6,8 +6,8 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Covariance, Distortion, Evidence, Held, Kind, Lens, Pixel, WorldPoint,
-    paper_minimum,
+    Annotation, BrownConrady, Camera, Constraints, Covariance, Distortion, FixedParameters, Kind, Lens,
+    Pixel, WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use calib_tests::{peers_python, root, shared};
@@ -134,7 +134,8 @@ fn the_papers_method_is_as_good_as_in_scipy() {
         let error = |focal: f64, scene: &RandomScene| (focal / scene.camera.focal - 1.0).abs();
         let ours = scenes.iter().map(|(scene, noisy)| {
             let (at, _) =
-                paper_minimum(&Evidence::new(noisy, &lens, false), Held::default(), SIZE[0]).unwrap();
+                paper_minimum(&Constraints::new(noisy, &lens, false), FixedParameters::default(), SIZE[0])
+                    .unwrap();
             error(at.focal, scene)
         });
         let (ours, theirs) = (

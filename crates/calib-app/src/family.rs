@@ -1,6 +1,6 @@
 //! Cameras that fit what was drawn as well as the solution does: a second one, or a whole family.
 
-use calib_core::{Camera, Code, Known, KnownLenses, Options, Site, SiteCamera, Solution};
+use calib_core::{Camera, Code, Known, LensCache, Options, Site, SiteCamera, Solution};
 
 /// A camera with a horizontal field of view that was asked for, and how it fits.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ fn focal_of(camera: &SiteCamera, view: f64) -> f64 {
 
 /// The camera with this field of view that fits best.
 #[must_use]
-pub fn fit(site: &Site, index: usize, view: f64, lenses: &KnownLenses) -> Option<Fit> {
+pub fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> Option<Fit> {
     let mut camera = site.cameras.get(index)?.clone();
     let focal = focal_of(&camera, view);
     camera.lens.get_or_insert_default().focal_px = Some(Known::fixed(focal));
@@ -54,7 +54,7 @@ pub fn fit(site: &Site, index: usize, view: f64, lenses: &KnownLenses) -> Option
     let cameras = std::iter::once(camera).chain(like).collect();
     let alone = Site { cameras, plan: site.plan.clone(), ..Site::new() };
     let options = Options { refine: false, cameras: Some(vec![id]), ..Options::default() };
-    let report = alone.calibrate_knowing(&alone.lenses(lenses), &options);
+    let report = alone.calibrate_with_lenses(&alone.lenses(lenses), &options);
     let solution = report.cameras.into_iter().next()?.1.ok()?;
     let pose = solution.camera()?;
     Some(Fit { view, solution, pose })
@@ -63,7 +63,7 @@ pub fn fit(site: &Site, index: usize, view: f64, lenses: &KnownLenses) -> Option
 impl Family {
     /// What else fits a camera; `None` where nothing does.
     #[must_use]
-    pub fn of(site: &Site, index: usize, solution: &Solution, lenses: &KnownLenses) -> Option<Self> {
+    pub fn of(site: &Site, index: usize, solution: &Solution, lenses: &LensCache) -> Option<Self> {
         let camera = site.cameras.get(index)?;
         let own = view_of(camera, solution.focal_px);
         let shown = |a: f64, b: f64| Some([fit(site, index, a, lenses)?, fit(site, index, b, lenses)?]);
@@ -97,7 +97,7 @@ impl Family {
     }
 
     /// Shows another member.
-    pub fn choose(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &KnownLenses) {
+    pub fn choose(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &LensCache) {
         if let (Some(shown), Some(fit)) = (self.shown.get_mut(which), fit(site, index, view, lenses)) {
             *shown = fit;
         }
@@ -118,11 +118,11 @@ mod tests {
         (camera.control_points, camera.placement) = (Vec::new(), None);
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        let family = Family::of(&site, 0, solution, &KnownLenses::default())
+        let family = Family::of(&site, 0, solution, &LensCache::default())
             .expect("verticals alone do not tell the focal");
         let [low, high] = family.range.expect("a family, not two cameras");
         assert!(high - low > 20.0, "{low} to {high}");
-        let rms = |view: f64| fit(&site, 0, view, &KnownLenses::default()).unwrap().solution.rms_px.unwrap();
+        let rms = |view: f64| fit(&site, 0, view, &LensCache::default()).unwrap().solution.rms_px.unwrap();
         assert!((rms(low) - rms(high)).abs() < 1.0, "{} and {} px", rms(low), rms(high));
         assert!(family.shown[0].view != family.shown[1].view);
     }
@@ -132,6 +132,6 @@ mod tests {
         let site = calib_demo::demo_site().site;
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        assert!(Family::of(&site, 0, solution, &KnownLenses::default()).is_none());
+        assert!(Family::of(&site, 0, solution, &LensCache::default()).is_none());
     }
 }

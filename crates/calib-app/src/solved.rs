@@ -1,7 +1,7 @@
 //! The results of the site: recomputed where what they follow from differs, never edited.
 
 use calib_core::{
-    Camera, Failure, FailureCode, KnownLenses, Options, Pixel, Placement, Plan, Report, Site, SiteCamera,
+    Camera, Failure, FailureCode, LensCache, Options, Pixel, Placement, Plan, Report, Site, SiteCamera,
     Solution, Stage,
 };
 use web_time::Instant;
@@ -33,13 +33,13 @@ impl Input {
     }
 
     /// The result, and the lenses that need not be fitted again where the edges stay.
-    fn solve(&self, before: &KnownLenses) -> (Result<Solution, Failure>, KnownLenses) {
+    fn solve(&self, before: &LensCache) -> (Result<Solution, Failure>, LensCache) {
         let cameras = std::iter::once(self.camera.clone()).chain(self.like.clone()).collect();
         let site = Site { cameras, plan: self.plan.clone(), ..Site::new() };
         let options =
             Options { refine: false, cameras: Some(vec![self.camera.id.clone()]), ..Options::default() };
         let lenses = site.lenses(before);
-        let report = site.calibrate_knowing(&lenses, &options);
+        let report = site.calibrate_with_lenses(&lenses, &options);
         let first = report.cameras.into_iter().find(|(index, _)| *index == 0).map(|(_, result)| result);
         let result = first.unwrap_or_else(|| {
             Err(Failure {
@@ -77,7 +77,7 @@ struct Entry {
     input: Input,
     result: Result<Solution, Failure>,
     pose: Option<Camera>,
-    lenses: KnownLenses,
+    lenses: LensCache,
 }
 
 /// The results of a joint solve, for as long as the site is what it was then.
@@ -152,7 +152,7 @@ impl Solved {
                 advice: "Resume it to have this camera solved.".into(),
             }),
             pose: None,
-            lenses: KnownLenses::default(),
+            lenses: LensCache::default(),
         };
         let known =
             |camera: &SiteCamera| self.entries.iter().find(|entry| entry.input.camera.id == camera.id);
@@ -172,7 +172,7 @@ impl Solved {
         }
         let same = |entry: &&Entry| entry.input.camera.id == camera.id;
         let before = self.entries.iter().find(same).map(|entry| &entry.lenses);
-        let (result, lenses) = input.solve(before.unwrap_or(&KnownLenses::default()));
+        let (result, lenses) = input.solve(before.unwrap_or(&LensCache::default()));
         let pose = result.as_ref().ok().and_then(Solution::camera);
         Entry { input, result, pose, lenses }
     }
@@ -204,7 +204,7 @@ impl Solved {
 
     /// The lenses that were fitted for a camera.
     #[must_use]
-    pub fn lenses(&self, index: usize) -> KnownLenses {
+    pub fn lenses(&self, index: usize) -> LensCache {
         self.entries.get(index).map(|entry| entry.lenses.clone()).unwrap_or_default()
     }
 

@@ -234,7 +234,7 @@ fn on_floor(index: usize, camera: &Camera, pixel: Pixel) -> Option<OnFloor> {
         camera: index,
         point: Vector2::new(floor.x, floor.y),
         noise: Matrix2::from(covariance.pixel),
-        slopes: Slopes::from(camera.floor_slopes(pixel)?),
+        slopes: Slopes::from(camera.floor_jacobian(pixel)?),
     })
 }
 

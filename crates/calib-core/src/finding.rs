@@ -43,7 +43,7 @@ codes! {
         Weak = "weak",
         /// The predicted relative error of floor lengths is over 10 %.
         Unusable = "unusable",
-        /// One annotation contradicts the others and was set aside.
+        /// One annotation contradicts the others and was rejected.
         Outlier = "outlier",
         /// The annotations contradict each other and none of them explains it.
         Misfit = "misfit",
@@ -163,6 +163,6 @@ pub struct Residual {
     pub id: Option<String>,
     /// Distance from the prediction, in pixels; of lines and lengths with a sign for the side.
     pub px: f64,
-    /// Whether it was set aside.
+    /// Whether it was rejected.
     pub outlier: bool,
 }

@@ -122,14 +122,15 @@ pub use floor::{
     with_placement_covariance,
 };
 pub use single::{
-    Annotation, DrawNext, Edge, End, Evidence, Fit, FitOptions, Fitted, Held, KINDS, Kind, KindRow, Known,
-    Length, LensFit, LensOptions, Line, Mute, Orientation, Prior, Priors, Shape, Solved, Source, Toward,
-    Upright, closed_form, draw_next, line_name, paper_minimum, straightness_rms, warnings,
+    Annotation, Constraints, Direction, DrawNext, Edge, Endpoint, Fit, FitOptions, Fitted, FixedParameters,
+    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
+    Priors, Shape, Source, Unusable, Upright, closed_form, draw_next, line_name, paper_minimum,
+    straightness_rms, warnings,
 };
 #[cfg(feature = "serde")]
 pub use site::{
     Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
-    ElementSolution, Format, Georeference, KnownLenses, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES,
+    ElementSolution, Format, Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES,
     MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Options, Overlap, PlacementEntry,
     Plan, Report, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage,
 };

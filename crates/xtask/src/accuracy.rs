@@ -1,8 +1,8 @@
 //! The table of accuracy: every estimator on the same draws, beside the Cramér-Rao bound.
 
 use calib_core::{
-    Annotation, Camera, Covariance, Evidence, Fit, FitOptions, Held, Lens, Orientation, Pixel, Priors,
-    paper_minimum,
+    Annotation, Camera, Constraints, Covariance, Fit, FitOptions, FixedParameters, Lens, Orientation, Pixel,
+    Priors, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;
@@ -124,15 +124,15 @@ fn lens() -> Lens {
 
 /// The whole default solve of one camera.
 pub(crate) fn likelihood(annotations: &[Annotation], scene: &RandomScene, noise: f64) -> Option<Camera> {
-    let evidence = Evidence::new(annotations, &lens(), false);
+    let evidence = Constraints::new(annotations, &lens(), false);
     let options = FitOptions {
         lens: lens(),
         size: SIZE,
         efov: &scene.efov,
-        held: Held::default(),
+        held: FixedParameters::default(),
         priors: Priors::default(),
         sigma: Some(noise),
-        weak_belief: true,
+        weak_prior: true,
         keep: &[],
     };
     Some(Fit::new(&evidence, &options).ok()?.camera)
@@ -144,14 +144,14 @@ fn camera_at(at: Orientation, scene: &RandomScene) -> Camera {
 
 /// The paper's criterion, minimised by Nelder-Mead.
 pub(crate) fn paper(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
-    let evidence = Evidence::new(annotations, &lens(), false);
-    let (at, _) = paper_minimum(&evidence, Held::default(), SIZE[0]).ok()?;
+    let evidence = Constraints::new(annotations, &lens(), false);
+    let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).ok()?;
     Some(camera_at(at, scene))
 }
 
 /// Two vanishing points: `f^2 = -v . h` of the nadir and the first parallel group.
 fn closed_form(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
-    let evidence = Evidence::new(annotations, &lens(), false);
+    let evidence = Constraints::new(annotations, &lens(), false);
     let at = calib_core::closed_form(&evidence)?;
     Some(camera_at(at, scene))
 }

@@ -1,13 +1,13 @@
-//! The joint fit as a whole: the minimum, wrong ties, beliefs, sigmas.
+//! The joint fit as a whole: the minimum, wrong landmarks, priors, sigmas.
 
 use nalgebra::DMatrix;
 
-use crate::bundle::landmark::{Gap, PLACE, Tie};
-use crate::bundle::parameters::VIEW;
-use crate::bundle::problem::{Joint, Of, View};
+use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
+use crate::bundle::parameters::CAMERA_PARAMS;
+use crate::bundle::problem::{BundleProblem, ResidualBlock, View};
 use crate::camera::{Camera, Covariance};
-use crate::optimize::{BlockCovariance, Reached, least_squares};
-use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, stands_out};
+use crate::optimize::{BlockCovariance, Summary, least_squares};
+use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, is_significant};
 
 /// Steps of one run; a start along a spanning tree is near.
 const ROUNDS: usize = 60;
@@ -15,52 +15,52 @@ const ROUNDS: usize = 60;
 /// open together has a large variance and not an infinite one.
 const OPEN: f64 = 1e-12;
 
-/// Something that may be set aside.
+/// Something that may be rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Suspect {
-    /// A tie, by its index.
-    Tie(usize),
+pub(crate) enum OutlierCandidate {
+    /// A landmark, by its index.
+    Landmark(usize),
     /// A measured distance, by its index.
-    Gap(usize),
+    Distance(usize),
 }
 
-/// Where a thing is.
+/// Where a landmark is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Placed {
-    pub(crate) place: [f64; PLACE],
+pub(crate) struct LandmarkEstimate {
+    pub(crate) place: [f64; LANDMARK_PARAMS],
     /// Of the unknowns of the place; zeros for those held.
-    pub(crate) covariance: [[f64; PLACE]; PLACE],
+    pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
 }
 
 /// What the joint fit found.
 #[derive(Clone, Debug)]
-pub(crate) struct Adjusted {
+pub(crate) struct Adjustment {
     /// With the covariance of what was estimated.
     pub(crate) cameras: Vec<Camera>,
-    /// Of ties that were used.
-    pub(crate) places: Vec<Option<Placed>>,
+    /// Of landmarks that were used.
+    pub(crate) places: Vec<Option<LandmarkEstimate>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
     /// By which the variances of what was drawn are multiplied.
     pub(crate) inflation: f64,
-    /// Ties and distances that were set aside.
-    pub(crate) aside: Vec<Suspect>,
-    /// The evidence contradicts itself, and nothing that may be set aside explains it.
+    /// Landmarks and distances that were rejected.
+    pub(crate) rejected: Vec<OutlierCandidate>,
+    /// The evidence contradicts itself, and nothing that may be rejected explains it.
     pub(crate) misfit: bool,
     /// Every residual in sigmas.
-    pub(crate) residuals: Vec<(Of, f64)>,
+    pub(crate) residuals: Vec<(ResidualBlock, f64)>,
     /// Directions and lengths of stage 1, of every camera.
     pub(crate) nuisance: Vec<Vec<f64>>,
-    /// Covariance of cameras that see things in common, for the first and the second of a pair.
-    pub(crate) pairs: Vec<([usize; 2], Across)>,
+    /// Covariance of cameras that see landmarks in common, for the first and the second of a pair.
+    pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
 }
 
 /// Covariance of the unknowns of one camera with those of another, as [`Covariance`] has them.
-pub(crate) type Across = Box<[[f64; VIEW]; VIEW]>;
+pub(crate) type CrossCovariance = Box<[[f64; CAMERA_PARAMS]; CAMERA_PARAMS]>;
 
 /// A state of a joint problem that is a minimum.
-struct Settled<'a> {
-    joint: Joint<'a>,
+struct Converged<'a> {
+    problem: BundleProblem<'a>,
     state: Vec<f64>,
     chi2: f64,
     dof: i64,
@@ -68,119 +68,126 @@ struct Settled<'a> {
     covariance: Option<BlockCovariance>,
 }
 
-/// Everything that is known together: cameras, lenses, ties and distances, and the noise.
+/// Everything that is known together: cameras, lenses, landmarks and distances, and the noise.
 #[derive(Clone, Debug)]
-pub(crate) struct Network<'a> {
+pub(crate) struct BundleAdjustment<'a> {
     pub(crate) views: Vec<View<'a>>,
-    pub(crate) ties: Vec<Tie>,
-    pub(crate) gaps: Vec<Gap>,
+    pub(crate) landmarks: Vec<Landmark>,
+    pub(crate) measurements: Vec<DistanceMeasurement>,
     /// Whose drawing noise was given; where all of it was, a chi-square is a judgement.
     pub(crate) noise_is_given: Vec<bool>,
 }
 
-impl Network<'_> {
+impl BundleAdjustment<'_> {
     fn noise_is_known(&self) -> bool {
         self.noise_is_given.iter().all(|&given| given)
     }
 
     /// The joint fit; `None` where the start is impossible.
-    pub(crate) fn adjust(&self) -> Option<Adjusted> {
-        let mut aside = Vec::new();
-        let mut settled = self.settle(&aside)?;
-        // Every wrong tie costs a search; many wrong ones are a misfit that the operator must see.
-        let most = (self.ties.len() / 10).clamp(1, 20);
-        while aside.len() < most && settled.is_suspicious() {
-            let Some((suspect, without)) = self.culprit(&settled, &aside) else { break };
+    pub(crate) fn adjust(&self) -> Option<Adjustment> {
+        let mut rejected = Vec::new();
+        let mut converged = self.solve_without(&rejected)?;
+        // Every wrong landmark costs a search; many wrong ones are a misfit that the operator must see.
+        let most = (self.landmarks.len() / 10).clamp(1, 20);
+        while rejected.len() < most && converged.has_outliers() {
+            let Some((candidate, without)) = self.worst_outlier(&converged, &rejected) else { break };
             let explains = !is_misfit(without.chi2, without.dof);
-            let count = self.ties.len() + self.gaps.len();
-            let stark = stands_out(settled.chi2, without.chi2, without.dof, count);
-            if !(stark || explains && (self.noise_is_known() || aside.is_empty())) {
+            let count = self.landmarks.len() + self.measurements.len();
+            let stark = is_significant(converged.chi2, without.chi2, without.dof, count);
+            if !(stark || explains && (self.noise_is_known() || rejected.is_empty())) {
                 break;
             }
-            aside.push(suspect);
-            settled = without;
+            rejected.push(candidate);
+            converged = without;
         }
-        Some(self.finish(settled, aside))
+        Some(self.finish(converged, rejected))
     }
 
-    /// Ties and distances with some of them set aside.
-    fn without(&self, aside: &[Suspect]) -> (Vec<Tie>, Vec<Gap>) {
-        let (mut ties, mut gaps) = (self.ties.clone(), self.gaps.clone());
-        for suspect in aside {
-            match *suspect {
-                Suspect::Tie(tie) => {
-                    ties[tie].off = true;
-                    gaps.iter_mut().filter(|gap| gap.between.contains(&tie)).for_each(|gap| gap.off = true);
+    /// Landmarks and distances with some of them rejected.
+    fn without(&self, rejected: &[OutlierCandidate]) -> (Vec<Landmark>, Vec<DistanceMeasurement>) {
+        let (mut landmarks, mut measurements) = (self.landmarks.clone(), self.measurements.clone());
+        for candidate in rejected {
+            match *candidate {
+                OutlierCandidate::Landmark(landmark) => {
+                    landmarks[landmark].off = true;
+                    measurements
+                        .iter_mut()
+                        .filter(|measurement| measurement.between.contains(&landmark))
+                        .for_each(|measurement| measurement.off = true);
                 }
-                Suspect::Gap(gap) => gaps[gap].off = true,
+                OutlierCandidate::Distance(measurement) => measurements[measurement].off = true,
             }
         }
-        (ties, gaps)
+        (landmarks, measurements)
     }
 
-    /// The minimum without what is set aside. The weak belief about a focal enters where nothing else
+    /// The minimum without what is rejected. The weak prior about a focal enters where nothing else
     /// tells it, links included.
-    fn settle(&self, aside: &[Suspect]) -> Option<Settled<'_>> {
-        let believed: Vec<Option<Prior>> =
+    fn solve_without(&self, rejected: &[OutlierCandidate]) -> Option<Converged<'_>> {
+        let weak_prior_used: Vec<Option<Prior>> =
             self.views.iter().map(|view| view.stage_1.priors.weak_log_focal).collect();
         let with = |which: &dyn Fn(usize) -> bool| {
             let mut views = self.views.clone();
             for (index, view) in views.iter_mut().enumerate() {
-                view.stage_1.priors.weak_log_focal = believed[index].filter(|_| which(index));
+                view.stage_1.priors.weak_log_focal = weak_prior_used[index].filter(|_| which(index));
             }
-            let (ties, gaps) = self.without(aside);
-            Joint::new(views, ties, gaps)
+            let (landmarks, measurements) = self.without(rejected);
+            BundleProblem::new(views, landmarks, measurements)
         };
-        if believed.iter().all(Option::is_none) {
-            return settled(with(&|_| false));
+        if weak_prior_used.iter().all(Option::is_none) {
+            return converged(with(&|_| false));
         }
-        let Some(alone) = settled(with(&|_| false)) else { return settled(with(&|_| true)) };
+        let Some(alone) = converged(with(&|_| false)) else { return converged(with(&|_| true)) };
         let asked: Vec<(usize, (usize, usize))> = (0..self.views.len())
-            .filter(|&view| believed[view].is_some())
-            .filter_map(|view| Some((view, alone.joint.slots(view)[Covariance::FOCAL]?)))
+            .filter(|&view| weak_prior_used[view].is_some())
+            .filter_map(|view| Some((view, alone.problem.camera_layout(view)[Covariance::FOCAL]?)))
             .collect();
         let covariance = alone.covariance();
         let mut open = vec![false; self.views.len()];
         for (view, (block, place)) in asked {
-            let own = covariance.as_ref().map(|known| known.block(&alone.joint.blocks, block, block));
+            let own = covariance.as_ref().map(|known| known.block(&alone.problem.blocks, block, block));
             // A focal is as sure as the variance of its log; not a number is not sure.
             open[view] = !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL);
         }
         if open.contains(&true) {
-            settled(with(&|view| open[view]))
+            converged(with(&|view| open[view]))
         } else {
-            Some(Settled { covariance, ..alone })
+            Some(Converged { covariance, ..alone })
         }
     }
 
     /// What the rest agrees best without, with the minimum there.
-    fn culprit(&self, settled: &Settled, aside: &[Suspect]) -> Option<(Suspect, Settled<'_>)> {
+    fn worst_outlier(
+        &self,
+        converged: &Converged,
+        rejected: &[OutlierCandidate],
+    ) -> Option<(OutlierCandidate, Converged<'_>)> {
         // Exact where it is cheap; a big network has the redundancy to show it by the residual alone.
-        let most = (4000 / settled.joint.blocks.unknowns().max(1)).clamp(1, 8);
-        let mut suspects = settled.suspects();
-        suspects.truncate(most);
-        let tried = suspects.into_iter().filter_map(|suspect| {
-            let without: Vec<Suspect> = aside.iter().copied().chain([suspect]).collect();
-            let found = self.settle(&without)?;
-            (found.dof >= 1).then_some((suspect, found))
+        let most = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
+        let mut candidates = converged.candidates();
+        candidates.truncate(most);
+        let tried = candidates.into_iter().filter_map(|candidate| {
+            let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([candidate]).collect();
+            let found = self.solve_without(&without)?;
+            (found.dof >= 1).then_some((candidate, found))
         });
         tried.min_by(|a, b| {
-            let score = |found: &Settled| chi2_score(found.chi2, found.dof);
+            let score = |found: &Converged| chi2_score(found.chi2, found.dof);
             score(&a.1).total_cmp(&score(&b.1))
         })
     }
 
-    fn finish(&self, mut settled: Settled, aside: Vec<Suspect>) -> Adjusted {
-        let covariance = settled.covariance.take().or_else(|| settled.covariance());
-        let Settled { joint, state, chi2, dof, .. } = settled;
+    fn finish(&self, mut converged: Converged, rejected: Vec<OutlierCandidate>) -> Adjustment {
+        let covariance = converged.covariance.take().or_else(|| converged.covariance());
+        let Converged { problem, state, chi2, dof, .. } = converged;
         let misfit = is_misfit(chi2, dof);
         let inflation = if self.noise_is_known() { 1.0 } else { inflation(chi2, dof) };
         let mut residuals = Vec::new();
-        let _ = joint.each_residual(&state, |residual, _, of| residuals.push((of, residual)));
-        let mut cameras: Vec<Camera> = (0..joint.views.len())
+        let _ = problem.each_residual(&state, |residual, _, of| residuals.push((of, residual)));
+        let mut cameras: Vec<Camera> = (0..problem.views.len())
             .map(|view| {
-                let camera = joint.camera(&state, view);
-                let is_free = joint.slots(view)[Covariance::YAW].is_some();
+                let camera = problem.camera(&state, view);
+                let is_free = problem.camera_layout(view)[Covariance::YAW].is_some();
                 let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
                 Camera { yaw, covariance: Covariance::EXACT, ..camera }
             })
@@ -191,38 +198,42 @@ impl Network<'_> {
         };
         let mut pairs = Vec::new();
         if let Some(covariance) = &covariance {
-            let all: Vec<Across> = (0..cameras.len())
-                .map(|view| across(&joint, covariance, [view, view], &cameras, inflated([view, view])))
+            let all: Vec<CrossCovariance> = (0..cameras.len())
+                .map(|view| {
+                    cross_covariance(&problem, covariance, [view, view], &cameras, inflated([view, view]))
+                })
                 .collect();
             for (camera, own) in cameras.iter_mut().zip(all) {
                 camera.covariance = Covariance(*own);
             }
-            let coupled: std::collections::BTreeSet<[usize; 2]> = joint
-                .ties
+            let coupled: std::collections::BTreeSet<[usize; 2]> = problem
+                .landmarks
                 .iter()
-                .filter(|tie| !tie.off)
-                .flat_map(|tie| {
-                    let views = tie.views();
+                .filter(|landmark| !landmark.off)
+                .flat_map(|landmark| {
+                    let views = landmark.views();
                     let pairs = |i: usize| views[i + 1..].iter().map(|&b| [views[i], b]).collect::<Vec<_>>();
                     (0..views.len()).flat_map(pairs).collect::<Vec<_>>()
                 })
                 .collect();
             pairs = coupled
                 .into_iter()
-                .map(|pair| (pair, across(&joint, covariance, pair, &cameras, inflated(pair))))
+                .map(|pair| (pair, cross_covariance(&problem, covariance, pair, &cameras, inflated(pair))))
                 .collect();
         }
-        let placed = |tie: usize| {
-            (!joint.ties[tie].off).then(|| Placed {
-                place: joint.place(&state, tie),
-                covariance: covariance.as_ref().map_or([[0.0; PLACE]; PLACE], |covariance| {
-                    place_covariance(&joint, covariance, tie, inflation)
-                }),
+        let placed = |landmark: usize| {
+            (!problem.landmarks[landmark].off).then(|| LandmarkEstimate {
+                place: problem.place(&state, landmark),
+                covariance: covariance
+                    .as_ref()
+                    .map_or([[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS], |covariance| {
+                        place_covariance(&problem, covariance, landmark, inflation)
+                    }),
             })
         };
-        let places = (0..joint.ties.len()).map(placed).collect();
-        let nuisance = (0..joint.views.len()).map(|view| joint.nuisance(&state, view)).collect();
-        Adjusted { nuisance, cameras, places, chi2, dof, inflation, aside, misfit, residuals, pairs }
+        let places = (0..problem.landmarks.len()).map(placed).collect();
+        let nuisance = (0..problem.views.len()).map(|view| problem.nuisance(&state, view)).collect();
+        Adjustment { nuisance, cameras, places, chi2, dof, inflation, rejected, misfit, residuals, pairs }
     }
 }
 
@@ -232,45 +243,51 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-fn settled(joint: Joint<'_>) -> Option<Settled<'_>> {
-    let Reached { state, cost: chi2, .. } = least_squares(&joint, joint.start(), ROUNDS)?;
-    let dof = joint.dof(&state)?;
-    Some(Settled { joint, state, chi2, dof, covariance: None })
+fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
+    let Summary { state, cost: chi2, .. } = least_squares(&problem, problem.start(), ROUNDS)?;
+    let dof = problem.dof(&state)?;
+    Some(Converged { problem, state, chi2, dof, covariance: None })
 }
 
-impl Settled<'_> {
+impl Converged<'_> {
     fn covariance(&self) -> Option<BlockCovariance> {
-        self.joint.blocks.covariance(self.joint.normal(&self.state)?, OPEN)
+        self.problem.blocks.covariance(self.problem.normal(&self.state)?, OPEN)
     }
 
-    /// What may be set aside with its chi-square and its spare residuals, the worst first.
-    fn scores(&self) -> Vec<(Suspect, f64)> {
-        let mut ties = vec![0.0; self.joint.ties.len()];
-        let mut gaps = vec![0.0; self.joint.gaps.len()];
-        let _ = self.joint.each_residual(&self.state, |residual, _, of| match of {
-            Of::Sighting { tie, .. } | Of::Place { tie } => ties[tie] += residual * residual,
-            Of::Gap { gap } => gaps[gap] += residual * residual,
-            Of::Drawing { .. } | Of::Edge { .. } | Of::Belief => {}
+    /// What may be rejected with its chi-square and its spare residuals, the worst first.
+    fn scores(&self) -> Vec<(OutlierCandidate, f64)> {
+        let mut landmarks = vec![0.0; self.problem.landmarks.len()];
+        let mut measurements = vec![0.0; self.problem.measurements.len()];
+        let _ = self.problem.each_residual(&self.state, |residual, _, of| match of {
+            ResidualBlock::Observation { landmark, .. } | ResidualBlock::LandmarkPrior { landmark } => {
+                landmarks[landmark] += residual * residual
+            }
+            ResidualBlock::Distance { measurement } => measurements[measurement] += residual * residual,
+            ResidualBlock::Annotation { .. } | ResidualBlock::StraightEdge { .. } | ResidualBlock::Prior => {}
         });
-        let tie = |(index, tie): (usize, &Tie)| {
-            let free = !tie.off && !tie.keep && tie.spare() > 0;
-            free.then(|| (Suspect::Tie(index), chi2_score(ties[index], tie.spare())))
+        let landmark = |(index, landmark): (usize, &Landmark)| {
+            let free = !landmark.off && !landmark.keep && landmark.redundancy() > 0;
+            free.then(|| {
+                (OutlierCandidate::Landmark(index), chi2_score(landmarks[index], landmark.redundancy()))
+            })
         };
-        let gap = |(index, gap): (usize, &Gap)| {
-            (!gap.off && !gap.keep).then(|| (Suspect::Gap(index), chi2_score(gaps[index], 1)))
+        let measurement = |(index, measurement): (usize, &DistanceMeasurement)| {
+            (!measurement.off && !measurement.keep)
+                .then(|| (OutlierCandidate::Distance(index), chi2_score(measurements[index], 1)))
         };
-        let mut scores: Vec<(Suspect, f64)> = self.joint.ties.iter().enumerate().filter_map(tie).collect();
-        scores.extend(self.joint.gaps.iter().enumerate().filter_map(gap));
+        let mut scores: Vec<(OutlierCandidate, f64)> =
+            self.problem.landmarks.iter().enumerate().filter_map(landmark).collect();
+        scores.extend(self.problem.measurements.iter().enumerate().filter_map(measurement));
         scores.sort_by(|a, b| b.1.total_cmp(&a.1));
         scores
     }
 
-    fn suspects(&self) -> Vec<Suspect> {
-        self.scores().into_iter().map(|(suspect, _)| suspect).collect()
+    fn candidates(&self) -> Vec<OutlierCandidate> {
+        self.scores().into_iter().map(|(candidate, _)| candidate).collect()
     }
 
-    /// The whole is too far off for drawing noise, or one of the ties is, as the worst of so many.
-    fn is_suspicious(&self) -> bool {
+    /// The whole is too far off for drawing noise, or one of the landmarks is, as the worst of so many.
+    fn has_outliers(&self) -> bool {
         let scores = self.scores();
         let worst = scores.first().map_or(0.0, |(_, score)| *score);
         let limit = (LEVEL * LEVEL + 2.0 * (scores.len().max(1) as f64).ln()).sqrt();
@@ -279,21 +296,21 @@ impl Settled<'_> {
 }
 
 /// Covariance of the unknowns of two cameras, or of one, with the focal in pixels.
-fn across(
-    joint: &Joint,
+fn cross_covariance(
+    problem: &BundleProblem,
     covariance: &BlockCovariance,
     [a, b]: [usize; 2],
     cameras: &[Camera],
     inflation: f64,
-) -> Across {
-    let mut found = Box::new([[0.0; VIEW]; VIEW]);
+) -> CrossCovariance {
+    let mut found = Box::new([[0.0; CAMERA_PARAMS]; CAMERA_PARAMS]);
     let mut cache: Vec<([usize; 2], DMatrix<f64>)> = Vec::new();
-    for (i, from) in joint.slots(a).iter().enumerate() {
-        for (j, to) in joint.slots(b).iter().enumerate() {
+    for (i, from) in problem.camera_layout(a).iter().enumerate() {
+        for (j, to) in problem.camera_layout(b).iter().enumerate() {
             let (Some((p, row)), Some((q, column))) = (from, to) else { continue };
             let known = cache.iter().position(|(pair, _)| *pair == [*p, *q]);
             let at = known.unwrap_or_else(|| {
-                cache.push(([*p, *q], covariance.block(&joint.blocks, *p, *q)));
+                cache.push(([*p, *q], covariance.block(&problem.blocks, *p, *q)));
                 cache.len() - 1
             });
             let focal = |index: usize, view: usize| {
@@ -306,15 +323,15 @@ fn across(
 }
 
 fn place_covariance(
-    joint: &Joint,
+    problem: &BundleProblem,
     covariance: &BlockCovariance,
-    tie: usize,
+    landmark: usize,
     inflation: f64,
-) -> [[f64; PLACE]; PLACE] {
-    let mut found = [[0.0; PLACE]; PLACE];
-    let Some(block) = joint.tie_block(tie) else { return found };
-    let own = covariance.block(&joint.blocks, block, block);
-    let free: Vec<usize> = (0..PLACE).filter(|&k| joint.ties[tie].free[k]).collect();
+) -> [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS] {
+    let mut found = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
+    let Some(block) = problem.landmark_block(landmark) else { return found };
+    let own = covariance.block(&problem.blocks, block, block);
+    let free: Vec<usize> = (0..LANDMARK_PARAMS).filter(|&k| problem.landmarks[landmark].free[k]).collect();
     for (i, &k) in free.iter().enumerate() {
         for (j, &l) in free.iter().enumerate() {
             found[k][l] = own[(i, j)] * inflation;

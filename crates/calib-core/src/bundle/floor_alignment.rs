@@ -8,17 +8,17 @@
 
 use std::collections::BTreeMap;
 
-use crate::bundle::landmark::{APART, Thing, Tie};
+use crate::bundle::landmark::{APART, Landmark, LandmarkModel};
 use crate::bundle::triangulation::is_known;
 use crate::camera::{Camera, FloorPoint, WorldPoint};
-use crate::optimize::{Blocks, Slope};
+use crate::optimize::{BlockStructure, JacobianBlock};
 
 /// A place as a camera puts it, and where it is known to be.
 type Seen = ([f64; 2], FloorPoint);
 
 /// What one camera puts on the floor.
 #[derive(Clone, Copy, Debug)]
-struct Put {
+struct FloorSighting {
     view: usize,
     /// Relative to the foot of the camera.
     at: [f64; 2],
@@ -29,15 +29,15 @@ struct Put {
 }
 
 /// Moves, turns and scales the cameras that are `free` until their floors agree on the points they share.
-pub(crate) fn lay(cameras: &mut [Camera], free: &[bool], ties: &[Tie]) {
-    let (puts, _) = puts(cameras, ties);
-    let Some(turned) = turns(&puts, free) else { return };
+pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[Landmark]) {
+    let (observations, _) = observations(cameras, landmarks);
+    let Some(turned) = solve_rotations(&observations, free) else { return };
     for (view, [turn, log_scale]) in turned {
         cameras[view].yaw += turn;
         cameras[view].position.z *= log_scale.clamp(-2.0, 2.0).exp();
     }
-    let (puts, points) = self::puts(cameras, ties);
-    for (view, [x, y]) in moves(&puts, points, free).unwrap_or_default() {
+    let (observations, points) = self::observations(cameras, landmarks);
+    for (view, [x, y]) in solve_translations(&observations, points, free).unwrap_or_default() {
         let WorldPoint { x: x0, y: y0, z } = cameras[view].position;
         cameras[view].position = WorldPoint { x: x0 + x, y: y0 + y, z };
     }
@@ -45,11 +45,11 @@ pub(crate) fn lay(cameras: &mut [Camera], free: &[bool], ties: &[Tie]) {
 
 /// Moves a chain whose cameras each show too little that is known to where all of it together lies: by a
 /// similarity, or by a move where one place is all that is known.
-pub(crate) fn bring_to_known(component: &[usize], cameras: &mut [Camera], ties: &[Tie]) {
+pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
     let mut pairs: Vec<Seen> = Vec::new();
-    for tie in ties.iter().filter(|tie| !tie.off && is_known(tie)) {
-        for seen in tie.sightings.iter().filter(|seen| component.contains(&seen.view)) {
-            let at = tie.thing.point(&tie.place, seen.point).0;
+    for landmark in landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark)) {
+        for seen in landmark.observations.iter().filter(|seen| component.contains(&seen.view)) {
+            let at = landmark.model.point(&landmark.place, seen.point).0;
             if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
                 pairs.push(([found.x, found.y], at.on_floor()));
             }
@@ -61,15 +61,15 @@ pub(crate) fn bring_to_known(component: &[usize], cameras: &mut [Camera], ties: 
     let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
     let (mut a, mut b) = (1.0, 0.0);
     if pairs.iter().any(|pair| pair.1.distance(first) > APART) {
-        let (mut along, mut across, mut square) = (0.0, 0.0, 0.0);
+        let (mut along, mut cross_covariance, mut square) = (0.0, 0.0, 0.0);
         for ([x, y], at) in &pairs {
             let (x, y, u, v) = (x - from[0], y - from[1], at.x - to[0], at.y - to[1]);
             along += x * u + y * v;
-            across += x * v - y * u;
+            cross_covariance += x * v - y * u;
             square += x * x + y * y;
         }
-        if square > 0.0 && along.hypot(across) > 0.0 {
-            (a, b) = (along / square, across / square);
+        if square > 0.0 && along.hypot(cross_covariance) > 0.0 {
+            (a, b) = (along / square, cross_covariance / square);
         }
     }
     for &view in component {
@@ -82,9 +82,9 @@ pub(crate) fn bring_to_known(component: &[usize], cameras: &mut [Camera], ties: 
 }
 
 /// Turn and log scale of every camera that is free.
-fn turns(puts: &[Put], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
-    let mut pairs: BTreeMap<[usize; 2], Vec<[Put; 2]>> = BTreeMap::new();
-    for group in puts.chunk_by(|a, b| a.point == b.point) {
+fn solve_rotations(observations: &[FloorSighting], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
+    let mut pairs: BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> = BTreeMap::new();
+    for group in observations.chunk_by(|a, b| a.point == b.point) {
         for (i, a) in group.iter().enumerate() {
             for b in group[i + 1..].iter().filter(|b| b.view != a.view) {
                 let (a, b) = if a.view < b.view { (a, b) } else { (b, a) };
@@ -103,35 +103,41 @@ fn turns(puts: &[Put], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
             for k in 0..2 {
                 let mut by = [0.0; 2];
                 by[k] = *weight;
-                let back = by.map(|slope| -slope);
+                let back = by.map(|jacobian| -jacobian);
                 let rows = [(pair[0], &by), (pair[1], &back)];
-                let slopes: Vec<Slope> = rows
+                let jacobian: Vec<JacobianBlock> = rows
                     .iter()
-                    .filter_map(|(view, by)| Some(Slope { block: block_of[*view]?, by: *by }))
+                    .filter_map(|(view, by)| Some(JacobianBlock { block: block_of[*view]?, by: *by }))
                     .collect();
-                blocks.add(normal, -weight * change[k], &slopes);
+                blocks.add(normal, -weight * change[k], &jacobian);
             }
         }
     })
 }
 
 /// Move of every camera that is free.
-fn moves(puts: &[Put], points: usize, free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
+fn solve_translations(
+    observations: &[FloorSighting],
+    points: usize,
+    free: &[bool],
+) -> Option<Vec<(usize, [f64; 2])>> {
     let mut seen = vec![false; free.len()];
-    puts.iter().for_each(|put| seen[put.view] = true);
+    observations.iter().for_each(|put| seen[put.view] = true);
     let mut common: Vec<Vec<usize>> = vec![Vec::new(); points];
-    puts.iter().for_each(|put| common[put.point].push(put.view));
+    observations.iter().for_each(|put| common[put.point].push(put.view));
     solve(&|view| free[view] && seen[view], common.into_iter(), points, |blocks, block_of, normal| {
         let first = block_of.iter().flatten().count();
-        for put in puts {
+        for put in observations {
             let at = [put.foot.x + put.at[0], put.foot.y + put.at[1]];
             for k in 0..2 {
                 let mut by = [0.0; 2];
                 by[k] = put.weight;
-                let back = by.map(|slope| -slope);
-                let point = Slope { block: first + put.point, by: &back };
+                let back = by.map(|jacobian| -jacobian);
+                let point = JacobianBlock { block: first + put.point, by: &back };
                 match block_of[put.view] {
-                    Some(block) => blocks.add(normal, put.weight * at[k], &[Slope { block, by: &by }, point]),
+                    Some(block) => {
+                        blocks.add(normal, put.weight * at[k], &[JacobianBlock { block, by: &by }, point])
+                    }
                     None => blocks.add(normal, put.weight * at[k], &[point]),
                 }
             }
@@ -145,7 +151,7 @@ fn solve(
     free: &dyn Fn(usize) -> bool,
     common: impl Iterator<Item = Vec<usize>>,
     points: usize,
-    fill: impl Fn(&Blocks, &[Option<usize>], &mut crate::optimize::BlockNormal),
+    fill: impl Fn(&BlockStructure, &[Option<usize>], &mut crate::optimize::NormalEquations),
 ) -> Option<Vec<(usize, [f64; 2])>> {
     let common: Vec<Vec<usize>> = common.collect();
     let count = common.iter().flatten().max().map_or(0, |view| view + 1);
@@ -158,7 +164,7 @@ fn solve(
         let own = (points > 0).then_some(views.len() + index);
         group.iter().filter_map(|&view| block_of[view]).chain(own).collect()
     });
-    let blocks = Blocks::new(sizes, &keep, &joined.collect::<Vec<Vec<usize>>>());
+    let blocks = BlockStructure::new(sizes, &keep, &joined.collect::<Vec<Vec<usize>>>());
     let mut normal = blocks.normal();
     fill(&blocks, &block_of, &mut normal);
     // What shares too little to be told is held by the damping.
@@ -168,7 +174,7 @@ fn solve(
 
 /// Turn and log scale that take the first floor to the second, and how well they are told (the root of
 /// the weighted scatter of the points). Points that are far off lose their say.
-fn similarity(points: &[[Put; 2]]) -> Option<([f64; 2], f64)> {
+fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
     /// Rounds with new weights; the last ones change little.
     const ROUNDS: usize = 4;
     if points.len() < 2 {
@@ -183,14 +189,14 @@ fn similarity(points: &[[Put; 2]]) -> Option<([f64; 2], f64)> {
             points.iter().zip(&trust).map(|(pair, w)| w * pair[which].at[axis]).sum::<f64>() / total
         };
         let centre = [[mean(0, 0), mean(0, 1)], [mean(1, 0), mean(1, 1)]];
-        let from = |pair: &[Put; 2], which: usize| {
+        let from = |pair: &[FloorSighting; 2], which: usize| {
             [pair[which].at[0] - centre[which][0], pair[which].at[1] - centre[which][1]]
         };
-        let (mut along, mut across, mut first, mut second) = (0.0, 0.0, 0.0, 0.0);
+        let (mut along, mut cross_covariance, mut first, mut second) = (0.0, 0.0, 0.0, 0.0);
         for (pair, w) in points.iter().zip(&trust) {
             let ([x, y], [u, v]) = (from(pair, 0), from(pair, 1));
             along += w * (x * u + y * v);
-            across += w * (x * v - y * u);
+            cross_covariance += w * (x * v - y * u);
             first += w * (x * x + y * y);
             second += w * (u * u + v * v);
         }
@@ -199,7 +205,7 @@ fn similarity(points: &[[Put; 2]]) -> Option<([f64; 2], f64)> {
         }
         // The ratio of the scatters has no side that it favours.
         (turn, log_scale, told) =
-            (across.atan2(along), 0.5 * (second / first).ln(), (first * second).sqrt().sqrt());
+            (cross_covariance.atan2(along), 0.5 * (second / first).ln(), (first * second).sqrt().sqrt());
         let (sin, cos) = turn.sin_cos();
         let scale = log_scale.exp();
         let errors: Vec<f64> = points
@@ -218,31 +224,32 @@ fn similarity(points: &[[Put; 2]]) -> Option<([f64; 2], f64)> {
 }
 
 /// Everything that cameras put on the floor, and the number of points.
-fn puts(cameras: &[Camera], ties: &[Tie]) -> (Vec<Put>, usize) {
-    let mut found: Vec<Put> = Vec::new();
+fn observations(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>, usize) {
+    let mut found: Vec<FloorSighting> = Vec::new();
     let mut points = 0;
-    for tie in ties
-        .iter()
-        .filter(|tie| !tie.off && tie.free[0] && !matches!(tie.thing, Thing::Line { .. } | Thing::Measured))
-    {
-        let mut names: Vec<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
+    for landmark in landmarks.iter().filter(|landmark| {
+        !landmark.off
+            && landmark.free[0]
+            && !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured)
+    }) {
+        let mut names: Vec<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
         names.sort_unstable();
         names.dedup();
         for name in names {
             // How high the head of a post is, is not known yet.
-            if tie.thing == Thing::Post && name > 0 {
+            if landmark.model == LandmarkModel::Post && name > 0 {
                 continue;
             }
-            let height = tie.thing.point(&tie.place, name).0.z;
-            let mut own: Vec<Put> = Vec::new();
-            for seen in tie.sightings.iter().filter(|seen| seen.point == name) {
+            let height = landmark.model.point(&landmark.place, name).0.z;
+            let mut own: Vec<FloorSighting> = Vec::new();
+            for seen in landmark.observations.iter().filter(|seen| seen.point == name) {
                 let camera = &cameras[seen.view];
                 let Some(floor) = camera.pixel_to_floor(seen.pixel, height) else { continue };
                 let foot = camera.position.on_floor();
                 let at = [floor.x - foot.x, floor.y - foot.y];
                 let drop = (camera.position.z - height).abs();
                 let weight = drop / (at[0] * at[0] + at[1] * at[1] + drop * drop);
-                own.push(Put { view: seen.view, at, foot, point: points, weight });
+                own.push(FloorSighting { view: seen.view, at, foot, point: points, weight });
             }
             if own.len() > 1 {
                 found.extend(own);
@@ -256,7 +263,7 @@ fn puts(cameras: &[Camera], ties: &[Tie]) -> (Vec<Put>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bundle::landmark::Sighting;
+    use crate::bundle::landmark::Observation;
     use crate::camera::{Lens, Pixel};
 
     #[test]
@@ -272,19 +279,19 @@ mod tests {
         };
         let truth = [camera(0.0, 0.0, 3.0), camera(2.0, 0.3, 4.0), camera(4.0, 0.5, 3.5)];
         let places = [[0.5, 5.0], [1.0, 6.0], [-0.5, 7.0], [1.5, 5.5], [0.2, 8.0]];
-        let ties: Vec<Tie> = places
+        let landmarks: Vec<Landmark> = places
             .iter()
-            .map(|&[x, y]| Tie {
-                thing: Thing::Point { height: 0.0 },
+            .map(|&[x, y]| Landmark {
+                model: LandmarkModel::Point { height: 0.0 },
                 place: [0.0; 3],
                 free: [true, true, false],
-                beliefs: Vec::new(),
-                sightings: truth
+                priors: Vec::new(),
+                observations: truth
                     .iter()
                     .enumerate()
                     .filter_map(|(view, camera)| {
                         let pixel = camera.world_to_pixel(WorldPoint::new(x, y, 0.0))?;
-                        Some(Sighting { view, point: 0, pixel, sigma: 1.0 })
+                        Some(Observation { view, point: 0, pixel, sigma: 1.0 })
                     })
                     .collect(),
                 keep: false,
@@ -292,7 +299,7 @@ mod tests {
             })
             .collect();
         let mut found = [truth[0], camera(2.5, 0.2, 3.6), camera(3.0, 0.9, 4.4)];
-        lay(&mut found, &[false, true, true], &ties);
+        align_floors(&mut found, &[false, true, true], &landmarks);
         for (found, truth) in found.iter().zip(&truth) {
             assert!(
                 found.position.distance(truth.position) < 1e-6,

@@ -1,18 +1,18 @@
-//! What cameras have in common: things of the scene with a place of their own, and the pixels that
+//! What cameras have in common: landmarks of the scene with a place of their own, and the pixels that
 //! show them.
 
-use crate::camera::{Covariance, Distortion, Drawn, POSE, Pixel, Pose, WorldPoint};
+use crate::camera::{Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, WorldPoint};
 use crate::single::Prior;
 
-/// The most unknowns a thing has.
-pub(crate) const PLACE: usize = 3;
+/// The most unknowns a landmark has.
+pub(crate) const LANDMARK_PARAMS: usize = 3;
 
 /// Metres between two places that are not one.
 pub(crate) const APART: f64 = 1e-3;
 
-/// What a thing is, and what its unknowns are.
+/// What a landmark is, and what its unknowns are.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Thing {
+pub(crate) enum LandmarkModel {
     /// A point at a known height: x, y.
     Point {
         /// In metres.
@@ -36,9 +36,9 @@ pub(crate) enum Thing {
     },
 }
 
-/// A pixel that shows a point of a thing.
+/// A pixel that shows a point of a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sighting {
+pub(crate) struct Observation {
     /// Index of the camera.
     pub(crate) view: usize,
     /// Index of the point; of a line, any point of it.
@@ -49,50 +49,54 @@ pub(crate) struct Sighting {
     pub(crate) sigma: f64,
 }
 
-/// A thing of the scene and who sees it.
+/// A landmark of the scene and who sees it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Tie {
-    pub(crate) thing: Thing,
+pub(crate) struct Landmark {
+    pub(crate) model: LandmarkModel,
     /// Its unknowns, where they start.
-    pub(crate) place: [f64; PLACE],
+    pub(crate) place: [f64; LANDMARK_PARAMS],
     /// Which of them are free.
-    pub(crate) free: [bool; PLACE],
+    pub(crate) free: [bool; LANDMARK_PARAMS],
     /// What is believed of them.
-    pub(crate) beliefs: Vec<(usize, Prior)>,
-    pub(crate) sightings: Vec<Sighting>,
-    /// Never set aside.
+    pub(crate) priors: Vec<(usize, Prior)>,
+    pub(crate) observations: Vec<Observation>,
+    /// Never rejected.
     pub(crate) keep: bool,
-    /// Says nothing: switched off, or set aside.
+    /// Says nothing: switched off, or rejected.
     pub(crate) off: bool,
 }
 
-/// A distance between two things that was measured.
+/// A distance between two landmarks that was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Gap {
+pub(crate) struct DistanceMeasurement {
     /// Indices of the two.
     pub(crate) between: [usize; 2],
     /// In metres.
     pub(crate) length: Prior,
-    /// Never set aside.
+    /// Never rejected.
     pub(crate) keep: bool,
-    /// Says nothing: switched off, or set aside.
+    /// Says nothing: switched off, or rejected.
     pub(crate) off: bool,
 }
 
-/// One residual of a sighting, in raw pixels, with its slopes.
+/// One residual of an observation, in raw pixels, with its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     pub(crate) off: f64,
     /// By the camera, its log focal, and its coefficients.
-    pub(crate) by_view: [f64; Covariance::SIZE],
-    pub(crate) by_place: [f64; PLACE],
+    pub(crate) d_view: [f64; Covariance::SIZE],
+    pub(crate) d_landmark: [f64; LANDMARK_PARAMS],
 }
 
-impl Thing {
-    /// A point of the thing at a place, with its slopes: row by row x, y, z by the unknowns.
+impl LandmarkModel {
+    /// A point of the landmark at a place, with its derivatives: row by row x, y, z by the unknowns.
     ///
     /// The point of a line is its origin moved to it.
-    pub(crate) fn point(&self, place: &[f64; PLACE], index: usize) -> (WorldPoint, [[f64; PLACE]; 3]) {
+    pub(crate) fn point(
+        &self,
+        place: &[f64; LANDMARK_PARAMS],
+        index: usize,
+    ) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
         let [a, b, c] = *place;
         let still = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
         match self {
@@ -108,77 +112,78 @@ impl Thing {
             Self::Measured => (WorldPoint::new(a, b, c), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
             Self::Line { origin: [x, y] } => {
                 let (sin, cos) = b.sin_cos();
-                let slopes = [[-sin, -a * cos, 0.0], [cos, -a * sin, 0.0], [0.0; 3]];
-                (WorldPoint::new(x - a * sin, y + a * cos, 0.0), slopes)
+                let jacobian = [[-sin, -a * cos, 0.0], [cos, -a * sin, 0.0], [0.0; 3]];
+                (WorldPoint::new(x - a * sin, y + a * cos, 0.0), jacobian)
             }
         }
     }
 
-    /// Where distances to the thing are measured to, and where it is said to be, with its slopes.
-    pub(crate) fn anchor(&self, place: &[f64; PLACE]) -> (WorldPoint, [[f64; PLACE]; 3]) {
+    /// Where distances to the landmark are measured to, and where it is said to be, with its derivatives.
+    pub(crate) fn anchor(&self, place: &[f64; LANDMARK_PARAMS]) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
         match self {
             // Its foot, whichever of its points was seen.
             Self::Mark { z, .. } => {
-                let slopes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
-                (WorldPoint::new(place[0], place[1], *z), slopes)
+                let jacobian = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
+                (WorldPoint::new(place[0], place[1], *z), jacobian)
             }
             _ => self.point(place, 0),
         }
     }
 
-    /// Where a camera shows a point of the thing against where it was drawn: u and v; of a line, the
+    /// Where a camera shows a point of the landmark against where it was drawn: u and v; of a line, the
     /// distance from it. `None` behind the camera.
-    pub(crate) fn sighted(
+    pub(crate) fn reprojection_error(
         &self,
-        place: &[f64; PLACE],
+        place: &[f64; LANDMARK_PARAMS],
         point: usize,
-        pose: &Pose,
-        drawn: &Drawn,
+        pose: &PosedCamera,
+        observed: &ObservedPixel,
     ) -> Option<Vec<Row>> {
-        let mut by_view = [0.0; Covariance::SIZE];
+        let mut d_view = [0.0; Covariance::SIZE];
         if let Self::Line { origin } = self {
-            let line = pose.show_line(*origin, place[0], place[1]);
-            let (off, by_camera, by_lens, [offset, angle]) = line.distance(drawn);
-            by_view[..POSE].copy_from_slice(&by_camera);
-            by_view[POSE..].copy_from_slice(&by_lens);
-            return Some(vec![Row { off, by_view, by_place: [offset, angle, 0.0] }]);
+            let line = pose.reproject_line(*origin, place[0], place[1]);
+            let (off, d_camera, d_lens, [offset, angle]) = line.distance(observed);
+            d_view[..POSE_PARAMS].copy_from_slice(&d_camera);
+            d_view[POSE_PARAMS..].copy_from_slice(&d_lens);
+            return Some(vec![Row { off, d_view, d_landmark: [offset, angle, 0.0] }]);
         }
-        let (point, slopes) = self.point(place, point);
-        let shown = pose.show(point)?;
-        let off = drawn.raw([shown.at[0] - drawn.at[0], shown.at[1] - drawn.at[1]]);
-        let by_camera: [[f64; 2]; POSE] =
-            std::array::from_fn(|k| drawn.raw([shown.by_camera[0][k], shown.by_camera[1][k]]));
-        let by_lens: [[f64; 2]; Distortion::MOST] =
-            std::array::from_fn(|k| drawn.raw([-drawn.by_lens[0][k], -drawn.by_lens[1][k]]));
-        let by_place: [[f64; 2]; PLACE] = std::array::from_fn(|k| {
-            let along = |row: usize| (0..3).map(|axis| shown.by_point[row][axis] * slopes[axis][k]).sum();
-            drawn.raw([along(0), along(1)])
+        let (point, jacobian) = self.point(place, point);
+        let reprojected = pose.reproject(point)?;
+        let off = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
+        let d_camera: [[f64; 2]; POSE_PARAMS] =
+            std::array::from_fn(|k| observed.raw([reprojected.d_camera[0][k], reprojected.d_camera[1][k]]));
+        let d_lens: [[f64; 2]; Distortion::MOST] =
+            std::array::from_fn(|k| observed.raw([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
+        let d_landmark: [[f64; 2]; LANDMARK_PARAMS] = std::array::from_fn(|k| {
+            let along =
+                |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
+            observed.raw([along(0), along(1)])
         });
         let row = |i: usize| {
-            (0..POSE).for_each(|k| by_view[k] = by_camera[k][i]);
-            (0..Distortion::MOST).for_each(|k| by_view[POSE + k] = by_lens[k][i]);
-            Row { off: off[i], by_view, by_place: by_place.map(|slope| slope[i]) }
+            (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
+            (0..Distortion::MOST).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
+            Row { off: off[i], d_view, d_landmark: d_landmark.map(|jacobian| jacobian[i]) }
         };
         Some([0, 1].map(row).to_vec())
     }
 
-    /// Number of residuals of a sighting.
+    /// Number of residuals of an observation.
     pub(crate) fn residuals(&self) -> usize {
         if matches!(self, Self::Line { .. }) { 1 } else { 2 }
     }
 }
 
-impl Tie {
-    /// Number of residuals less number of unknowns: what the tie says beyond its own place.
-    pub(crate) fn spare(&self) -> i64 {
+impl Landmark {
+    /// Number of residuals less number of unknowns: what the landmark says beyond its own place.
+    pub(crate) fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
-        let said = self.sightings.len() * self.thing.residuals() + self.beliefs.len();
+        let said = self.observations.len() * self.model.residuals() + self.priors.len();
         said as i64 - unknowns as i64
     }
 
     /// Indices of the cameras that see it, each once.
     pub(crate) fn views(&self) -> Vec<usize> {
-        let mut views: Vec<usize> = self.sightings.iter().map(|seen| seen.view).collect();
+        let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();
         views.sort_unstable();
         views.dedup();
         views

@@ -10,9 +10,9 @@ mod parameters;
 mod problem;
 mod adjustment;
 
-pub(crate) use adjustment::{Across, Adjusted, Network, Suspect};
-pub(crate) use landmark::{Gap, PLACE, Sighting, Thing, Tie};
-pub(crate) use parameters::VIEW;
-pub(crate) use problem::{Of, View};
-pub(crate) use triangulation::{floor_gaps, locate};
-pub(crate) use view_graph::{Component, Stand, Start, start};
+pub(crate) use adjustment::{Adjustment, BundleAdjustment, CrossCovariance, OutlierCandidate};
+pub(crate) use landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
+pub(crate) use parameters::CAMERA_PARAMS;
+pub(crate) use problem::{ResidualBlock, View};
+pub(crate) use triangulation::{floor_disagreements, triangulate};
+pub(crate) use view_graph::{Component, InitialPose, Start, start};

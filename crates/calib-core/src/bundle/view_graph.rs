@@ -3,21 +3,21 @@
 
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-use crate::bundle::floor_alignment::{bring_to_known, lay};
-use crate::bundle::landmark::{APART, Gap, PLACE, Thing, Tie};
-use crate::bundle::triangulation::{floor_gaps, is_known, is_shown, locate};
+use crate::bundle::floor_alignment::{align_floors, align_to_known};
+use crate::bundle::landmark::{APART, DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel};
+use crate::bundle::triangulation::{floor_disagreements, is_known, is_shown, triangulate};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::floor::{ControlPoint, from_control_points};
 
 /// How a camera stands before anything is refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Stand {
+pub(crate) enum InitialPose {
     /// At (0, 0), yaw 0.
-    Nowhere,
+    Unknown,
     /// Where the operator put it.
     ByHand,
     /// Where the operator put it, and held there.
-    Held,
+    Fixed,
 }
 
 /// Cameras that hang together.
@@ -42,30 +42,33 @@ pub(crate) struct Start {
     pub(crate) components: Vec<Component>,
     /// Cameras that are tied to others by too little to be placed.
     pub(crate) unreached: Vec<usize>,
-    /// Ties that some camera that shows them cannot show where they should be.
+    /// Landmarks that some camera that shows them cannot show where they should be.
     pub(crate) lost: Vec<usize>,
     /// Largest root mean square gap on the floor between two cameras that the tree does not join
     /// directly, in metres; `None` without loops.
     pub(crate) loop_closure: Option<f64>,
 }
 
-/// Moves cameras and ties to where the joint fit starts.
+/// Moves cameras and landmarks to where the joint fit starts.
 pub(crate) fn start(
     cameras: &mut [Camera],
-    stands: &[Stand],
-    ties: &mut [Tie],
-    gaps: &[Gap],
+    initial_poses: &[InitialPose],
+    landmarks: &mut [Landmark],
+    measurements: &[DistanceMeasurement],
     height_is_told: &[bool],
     held_heights: &[Option<f64>],
 ) -> Start {
     let mut is_placed: Vec<bool> = (0..cameras.len())
         .map(|view| {
-            if stands[view] == Stand::Held {
+            if initial_poses[view] == InitialPose::Fixed {
                 return true;
             }
             let points = control_points(
                 view,
-                ties.iter().filter(|tie| !tie.off && is_known(tie)).map(|tie| (tie, tie.place)),
+                landmarks
+                    .iter()
+                    .filter(|landmark| !landmark.off && is_known(landmark))
+                    .map(|landmark| (landmark, landmark.place)),
             );
             let Some(found) = from_control_points(&cameras[view], &points, held_heights[view]) else {
                 return false;
@@ -75,55 +78,59 @@ pub(crate) fn start(
         })
         .collect();
     let is_anchored = is_placed.clone();
-    let mut components = components(cameras.len(), stands, ties, gaps);
+    let mut components = components(cameras.len(), initial_poses, landmarks, measurements);
     let mut tree = BTreeSet::new();
     for component in &mut components {
         let anchors: Vec<usize> = component.iter().copied().filter(|&view| is_placed[view]).collect();
         if anchors.is_empty() {
-            let root = root(component, stands);
+            let root = root(component, initial_poses);
             is_placed[root] = true;
         }
-        grow(component, cameras, held_heights, &mut is_placed, ties, &mut tree);
+        grow(component, cameras, held_heights, &mut is_placed, landmarks, &mut tree);
         for &view in component.iter() {
-            is_placed[view] |= stands[view] == Stand::ByHand;
+            is_placed[view] |= initial_poses[view] == InitialPose::ByHand;
         }
     }
-    let loop_closure = loop_closure(cameras, &is_placed, ties, &tree);
-    let roots: BTreeSet<usize> = components.iter().map(|component| root(component, stands)).collect();
+    let loop_closure = loop_closure(cameras, &is_placed, landmarks, &tree);
+    let roots: BTreeSet<usize> = components.iter().map(|component| root(component, initial_poses)).collect();
     let may_move: Vec<bool> = (0..cameras.len())
         .map(|view| is_placed[view] && !is_anchored[view] && !roots.contains(&view))
         .collect();
-    lay(cameras, &may_move, ties);
+    align_floors(cameras, &may_move, landmarks);
     for component in components.iter().filter(|c| !c.iter().any(|&view| is_anchored[view])) {
-        bring_to_known(component, cameras, ties);
+        align_to_known(component, cameras, landmarks);
     }
     for (camera, height) in cameras.iter_mut().zip(held_heights) {
         camera.position.z = height.unwrap_or(camera.position.z);
     }
-    let lost = locate_all(ties, cameras, &is_placed);
-    let gaps: Vec<Gap> = gaps
+    let lost = triangulate_all(landmarks, cameras, &is_placed);
+    let measurements: Vec<DistanceMeasurement> = measurements
         .iter()
-        .map(|gap| Gap { off: gap.off || gap.between.iter().any(|&tie| ties[tie].off), ..*gap })
+        .map(|measurement| DistanceMeasurement {
+            off: measurement.off || measurement.between.iter().any(|&landmark| landmarks[landmark].off),
+            ..*measurement
+        })
         .collect();
     let unreached = (0..cameras.len())
         .filter(|&view| !is_placed[view] && components.iter().any(|component| component.contains(&view)))
         .collect();
-    let describe = |views: Vec<usize>| describe(views, cameras, stands, ties, &gaps, height_is_told);
+    let describe =
+        |views: Vec<usize>| describe(views, cameras, initial_poses, landmarks, &measurements, height_is_told);
     Start { components: components.into_iter().map(describe).collect(), unreached, lost, loop_closure }
 }
 
-/// Puts every tie where its cameras have it; those that cannot be shown there are switched off and listed.
-fn locate_all(ties: &mut [Tie], cameras: &[Camera], is_placed: &[bool]) -> Vec<usize> {
+/// Puts every landmark where its cameras have it; those that cannot be shown there are switched off and listed.
+fn triangulate_all(landmarks: &mut [Landmark], cameras: &[Camera], is_placed: &[bool]) -> Vec<usize> {
     let mut lost = Vec::new();
-    for (index, tie) in ties.iter_mut().enumerate().filter(|(_, tie)| !tie.off) {
-        tie.sightings.retain(|seen| is_placed[seen.view]);
-        if let Some((thing, place)) = locate(tie, cameras, &|_| true) {
-            (tie.thing, tie.place) = (thing, place);
-            tie.off = !is_shown(tie, cameras);
+    for (index, landmark) in landmarks.iter_mut().enumerate().filter(|(_, landmark)| !landmark.off) {
+        landmark.observations.retain(|seen| is_placed[seen.view]);
+        if let Some((model, place)) = triangulate(landmark, cameras, &|_| true) {
+            (landmark.model, landmark.place) = (model, place);
+            landmark.off = !is_shown(landmark, cameras);
         } else {
-            tie.off = true;
+            landmark.off = true;
         }
-        if tie.off {
+        if landmark.off {
             lost.push(index);
         }
     }
@@ -131,14 +138,19 @@ fn locate_all(ties: &mut [Tie], cameras: &[Camera], is_placed: &[bool]) -> Vec<u
 }
 
 /// The first camera that was placed, or the first.
-fn root(component: &[usize], stands: &[Stand]) -> usize {
-    let placed = component.iter().find(|&&view| stands[view] != Stand::Nowhere);
+fn root(component: &[usize], initial_poses: &[InitialPose]) -> usize {
+    let placed = component.iter().find(|&&view| initial_poses[view] != InitialPose::Unknown);
     placed.or(component.first()).copied().unwrap_or(0)
 }
 
-/// Groups of cameras that share a thing, a distance, or the base system; those that share nothing are
+/// Groups of cameras that share a landmark, a distance, or the base system; those that share nothing are
 /// in none.
-fn components(count: usize, stands: &[Stand], ties: &[Tie], gaps: &[Gap]) -> Vec<Vec<usize>> {
+fn components(
+    count: usize,
+    initial_poses: &[InitialPose],
+    landmarks: &[Landmark],
+    measurements: &[DistanceMeasurement],
+) -> Vec<Vec<usize>> {
     let mut parent: Vec<usize> = (0..=count).collect();
     let base = count;
     fn find(parent: &mut [usize], mut node: usize) -> usize {
@@ -152,7 +164,8 @@ fn components(count: usize, stands: &[Stand], ties: &[Tie], gaps: &[Gap]) -> Vec
         let (a, b) = (find(&mut parent, a), find(&mut parent, b));
         parent[a.max(b)] = a.min(b);
     };
-    let mut is_tied: Vec<bool> = stands.iter().map(|&stand| stand == Stand::Held).collect();
+    let mut is_tied: Vec<bool> =
+        initial_poses.iter().map(|&initial_pose| initial_pose == InitialPose::Fixed).collect();
     let mut join_all = |views: &[usize], is_known: bool, is_tied: &mut Vec<bool>| {
         if views.len() > 1 || is_known {
             views.iter().for_each(|&view| is_tied[view] = true);
@@ -162,14 +175,17 @@ fn components(count: usize, stands: &[Stand], ties: &[Tie], gaps: &[Gap]) -> Vec
             join(first, base);
         }
     };
-    for tie in ties.iter().filter(|tie| !tie.off) {
-        join_all(&tie.views(), is_known(tie), &mut is_tied);
+    for landmark in landmarks.iter().filter(|landmark| !landmark.off) {
+        join_all(&landmark.views(), is_known(landmark), &mut is_tied);
     }
-    for gap in gaps.iter().filter(|gap| !gap.off && gap.between.iter().all(|&tie| !ties[tie].off)) {
-        let views: Vec<usize> = gap.between.iter().flat_map(|&tie| ties[tie].views()).collect();
+    for measurement in measurements.iter().filter(|measurement| {
+        !measurement.off && measurement.between.iter().all(|&landmark| !landmarks[landmark].off)
+    }) {
+        let views: Vec<usize> =
+            measurement.between.iter().flat_map(|&landmark| landmarks[landmark].views()).collect();
         join_all(&views, false, &mut is_tied);
     }
-    for view in (0..count).filter(|&view| stands[view] == Stand::Held) {
+    for view in (0..count).filter(|&view| initial_poses[view] == InitialPose::Fixed) {
         join_all(&[view], true, &mut is_tied);
     }
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -185,12 +201,14 @@ fn grow(
     cameras: &mut [Camera],
     held_heights: &[Option<f64>],
     is_placed: &mut [bool],
-    ties: &[Tie],
+    landmarks: &[Landmark],
     tree: &mut BTreeSet<[usize; 2]>,
 ) {
     let mut common: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
-    for (index, tie) in ties.iter().enumerate().filter(|(_, tie)| !tie.off && !is_known(tie)) {
-        let views = tie.views();
+    for (index, landmark) in
+        landmarks.iter().enumerate().filter(|(_, landmark)| !landmark.off && !is_known(landmark))
+    {
+        let views = landmark.views();
         for &a in &views {
             for &b in views.iter().filter(|&&b| b != a) {
                 common.entry(a).or_default().entry(b).or_default().push(index);
@@ -198,7 +216,8 @@ fn grow(
         }
     }
     let none = BTreeMap::new();
-    let pairs = |a: usize| common.get(&a).unwrap_or(&none).iter().map(move |(&b, ties)| (ties.len(), a, b));
+    let pairs =
+        |a: usize| common.get(&a).unwrap_or(&none).iter().map(move |(&b, landmarks)| (landmarks.len(), a, b));
     let mut queue: BinaryHeap<(usize, std::cmp::Reverse<(usize, usize)>)> = BinaryHeap::new();
     let push = |queue: &mut BinaryHeap<_>, a: usize| {
         queue.extend(pairs(a).map(|(count, a, b)| (count, std::cmp::Reverse((a, b)))));
@@ -210,8 +229,8 @@ fn grow(
             else {
                 continue;
             };
-            let located = located(shared, ties, cameras, &|view| view == from);
-            if let Some(found) = attach(&cameras[to], to, held_heights[to], &located) {
+            let triangulated = triangulated(shared, landmarks, cameras, &|view| view == from);
+            if let Some(found) = attach(&cameras[to], to, held_heights[to], &triangulated) {
                 cameras[to] = found;
                 is_placed[to] = true;
                 tree.insert([from.min(to), from.max(to)]);
@@ -222,8 +241,8 @@ fn grow(
         let next = component.iter().copied().filter(|&view| !is_placed[view]).find_map(|view| {
             let shared: Vec<usize> =
                 common.get(&view)?.values().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
-            let located = located(&shared, ties, cameras, &|view| is_placed[view]);
-            Some((view, attach(&cameras[view], view, held_heights[view], &located)?))
+            let triangulated = triangulated(&shared, landmarks, cameras, &|view| is_placed[view]);
+            Some((view, attach(&cameras[view], view, held_heights[view], &triangulated)?))
         });
         let Some((view, found)) = next else { break };
         cameras[view] = found;
@@ -232,16 +251,16 @@ fn grow(
     }
 }
 
-/// These ties where some of the cameras that show them put them.
-fn located(
+/// These landmarks where some of the cameras that show them put them.
+fn triangulated(
     shared: &[usize],
-    ties: &[Tie],
+    landmarks: &[Landmark],
     cameras: &[Camera],
     by: &dyn Fn(usize) -> bool,
-) -> Vec<(Tie, [f64; PLACE])> {
+) -> Vec<(Landmark, [f64; LANDMARK_PARAMS])> {
     let of = |&index: &usize| {
-        let (thing, place) = locate(&ties[index], cameras, by)?;
-        Some((Tie { thing, ..ties[index].clone() }, place))
+        let (model, place) = triangulate(&landmarks[index], cameras, by)?;
+        Some((Landmark { model, ..landmarks[index].clone() }, place))
     };
     shared.iter().filter_map(of).collect()
 }
@@ -249,31 +268,31 @@ fn located(
 /// Points of the base system with the pixels of a camera that show them.
 fn control_points<'a>(
     view: usize,
-    located: impl Iterator<Item = (&'a Tie, [f64; PLACE])>,
+    triangulated: impl Iterator<Item = (&'a Landmark, [f64; LANDMARK_PARAMS])>,
 ) -> Vec<ControlPoint> {
-    located
-        .filter(|(tie, _)| !matches!(tie.thing, Thing::Line { .. }))
-        .flat_map(|(tie, place)| {
-            let seen = tie.sightings.iter().filter(move |seen| seen.view == view);
+    triangulated
+        .filter(|(landmark, _)| !matches!(landmark.model, LandmarkModel::Line { .. }))
+        .flat_map(|(landmark, place)| {
+            let seen = landmark.observations.iter().filter(move |seen| seen.view == view);
             seen.map(move |seen| ControlPoint {
                 pixel: seen.pixel,
-                world: tie.thing.point(&place, seen.point).0,
+                world: landmark.model.point(&place, seen.point).0,
             })
             .collect::<Vec<_>>()
         })
         .collect()
 }
 
-/// A camera that shows these things where they are.
+/// A camera that shows these landmarks where they are.
 fn attach(
     camera: &Camera,
     view: usize,
     height: Option<f64>,
-    located: &[(Tie, [f64; PLACE])],
+    triangulated: &[(Landmark, [f64; LANDMARK_PARAMS])],
 ) -> Option<Camera> {
-    let points = control_points(view, located.iter().map(|(tie, place)| (tie, *place)));
+    let points = control_points(view, triangulated.iter().map(|(landmark, place)| (landmark, *place)));
     // Of two points the shape says which of two answers is right only with a third: all are tried.
-    by_consensus(camera, &points, height).or_else(|| by_points_and_lines(camera, view, located))
+    by_consensus(camera, &points, height).or_else(|| by_points_and_lines(camera, view, triangulated))
 }
 
 /// The placement that most of the points agree with: a wrong link must not lead the chain astray.
@@ -289,7 +308,9 @@ fn by_consensus(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -
     }
     let off = |camera: &Camera| -> Vec<f64> {
         let off = |point: &ControlPoint| {
-            camera.world_to_pixel(point.world).map_or(f64::INFINITY, |shown| shown.distance(point.pixel))
+            camera
+                .world_to_pixel(point.world)
+                .map_or(f64::INFINITY, |reprojected| reprojected.distance(point.pixel))
         };
         points.iter().map(off).collect()
     };
@@ -315,18 +336,22 @@ fn by_consensus(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -
 /// The similarity of the floor that takes points to points and segments into lines: with
 /// `a = s cos, b = s sin`, every point gives two equations linear in a, b and the move, and each end
 /// of a segment one.
-fn by_points_and_lines(camera: &Camera, view: usize, located: &[(Tie, [f64; PLACE])]) -> Option<Camera> {
+fn by_points_and_lines(
+    camera: &Camera,
+    view: usize,
+    triangulated: &[(Landmark, [f64; LANDMARK_PARAMS])],
+) -> Option<Camera> {
     let mut rows: Vec<([f64; 4], f64)> = Vec::new();
-    for (tie, place) in located {
-        for seen in tie.sightings.iter().filter(|seen| seen.view == view) {
-            let world = tie.thing.point(place, seen.point).0;
+    for (landmark, place) in triangulated {
+        for seen in landmark.observations.iter().filter(|seen| seen.view == view) {
+            let world = landmark.model.point(place, seen.point).0;
             let Some(FloorPoint { x, y }) = camera.pixel_to_floor(seen.pixel, world.z) else { continue };
-            let across: &[[f64; 2]] = match tie.thing {
-                Thing::Line { .. } => &[[-place[1].sin(), place[1].cos()]],
+            let cross_covariance: &[[f64; 2]] = match landmark.model {
+                LandmarkModel::Line { .. } => &[[-place[1].sin(), place[1].cos()]],
                 _ => &[[1.0, 0.0], [0.0, 1.0]],
             };
             rows.extend(
-                across
+                cross_covariance
                     .iter()
                     .map(|[m, n]| ([m * x + n * y, n * x - m * y, *m, *n], m * world.x + n * world.y)),
             );
@@ -346,67 +371,74 @@ fn by_points_and_lines(camera: &Camera, view: usize, located: &[(Tie, [f64; PLAC
     (scale > 1e-3).then_some(Camera { position, yaw: b.atan2(a), ..*camera })
 }
 
-/// Gap on the floor between cameras that share things but are not joined in the tree.
+/// Gap on the floor between cameras that share landmarks but are not joined in the tree.
 fn loop_closure(
     cameras: &[Camera],
     is_placed: &[bool],
-    ties: &[Tie],
+    landmarks: &[Landmark],
     tree: &BTreeSet<[usize; 2]>,
 ) -> Option<f64> {
-    let mut gaps: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
-    for tie in ties.iter().filter(|tie| !tie.off && !is_known(tie)) {
-        for ([a, b], square) in floor_gaps(tie, cameras) {
+    let mut measurements: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
+    for landmark in landmarks.iter().filter(|landmark| !landmark.off && !is_known(landmark)) {
+        for ([a, b], square) in floor_disagreements(landmark, cameras) {
             if is_placed[a] && is_placed[b] && !tree.contains(&[a, b]) {
-                let sum = gaps.entry([a, b]).or_default();
+                let sum = measurements.entry([a, b]).or_default();
                 sum.0 += square;
                 sum.1 += 1.0;
             }
         }
     }
-    gaps.into_values().map(|(sum, count)| (sum / count).sqrt()).max_by(f64::total_cmp)
+    measurements.into_values().map(|(sum, count)| (sum / count).sqrt()).max_by(f64::total_cmp)
 }
 
 /// What holds a group of cameras: known places, known turns, known lengths and heights.
 fn describe(
     views: Vec<usize>,
     cameras: &[Camera],
-    stands: &[Stand],
-    ties: &[Tie],
-    gaps: &[Gap],
+    initial_poses: &[InitialPose],
+    landmarks: &[Landmark],
+    measurements: &[DistanceMeasurement],
     height_is_told: &[bool],
 ) -> Component {
-    let is_ours =
-        |tie: &&Tie| !tie.off && tie.sightings.iter().any(|seen| views.binary_search(&seen.view).is_ok());
-    let ours: Vec<&Tie> = ties.iter().filter(is_ours).collect();
-    let held: Vec<usize> = views.iter().copied().filter(|&view| stands[view] == Stand::Held).collect();
+    let is_ours = |landmark: &&Landmark| {
+        !landmark.off && landmark.observations.iter().any(|seen| views.binary_search(&seen.view).is_ok())
+    };
+    let ours: Vec<&Landmark> = landmarks.iter().filter(is_ours).collect();
+    let held: Vec<usize> =
+        views.iter().copied().filter(|&view| initial_poses[view] == InitialPose::Fixed).collect();
     let mut places: Vec<FloorPoint> = held.iter().map(|&view| cameras[view].position.on_floor()).collect();
-    let known = ours.iter().filter(|tie| is_known(tie));
-    for tie in known {
-        let points: BTreeSet<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
-        places.extend(points.iter().map(|&point| tie.thing.point(&tie.place, point).0.on_floor()));
+    let known = ours.iter().filter(|landmark| is_known(landmark));
+    for landmark in known {
+        let points: BTreeSet<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
+        places.extend(points.iter().map(|&point| landmark.model.point(&landmark.place, point).0.on_floor()));
     }
     let is_turned = !held.is_empty() || places.iter().any(|place| place.distance(places[0]) > APART);
-    let has_size = |tie: &&&Tie| match &tie.thing {
-        Thing::Mark { points, .. } => {
-            let seen: BTreeSet<usize> = tie.sightings.iter().map(|seen| seen.point).collect();
+    let has_size = |landmark: &&&Landmark| match &landmark.model {
+        LandmarkModel::Mark { points, .. } => {
+            let seen: BTreeSet<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
             let first = seen.first().and_then(|&point| points.get(point));
             seen.iter().any(|&point| points.get(point) != first)
         }
-        Thing::Post => !tie.free[2] || !tie.beliefs.is_empty(),
-        Thing::Point { .. } | Thing::Measured | Thing::Line { .. } => false,
+        LandmarkModel::Post => !landmark.free[2] || !landmark.priors.is_empty(),
+        LandmarkModel::Point { .. } | LandmarkModel::Measured | LandmarkModel::Line { .. } => false,
     };
     // Two heights that differ are a length that is known; one alone is the floor of another building.
-    let heights = ours.iter().flat_map(|tie| {
-        let seen = tie.sightings.iter().filter(|seen| !(tie.thing == Thing::Post && seen.point > 0));
-        seen.map(|seen| tie.thing.point(&tie.place, seen.point).0.z)
+    let heights = ours.iter().flat_map(|landmark| {
+        let seen = landmark
+            .observations
+            .iter()
+            .filter(|seen| !(landmark.model == LandmarkModel::Post && seen.point > 0));
+        seen.map(|seen| landmark.model.point(&landmark.place, seen.point).0.z)
     });
     let (low, high) =
         heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));
-    let is_measured = |gap: &Gap| !gap.off && gap.between.iter().all(|&tie| is_ours(&&ties[tie]));
+    let is_measured = |measurement: &DistanceMeasurement| {
+        !measurement.off && measurement.between.iter().all(|&landmark| is_ours(&&landmarks[landmark]))
+    };
     let is_scaled = is_turned
         || high - low > APART
-        || ours.iter().any(|tie| has_size(&tie))
+        || ours.iter().any(|landmark| has_size(&landmark))
         || views.iter().any(|&view| height_is_told[view])
-        || gaps.iter().any(is_measured);
-    Component { root: root(&views, stands), is_held: !places.is_empty(), is_turned, is_scaled, views }
+        || measurements.iter().any(is_measured);
+    Component { root: root(&views, initial_poses), is_held: !places.is_empty(), is_turned, is_scaled, views }
 }

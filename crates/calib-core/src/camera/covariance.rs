@@ -52,13 +52,13 @@ impl Covariance {
         }))
     }
 
-    /// Covariance of a pair of quantities with these slopes by the unknowns.
+    /// Covariance of a pair of quantities with these derivatives by the unknowns.
     #[must_use]
-    pub fn carried(&self, slopes: &[[f64; 2]; Self::SIZE]) -> [[f64; 2]; 2] {
+    pub fn carried(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> [[f64; 2]; 2] {
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {
-                let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * slopes[b][j]).sum::<f64>();
-                (0..Self::SIZE).map(|a| slopes[a][i] * row(a)).sum()
+                let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * jacobian[b][j]).sum::<f64>();
+                (0..Self::SIZE).map(|a| jacobian[a][i] * row(a)).sum()
             })
         })
     }

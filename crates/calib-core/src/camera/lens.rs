@@ -349,7 +349,7 @@ impl BrownConrady {
         self.surely_grows(radius) || radius <= self.fold()
     }
 
-    /// Whether the model grows up to this radius by what only takes from its slope: where even that
+    /// Whether the model grows up to this radius by what only takes from its derivative: where even that
     /// leaves some, no root need be looked for.
     fn surely_grows(&self, radius: f64) -> bool {
         self.radial().least_slope(radius) > 6.0 * self.p1.hypot(self.p2) * radius
@@ -412,7 +412,7 @@ mod tests {
             distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
         ) {
             if let Some(bent) = distortion.distort([x, y]) {
-                // At the very fold the slope vanishes, and digits with it.
+                // At the very fold the derivative vanishes, and digits with it.
                 prop_assume!(x.hypot(y) < 0.98 * distortion.max_radius());
                 let back = distortion.undistort(bent);
                 let near = |back: [f64; 2]| (back[0] - x).hypot(back[1] - y) < 1e-10;

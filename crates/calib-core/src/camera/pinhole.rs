@@ -250,23 +250,23 @@ impl Camera {
         let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
         let pixel_part =
             std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
-        let slopes = self.plane_slopes(pixel, height)?;
-        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&slopes) })
+        let jacobian = self.plane_jacobian(pixel, height)?;
+        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&jacobian) })
     }
 
-    /// Slopes of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
+    /// Derivatives of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
     ///
     /// `None` where there is no floor point.
     #[must_use]
-    pub fn floor_slopes(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
-        self.plane_slopes(pixel, 0.0)
+    pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        self.plane_jacobian(pixel, 0.0)
     }
 
-    fn plane_slopes(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
+    fn plane_jacobian(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
         /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
         const STEP: f64 = 1e-4;
-        let mut slopes = [[0.0; 2]; Covariance::SIZE];
-        for (index, slope) in slopes.iter_mut().enumerate() {
+        let mut jacobian = [[0.0; 2]; Covariance::SIZE];
+        for (index, slope) in jacobian.iter_mut().enumerate() {
             if self.covariance.0[index][index] > 0.0 {
                 let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
                 let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, height);
@@ -274,7 +274,7 @@ impl Camera {
                 *slope = [(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)];
             }
         }
-        Some(slopes)
+        Some(jacobian)
     }
 
     /// The camera with one of the unknowns of [`Covariance`] changed.

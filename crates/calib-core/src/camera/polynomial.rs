@@ -17,7 +17,7 @@ impl OddPolynomial {
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     }
 
-    /// No more than the slope anywhere up to this radius: of what only takes from it. Where that leaves some,
+    /// No more than the derivative anywhere up to this radius: of what only takes from it. Where that leaves some,
     /// no root need be looked for.
     pub(crate) fn least_slope(&self, r: f64) -> f64 {
         Self(self.0.map(|k| k.min(0.0))).slope(r)

@@ -1,18 +1,18 @@
-//! What a camera shows of a point and of a floor line, with slopes by the camera and by the thing seen.
+//! What a camera shows of a point and of a floor line, with derivatives by the camera and by the thing seen.
 //!
 //! Everything is in undistorted pixels relative to the principal point; what was drawn is brought there
-//! through the lens, with the slope that turns a distance there into raw pixels.
+//! through the lens, with the derivative that turns a distance there into raw pixels.
 
 use crate::camera::lens::{Distortion, Lens};
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::space::{Pixel, WorldPoint};
 
 /// Number of unknowns of a camera but its distortion: x, y, z, yaw, pitch, roll, log focal.
-pub(crate) const POSE: usize = 7;
+pub(crate) const POSE_PARAMS: usize = 7;
 
 /// A camera with its axes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pose {
+pub(crate) struct PosedCamera {
     pub(crate) camera: Camera,
     rotation: [[f64; 3]; 3],
     roll: (f64, f64),
@@ -20,56 +20,56 @@ pub(crate) struct Pose {
 
 /// Where a camera shows a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shown {
+pub(crate) struct Reprojection {
     pub(crate) at: [f64; 2],
-    pub(crate) by_camera: [[f64; POSE]; 2],
+    pub(crate) d_camera: [[f64; POSE_PARAMS]; 2],
     /// By x, y, z of the point.
-    pub(crate) by_point: [[f64; 3]; 2],
+    pub(crate) d_point: [[f64; 3]; 2],
 }
 
 /// A drawn pixel without the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Drawn {
+pub(crate) struct ObservedPixel {
     pub(crate) at: [f64; 2],
     /// `d undistorted / d raw`, rows u and v.
-    pub(crate) slope: [[f64; 2]; 2],
+    pub(crate) jacobian: [[f64; 2]; 2],
     /// `d undistorted / d coefficients`.
-    pub(crate) by_lens: [[f64; Distortion::MOST]; 2],
+    pub(crate) d_lens: [[f64; Distortion::MOST]; 2],
 }
 
-/// A homogeneous image line with slopes by the camera and by the offset and angle of the floor line.
+/// A homogeneous image line with derivatives by the camera and by the offset and angle of the floor line.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ShownLine {
+pub(crate) struct ReprojectedLine {
     line: [f64; 3],
-    by_camera: [[f64; 3]; POSE],
-    by_line: [[f64; 3]; 2],
+    d_camera: [[f64; 3]; POSE_PARAMS],
+    d_line: [[f64; 3]; 2],
 }
 
-impl Drawn {
-    /// `None` outside the lens. The slopes by coefficients are those of the flagged ones.
+impl ObservedPixel {
+    /// `None` outside the lens. The derivatives by coefficients are those of the flagged ones.
     pub(crate) fn new(pixel: Pixel, lens: &Lens, fitted: [bool; Distortion::MOST]) -> Option<Self> {
         const STEP: f64 = 1e-6;
-        let (straight, slope) = lens.undistort_with_jacobian(pixel)?;
-        let mut by_lens = [[0.0; Distortion::MOST]; 2];
+        let (straight, jacobian) = lens.undistort_with_jacobian(pixel)?;
+        let mut d_lens = [[0.0; Distortion::MOST]; 2];
         for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
             let (ahead, behind) =
                 (lens.nudged(k, STEP).undistort(pixel)?, lens.nudged(k, -STEP).undistort(pixel)?);
-            by_lens[0][k] = (ahead.u - behind.u) / (2.0 * STEP);
-            by_lens[1][k] = (ahead.v - behind.v) / (2.0 * STEP);
+            d_lens[0][k] = (ahead.u - behind.u) / (2.0 * STEP);
+            d_lens[1][k] = (ahead.v - behind.v) / (2.0 * STEP);
         }
         let Pixel { u: cu, v: cv } = lens.principal_point;
-        Some(Self { at: [straight.u - cu, straight.v - cv], slope, by_lens })
+        Some(Self { at: [straight.u - cu, straight.v - cv], jacobian, d_lens })
     }
 
     /// `J^-1 e`: a small distance in undistorted pixels as one in raw pixels.
     pub(crate) fn raw(&self, [e, f]: [f64; 2]) -> [f64; 2] {
-        let [[a, b], [c, d]] = self.slope;
+        let [[a, b], [c, d]] = self.jacobian;
         let determinant = a * d - b * c;
         [(d * e - b * f) / determinant, (a * f - c * e) / determinant]
     }
 }
 
-impl Pose {
+impl PosedCamera {
     pub(crate) fn new(camera: Camera) -> Self {
         Self { rotation: camera.rotation(), roll: camera.roll.sin_cos(), camera }
     }
@@ -79,18 +79,18 @@ impl Pose {
         self.rotation.map(|row| dot(&row, vector))
     }
 
-    /// Slopes of `R (X - C)` by yaw, pitch and roll, for the world vector `q = X - C` that becomes `p`.
+    /// Derivatives of `R (X - C)` by yaw, pitch and roll, for the world vector `q = X - C` that becomes `p`.
     ///
     /// Yaw turns `q` the other way about world z; with the unrolled p, pitch moves (y, z) by (-z, y);
     /// roll moves (x, y) by (y, -x).
-    fn by_angles(&self, q: &[f64; 3], p: &[f64; 3]) -> [[f64; 3]; 3] {
+    fn d_angles(&self, q: &[f64; 3], p: &[f64; 3]) -> [[f64; 3]; 3] {
         let (sin, cos) = self.roll;
         let [x, y, z] = *p;
         [self.turn(&[q[1], -q[0], 0.0]), [-sin * z, -cos * z, sin * x + cos * y], [y, -x, 0.0]]
     }
 
     /// `f (x / z, y / z)`; `None` when the point is not in front of the camera.
-    pub(crate) fn show(&self, point: WorldPoint) -> Option<Shown> {
+    pub(crate) fn reproject(&self, point: WorldPoint) -> Option<Reprojection> {
         /// Metres in front of the camera's plane.
         const NEAREST: f64 = 1e-6;
         let WorldPoint { x, y, z } = self.camera.position;
@@ -101,23 +101,23 @@ impl Pose {
         }
         let focal = self.camera.focal;
         let at = [focal * p[0] / p[2], focal * p[1] / p[2]];
-        let slope = |change: &[f64; 3]| -> [f64; 2] {
+        let jacobian = |change: &[f64; 3]| -> [f64; 2] {
             std::array::from_fn(|k| (focal * change[k] - at[k] * change[2]) / p[2])
         };
-        let by_axis: [[f64; 2]; 3] = std::array::from_fn(|axis| slope(&self.rotation.map(|row| row[axis])));
-        let by_angle = self.by_angles(&q, &p).map(|change| slope(&change));
+        let d_axis: [[f64; 2]; 3] = std::array::from_fn(|axis| jacobian(&self.rotation.map(|row| row[axis])));
+        let d_angle = self.d_angles(&q, &p).map(|change| jacobian(&change));
         let row = |k: usize| {
-            let [x, y, z] = by_axis.map(|s| s[k]);
-            let [yaw, pitch, roll] = by_angle.map(|s| s[k]);
+            let [x, y, z] = d_axis.map(|s| s[k]);
+            let [yaw, pitch, roll] = d_angle.map(|s| s[k]);
             ([-x, -y, -z, yaw, pitch, roll, at[k]], [x, y, z])
         };
-        let ((u, by_u), (v, by_v)) = (row(0), row(1));
-        Some(Shown { at, by_camera: [u, v], by_point: [by_u, by_v] })
+        let ((u, d_u), (v, d_v)) = (row(0), row(1));
+        Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
     /// The image of the floor line at `offset` to the left of `origin` that leads along `angle`:
     /// `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin, 0)`.
-    pub(crate) fn show_line(&self, origin: [f64; 2], offset: f64, angle: f64) -> ShownLine {
+    pub(crate) fn reproject_line(&self, origin: [f64; 2], offset: f64, angle: f64) -> ReprojectedLine {
         let (sin, cos) = angle.sin_cos();
         let WorldPoint { x, y, z } = self.camera.position;
         let q = [origin[0] - offset * sin - x, origin[1] + offset * cos - y, -z];
@@ -126,45 +126,48 @@ impl Pose {
         let image = |[x, y, w]: [f64; 3]| [focal * x, focal * y, w];
         let (p, d) = (self.turn(&q), self.turn(&along));
         let (point, direction) = (image(p), image(d));
-        let slope = |by_point: [f64; 3], by_direction: [f64; 3]| -> [f64; 3] {
-            let (a, b) = (cross(&by_point, &direction), cross(&point, &by_direction));
+        let jacobian = |d_point: [f64; 3], d_direction: [f64; 3]| -> [f64; 3] {
+            let (a, b) = (cross(&d_point, &direction), cross(&point, &d_direction));
             std::array::from_fn(|i| a[i] + b[i])
         };
         let none = [0.0; 3];
-        let axis = |k: usize| slope(image(self.rotation.map(|row| -row[k])), none);
-        let (of_point, of_direction) = (self.by_angles(&q, &p), self.by_angles(&along, &d));
-        let angle_of = |k: usize| slope(image(of_point[k]), image(of_direction[k]));
-        let by_focal = slope([point[0], point[1], 0.0], [direction[0], direction[1], 0.0]);
+        let axis = |k: usize| jacobian(image(self.rotation.map(|row| -row[k])), none);
+        let (of_point, of_direction) = (self.d_angles(&q, &p), self.d_angles(&along, &d));
+        let angle_of = |k: usize| jacobian(image(of_point[k]), image(of_direction[k]));
+        let d_focal = jacobian([point[0], point[1], 0.0], [direction[0], direction[1], 0.0]);
         let moved = self.turn(&left);
         // Turning the line turns the point at `offset` back along it.
         let back = self.turn(&along.map(|c| -offset * c));
-        ShownLine {
+        ReprojectedLine {
             line: cross(&point, &direction),
-            by_camera: [axis(0), axis(1), axis(2), angle_of(0), angle_of(1), angle_of(2), by_focal],
-            by_line: [slope(image(moved), none), slope(image(back), image(moved))],
+            d_camera: [axis(0), axis(1), axis(2), angle_of(0), angle_of(1), angle_of(2), d_focal],
+            d_line: [jacobian(image(moved), none), jacobian(image(back), image(moved))],
         }
     }
 }
 
-impl ShownLine {
-    /// Signed distance in raw pixels of a drawn point from the line, with its slopes by the camera, the
+impl ReprojectedLine {
+    /// Signed distance in raw pixels of a drawn point from the line, with its derivatives by the camera, the
     /// coefficients, and the offset and angle of the line: `n . (at, 1) / |J' n_xy|`.
-    pub(crate) fn distance(&self, drawn: &Drawn) -> (f64, [f64; POSE], [f64; Distortion::MOST], [f64; 2]) {
-        let homogeneous = [drawn.at[0], drawn.at[1], 1.0];
-        let [[a, b], [c, d]] = drawn.slope;
+    pub(crate) fn distance(
+        &self,
+        observed: &ObservedPixel,
+    ) -> (f64, [f64; POSE_PARAMS], [f64; Distortion::MOST], [f64; 2]) {
+        let homogeneous = [observed.at[0], observed.at[1], 1.0];
+        let [[a, b], [c, d]] = observed.jacobian;
         let raw = |n: &[f64; 3]| [a * n[0] + c * n[1], b * n[0] + d * n[1]];
         let normal = raw(&self.line);
         let length = normal[0].hypot(normal[1]).max(f64::MIN_POSITIVE);
         let distance = dot(&self.line, &homogeneous) / length;
-        let slope = |change: &[f64; 3]| {
+        let jacobian = |change: &[f64; 3]| {
             let turned = raw(change);
             let stretch = (normal[0] * turned[0] + normal[1] * turned[1]) / (length * length);
             dot(change, &homogeneous) / length - distance * stretch
         };
-        let by_lens = std::array::from_fn(|k| {
-            (self.line[0] * drawn.by_lens[0][k] + self.line[1] * drawn.by_lens[1][k]) / length
+        let d_lens = std::array::from_fn(|k| {
+            (self.line[0] * observed.d_lens[0][k] + self.line[1] * observed.d_lens[1][k]) / length
         });
-        (distance, self.by_camera.map(|s| slope(&s)), by_lens, self.by_line.map(|s| slope(&s)))
+        (distance, self.d_camera.map(|s| jacobian(&s)), d_lens, self.d_line.map(|s| jacobian(&s)))
     }
 }
 
@@ -181,9 +184,9 @@ mod tests {
 
     const STEP: f64 = 1e-6;
 
-    fn nudged(camera: &Camera, index: usize, by: f64) -> Pose {
+    fn nudged(camera: &Camera, index: usize, by: f64) -> PosedCamera {
         let by = if index == Covariance::FOCAL { camera.focal * by.exp_m1() } else { by };
-        Pose::new(camera.nudged(index, by))
+        PosedCamera::new(camera.nudged(index, by))
     }
 
     proptest! {
@@ -193,28 +196,28 @@ mod tests {
         ) {
             let (sin, cos) = camera.yaw.sin_cos();
             let point = WorldPoint::new(camera.position.x + side * cos - ahead * sin, camera.position.y + side * sin + ahead * cos, z);
-            let Some(shown) = Pose::new(camera).show(point) else { return Ok(()) };
+            let Some(reprojected) = PosedCamera::new(camera).reproject(point) else { return Ok(()) };
             let pinhole = camera.world_to_undistorted(point).unwrap();
-            prop_assert!((shown.at[0] + camera.lens.principal_point.u - pinhole.u).abs() < 1e-6);
+            prop_assert!((reprojected.at[0] + camera.lens.principal_point.u - pinhole.u).abs() < 1e-6);
             let check = |numeric: f64, analytic: f64, what: usize| {
                 let fine = (numeric - analytic).abs() < 1e-4 * (1.0 + analytic.abs());
                 prop_assert!(fine, "{what}: {numeric} {analytic}");
                 Ok(())
             };
             for k in 0..2 {
-                for index in 0..POSE {
-                    let at = |by: f64| nudged(&camera, index, by).show(point).map(|s| s.at[k]);
+                for index in 0..POSE_PARAMS {
+                    let at = |by: f64| nudged(&camera, index, by).reproject(point).map(|s| s.at[k]);
                     let (Some(a), Some(b)) = (at(STEP), at(-STEP)) else { continue };
-                    check((a - b) / (2.0 * STEP), shown.by_camera[k][index], index)?;
+                    check((a - b) / (2.0 * STEP), reprojected.d_camera[k][index], index)?;
                 }
                 for axis in 0..3 {
                     let at = |by: f64| {
                         let mut moved = <[f64; 3]>::from(point);
                         moved[axis] += by;
-                        Pose::new(camera).show(moved.into()).map(|s| s.at[k])
+                        PosedCamera::new(camera).reproject(moved.into()).map(|s| s.at[k])
                     };
                     let (Some(a), Some(b)) = (at(STEP), at(-STEP)) else { continue };
-                    check((a - b) / (2.0 * STEP), shown.by_point[k][axis], 10 + axis)?;
+                    check((a - b) / (2.0 * STEP), reprojected.d_point[k][axis], 10 + axis)?;
                 }
             }
         }
@@ -224,21 +227,21 @@ mod tests {
             camera in any_camera(), origin in [-9.0..9.0_f64, -9.0..9.0_f64], offset in -2.0..2.0_f64, angle in -3.0..3.0_f64,
             u in 0.0..1920.0_f64, v in 0.0..1080.0_f64,
         ) {
-            let Some(drawn) = Drawn::new(Pixel { u, v }, &camera.lens, [false; 5]) else { return Ok(()) };
-            let (distance, by_camera, _, by_line) = Pose::new(camera).show_line(origin, offset, angle).distance(&drawn);
+            let Some(observed) = ObservedPixel::new(Pixel { u, v }, &camera.lens, [false; 5]) else { return Ok(()) };
+            let (distance, d_camera, _, d_line) = PosedCamera::new(camera).reproject_line(origin, offset, angle).distance(&observed);
             let check = |a: f64, b: f64, analytic: f64, what: usize| {
                 let numeric = (a - b) / (2.0 * STEP);
                 let fine = (numeric - analytic).abs() < 1e-3 * (1.0 + analytic.abs() + distance.abs());
                 prop_assert!(fine, "{what}: {numeric} {analytic}");
                 Ok(())
             };
-            for index in 0..POSE {
-                let at = |by: f64| nudged(&camera, index, by).show_line(origin, offset, angle).distance(&drawn).0;
-                check(at(STEP), at(-STEP), by_camera[index], index)?;
+            for index in 0..POSE_PARAMS {
+                let at = |by: f64| nudged(&camera, index, by).reproject_line(origin, offset, angle).distance(&observed).0;
+                check(at(STEP), at(-STEP), d_camera[index], index)?;
             }
-            let line = |offset: f64, angle: f64| Pose::new(camera).show_line(origin, offset, angle).distance(&drawn).0;
-            check(line(offset + STEP, angle), line(offset - STEP, angle), by_line[0], 10)?;
-            check(line(offset, angle + STEP), line(offset, angle - STEP), by_line[1], 11)?;
+            let line = |offset: f64, angle: f64| PosedCamera::new(camera).reproject_line(origin, offset, angle).distance(&observed).0;
+            check(line(offset + STEP, angle), line(offset - STEP, angle), d_line[0], 10)?;
+            check(line(offset, angle + STEP), line(offset, angle - STEP), d_line[1], 11)?;
         }
 
         #[test]
@@ -248,8 +251,8 @@ mod tests {
             let origin = [foot.x - along * sin, foot.y + along * cos];
             let point = WorldPoint::new(origin[0] + angle.cos(), origin[1] + angle.sin(), 0.0);
             let Some(pixel) = camera.world_to_pixel(point) else { return Ok(()) };
-            let Some(drawn) = Drawn::new(pixel, &camera.lens, [false; 5]) else { return Ok(()) };
-            let (distance, ..) = Pose::new(camera).show_line(origin, 0.0, angle).distance(&drawn);
+            let Some(observed) = ObservedPixel::new(pixel, &camera.lens, [false; 5]) else { return Ok(()) };
+            let (distance, ..) = PosedCamera::new(camera).reproject_line(origin, 0.0, angle).distance(&observed);
             prop_assert!(distance.abs() < 1e-6, "{distance}");
         }
     }

@@ -82,7 +82,7 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
         .then_some(found)
 }
 
-/// Slopes of the points' pixels by position and yaw.
+/// Derivatives of the points' pixels by position and yaw.
 fn by_place(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
     let columns = unknowns.map(|index| pixel_slopes(camera, points, index));
@@ -170,7 +170,7 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 /// The camera with the covariance of where control points put it: noise of `sigma` pixels in the
 /// points, and what was uncertain about roll, pitch and focal carried along.
 ///
-/// With the slopes `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
+/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
 /// `dq = -(A'A)^-1 A' (B dp + noise)`.
 #[must_use]
 pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma: f64) -> Camera {
@@ -180,14 +180,14 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
     );
     let shown: Vec<ControlPoint> =
         points.iter().copied().filter(|point| camera.world_to_pixel(point.world).is_some()).collect();
-    let slopes = |unknowns: &[usize]| {
+    let jacobian = |unknowns: &[usize]| {
         let columns: Vec<Vec<f64>> =
             unknowns.iter().map(|&index| pixel_slopes(camera, &shown, index)).collect();
         DMatrix::from_fn(2 * shown.len(), unknowns.len(), |i, j| columns[j][i])
     };
-    let by_place = slopes(&q);
+    let by_place = jacobian(&q);
     let Some(inverse) = (by_place.transpose() * &by_place).try_inverse() else { return *camera };
-    let gain = -(&inverse * by_place.transpose() * slopes(&p));
+    let gain = -(&inverse * by_place.transpose() * jacobian(&p));
     let known = DMatrix::from_fn(3, 3, |i, j| camera.covariance.0[p[i]][p[j]]);
     let across = &gain * &known;
     let place = &across * gain.transpose() + inverse * (sigma * sigma);
@@ -204,7 +204,7 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
     Camera { covariance, ..*camera }
 }
 
-/// Slopes of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 where a nudge
+/// Derivatives of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 where a nudge
 /// moves a point out of sight.
 fn pixel_slopes(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
     const STEP: f64 = 1e-5;

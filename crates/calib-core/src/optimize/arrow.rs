@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
-use crate::optimize::dual::Slope;
+use crate::optimize::dual::Gradient;
 
 /// Normal equations with one unknown beside the core per block.
 #[derive(Clone, Debug)]
@@ -27,12 +27,12 @@ impl Normal {
     }
 
     #[inline]
-    pub(crate) fn add(&mut self, residual: f64, slope: &Slope, nuisance: Option<(usize, f64)>) {
+    pub(crate) fn add(&mut self, residual: f64, gradient: &Gradient, nuisance: Option<(usize, f64)>) {
         self.cost += residual * residual;
         for i in 0..4 {
-            self.gradient[i] += slope[i] * residual;
+            self.gradient[i] += gradient[i] * residual;
             for j in i..4 {
-                self.core[i][j] += slope[i] * slope[j];
+                self.core[i][j] += gradient[i] * gradient[j];
             }
         }
         if let Some((index, derivative)) = nuisance {
@@ -40,7 +40,7 @@ impl Normal {
             block.square += derivative * derivative;
             block.gradient += derivative * residual;
             for i in 0..4 {
-                block.cross[i] += derivative * slope[i];
+                block.cross[i] += derivative * gradient[i];
             }
         }
     }

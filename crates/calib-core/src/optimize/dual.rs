@@ -3,7 +3,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Derivatives with respect to roll, pitch, log focal and log height.
-pub(crate) type Slope = [f64; 4];
+pub(crate) type Gradient = [f64; 4];
 
 /// What a formula is evaluated in: values alone, or values with their derivatives. Searches ask for
 /// the values of many states, and for the derivatives of few.
@@ -19,10 +19,10 @@ pub(crate) trait Number:
     + Mul<f64, Output = Self>
 {
     /// Whether it carries derivatives.
-    const HAS_SLOPE: bool;
+    const HAS_GRADIENT: bool;
 
     /// A value with its derivatives, which a number without them drops.
-    fn new(value: f64, slope: Slope) -> Self;
+    fn new(value: f64, gradient: Gradient) -> Self;
     fn value(self) -> f64;
     /// A function of this number, with its value and derivative here.
     fn chain(self, value: f64, derivative: f64) -> Self;
@@ -33,9 +33,9 @@ pub(crate) trait Number:
 
     /// The unknown of this index.
     fn unknown(value: f64, index: usize) -> Self {
-        let mut slope = [0.0; 4];
-        slope[index] = 1.0;
-        Self::new(value, slope)
+        let mut gradient = [0.0; 4];
+        gradient[index] = 1.0;
+        Self::new(value, gradient)
     }
 
     #[inline]
@@ -63,10 +63,10 @@ pub(crate) trait Number:
 }
 
 impl Number for f64 {
-    const HAS_SLOPE: bool = false;
+    const HAS_GRADIENT: bool = false;
 
     #[inline]
-    fn new(value: f64, _: Slope) -> Self {
+    fn new(value: f64, _: Gradient) -> Self {
         value
     }
 
@@ -85,15 +85,15 @@ impl Number for f64 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dual {
     pub(crate) value: f64,
-    pub(crate) slope: Slope,
+    pub(crate) gradient: Gradient,
 }
 
 impl Number for Dual {
-    const HAS_SLOPE: bool = true;
+    const HAS_GRADIENT: bool = true;
 
     #[inline]
-    fn new(value: f64, slope: Slope) -> Self {
-        Self { value, slope }
+    fn new(value: f64, gradient: Gradient) -> Self {
+        Self { value, gradient }
     }
 
     #[inline]
@@ -103,7 +103,7 @@ impl Number for Dual {
 
     #[inline]
     fn chain(self, value: f64, derivative: f64) -> Self {
-        Self { value, slope: self.slope.map(|s| s * derivative) }
+        Self { value, gradient: self.gradient.map(|s| s * derivative) }
     }
 }
 
@@ -113,7 +113,7 @@ impl Add for Dual {
     fn add(self, other: Self) -> Self {
         Self {
             value: self.value + other.value,
-            slope: std::array::from_fn(|i| self.slope[i] + other.slope[i]),
+            gradient: std::array::from_fn(|i| self.gradient[i] + other.gradient[i]),
         }
     }
 }
@@ -124,7 +124,7 @@ impl Sub for Dual {
     fn sub(self, other: Self) -> Self {
         Self {
             value: self.value - other.value,
-            slope: std::array::from_fn(|i| self.slope[i] - other.slope[i]),
+            gradient: std::array::from_fn(|i| self.gradient[i] - other.gradient[i]),
         }
     }
 }
@@ -134,8 +134,8 @@ impl Mul for Dual {
     #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
     #[inline]
     fn mul(self, other: Self) -> Self {
-        let slope = |i: usize| self.slope[i] * other.value + self.value * other.slope[i];
-        Self { value: self.value * other.value, slope: std::array::from_fn(slope) }
+        let gradient = |i: usize| self.gradient[i] * other.value + self.value * other.gradient[i];
+        Self { value: self.value * other.value, gradient: std::array::from_fn(gradient) }
     }
 }
 
@@ -144,10 +144,10 @@ impl Div for Dual {
     #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
     #[inline]
     fn div(self, other: Self) -> Self {
-        // One division; the slopes are multiplied.
+        // One division; the derivatives are multiplied.
         let (value, inverse) = (self.value / other.value, other.value.recip());
-        let slope = |i: usize| (self.slope[i] - value * other.slope[i]) * inverse;
-        Self { value, slope: std::array::from_fn(slope) }
+        let gradient = |i: usize| (self.gradient[i] - value * other.gradient[i]) * inverse;
+        Self { value, gradient: std::array::from_fn(gradient) }
     }
 }
 

@@ -90,7 +90,7 @@ pub(crate) trait LeastSquares {
     type Normal;
 
     /// Cost (sum of squares) and normal equations; `None` where the model is impossible.
-    fn linearise(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
+    fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
 
     /// The state after a step with `damping` times the diagonal added, the gain that the linear
     /// model promises for it, and the largest change of an unknown; `None` when it has no solution.
@@ -104,7 +104,7 @@ pub(crate) trait LeastSquares {
 
 /// How a Levenberg-Marquardt run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Ending {
+pub(crate) enum Termination {
     /// The cost does not fall any more: its relative change or the step is rounding.
     Converged,
     /// The rounds ran out.
@@ -126,13 +126,13 @@ pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
 impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// `None` when the start is impossible.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
-        let (cost, normal) = problem.linearise(&start)?;
+        let (cost, normal) = problem.linearize(&start)?;
         // Starts are near: a small share of the diagonal lets the first step be almost Newton's.
         Some(Self { state: start, cost, normal, damping: 1e-4, growth: 2.0 })
     }
 
     /// One accepted step, or the ending.
-    pub(crate) fn advance(&mut self, problem: &P) -> Option<Ending> {
+    pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
         /// Relative to the cost; squared residuals of exact scenes go down to rounding.
         const TOLERANCE: f64 = 1e-13;
         /// Radians, log units: far below what any pixel tells.
@@ -142,9 +142,9 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
             let stepped = problem.step(&self.state, &self.normal, self.damping);
             let tried = stepped.and_then(|(next, promised, size)| {
                 if size < STEP {
-                    return Some(Err(Ending::Converged));
+                    return Some(Err(Termination::Converged));
                 }
-                let (cost, normal) = problem.linearise(&next)?;
+                let (cost, normal) = problem.linearize(&next)?;
                 (cost < self.cost).then_some(Ok((next, promised, cost, normal)))
             });
             match tried {
@@ -154,7 +154,7 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                     let done = self.cost - cost <= TOLERANCE * self.cost;
                     self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(0.1);
                     (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
-                    return done.then_some(Ending::Converged);
+                    return done.then_some(Termination::Converged);
                 }
                 None => {
                     self.damping *= self.growth;
@@ -162,19 +162,19 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 }
             }
         }
-        Some(Ending::Stuck)
+        Some(Termination::Stuck)
     }
 }
 
 /// Where a run ended.
-pub(crate) struct Reached<P: LeastSquares> {
+pub(crate) struct Summary<P: LeastSquares> {
     /// The lowest state.
     pub(crate) state: P::State,
     pub(crate) cost: f64,
     /// The problem made linear there.
     pub(crate) normal: P::Normal,
     #[cfg_attr(not(test), expect(dead_code, reason = "whether it converged is what tests ask"))]
-    pub(crate) ending: Ending,
+    pub(crate) ending: Termination,
 }
 
 /// The lowest state reached from `start`; `None` when the start is impossible.
@@ -184,11 +184,11 @@ pub(crate) fn least_squares<P: LeastSquares>(
     problem: &P,
     start: P::State,
     rounds: usize,
-) -> Option<Reached<P>> {
+) -> Option<Summary<P>> {
     let mut solver = LevenbergMarquardt::new(problem, start)?;
-    let ending = (0..rounds).find_map(|_| solver.advance(problem)).unwrap_or(Ending::OutOfRounds);
+    let ending = (0..rounds).find_map(|_| solver.advance(problem)).unwrap_or(Termination::OutOfRounds);
     let LevenbergMarquardt { state, cost, normal, .. } = solver;
-    Some(Reached { state, cost, normal, ending })
+    Some(Summary { state, cost, normal, ending })
 }
 
 /// Runs inside argmin's executor, one accepted step an iteration.
@@ -208,7 +208,7 @@ where
         let ending = problem.problem.as_ref().and_then(|problem| self.advance(problem));
         let state = state.param(self.state.clone()).cost(self.cost);
         Ok(match ending {
-            Some(Ending::Converged) => (state.terminate_with(TerminationReason::SolverConverged), None),
+            Some(Termination::Converged) => (state.terminate_with(TerminationReason::SolverConverged), None),
             Some(_) => (state.terminate_with(TerminationReason::SolverExit("no lower cost".into())), None),
             None => (state, None),
         })

@@ -10,7 +10,7 @@ mod arrow;
 
 pub(crate) use arrow::{Normal, Uncertainty};
 pub(crate) use dual::{Dual, Number};
+pub(crate) use minimize::{LeastSquares, Summary, least_squares, nelder_mead};
 #[cfg(test)]
-pub(crate) use minimize::{Ending, LevenbergMarquardt};
-pub(crate) use minimize::{LeastSquares, Reached, least_squares, nelder_mead};
-pub(crate) use schur_complement::{BlockCovariance, BlockNormal, Blocks, Slope};
+pub(crate) use minimize::{LevenbergMarquardt, Termination};
+pub(crate) use schur_complement::{BlockCovariance, BlockStructure, JacobianBlock, NormalEquations};

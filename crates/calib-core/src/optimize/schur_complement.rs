@@ -5,25 +5,25 @@ use std::collections::{BTreeSet, HashMap};
 
 use nalgebra::DMatrix;
 
-use crate::optimize::sparse_cholesky::{Inverse, Sparse};
+use crate::optimize::sparse_cholesky::{SelectedInverse, SparseStructure};
 
 /// Which unknowns stand together, and which blocks have common residuals.
 #[derive(Clone, Debug)]
-pub(crate) struct Blocks {
+pub(crate) struct BlockStructure {
     pub(crate) sizes: Vec<usize>,
     /// First unknown of every block.
     pub(crate) offsets: Vec<usize>,
-    places: Vec<Place>,
+    places: Vec<Role>,
     kept: Vec<usize>,
     eliminated: Vec<Eliminated>,
     /// Pairs of kept blocks, the first not behind the second.
     pairs: Vec<[usize; 2]>,
     pair_of: HashMap<[usize; 2], usize>,
-    sparse: Sparse,
+    sparse: SparseStructure,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum Role {
     Kept(usize),
     Eliminated(usize),
 }
@@ -37,16 +37,16 @@ struct Eliminated {
     pairs: Vec<usize>,
 }
 
-/// Slopes of one residual by the unknowns of a block.
+/// Derivatives of one residual by the unknowns of a block.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Slope<'a> {
+pub(crate) struct JacobianBlock<'a> {
     pub(crate) block: usize,
     pub(crate) by: &'a [f64],
 }
 
 /// Normal equations at a state.
 #[derive(Clone, Debug)]
-pub(crate) struct BlockNormal {
+pub(crate) struct NormalEquations {
     pub(crate) cost: f64,
     pub(crate) gradient: Vec<f64>,
     /// For every pair of kept blocks, row by row.
@@ -57,7 +57,7 @@ pub(crate) struct BlockNormal {
     cross: Vec<Vec<Vec<f64>>>,
 }
 
-impl Blocks {
+impl BlockStructure {
     /// Blocks of these sizes, the flagged ones kept; `common` lists blocks that have residuals in
     /// common. Two eliminated blocks must have none.
     pub(crate) fn new(sizes: Vec<usize>, keep: &[bool], common: &[Vec<usize>]) -> Self {
@@ -67,19 +67,19 @@ impl Blocks {
         }
         let kept: Vec<usize> = (0..sizes.len()).filter(|&b| keep[b]).collect();
         let rest: Vec<usize> = (0..sizes.len()).filter(|&b| !keep[b]).collect();
-        let mut places = vec![Place::Kept(0); sizes.len()];
-        kept.iter().enumerate().for_each(|(i, &b)| places[b] = Place::Kept(i));
-        rest.iter().enumerate().for_each(|(i, &b)| places[b] = Place::Eliminated(i));
+        let mut places = vec![Role::Kept(0); sizes.len()];
+        kept.iter().enumerate().for_each(|(i, &b)| places[b] = Role::Kept(i));
+        rest.iter().enumerate().for_each(|(i, &b)| places[b] = Role::Eliminated(i));
         let mut neighbours: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); rest.len()];
         let mut coupled: BTreeSet<[usize; 2]> = (0..kept.len()).map(|i| [i, i]).collect();
         for group in common {
             let among: BTreeSet<usize> = group
                 .iter()
-                .filter_map(|&b| if let Place::Kept(i) = places[b] { Some(i) } else { None })
+                .filter_map(|&b| if let Role::Kept(i) = places[b] { Some(i) } else { None })
                 .collect();
             coupled.extend(among.iter().flat_map(|&a| among.range(a..).map(move |&b| [a, b])));
             for &block in group {
-                if let Place::Eliminated(i) = places[block] {
+                if let Role::Eliminated(i) = places[block] {
                     neighbours[i].extend(&among);
                 }
             }
@@ -104,7 +104,7 @@ impl Blocks {
             })
             .collect();
         let kept_sizes = kept.iter().map(|&b| sizes[b]).collect();
-        let sparse = Sparse::new(kept_sizes, pairs.iter().map(|&[a, b]| (a, b)));
+        let sparse = SparseStructure::new(kept_sizes, pairs.iter().map(|&[a, b]| (a, b)));
         Self { sizes, offsets, places, kept, eliminated, pairs, pair_of, sparse }
     }
 
@@ -113,9 +113,9 @@ impl Blocks {
         self.sizes.iter().sum()
     }
 
-    pub(crate) fn normal(&self) -> BlockNormal {
+    pub(crate) fn normal(&self) -> NormalEquations {
         let kept_size = |i: usize| self.sizes[self.kept[i]];
-        BlockNormal {
+        NormalEquations {
             cost: 0.0,
             gradient: vec![0.0; self.unknowns()],
             kept: self.pairs.iter().map(|&[a, b]| vec![0.0; kept_size(a) * kept_size(b)]).collect(),
@@ -131,31 +131,31 @@ impl Blocks {
     }
 
     /// Adds one residual.
-    pub(crate) fn add(&self, normal: &mut BlockNormal, residual: f64, slopes: &[Slope]) {
+    pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.cost += residual * residual;
-        for (k, a) in slopes.iter().enumerate() {
+        for (k, a) in jacobian.iter().enumerate() {
             let offset = self.offsets[a.block];
-            for (gradient, slope) in normal.gradient[offset..].iter_mut().zip(a.by) {
-                *gradient += slope * residual;
+            for (gradient, jacobian) in normal.gradient[offset..].iter_mut().zip(a.by) {
+                *gradient += jacobian * residual;
             }
-            for b in &slopes[k..] {
+            for b in &jacobian[k..] {
                 match (self.places[a.block], self.places[b.block]) {
-                    (Place::Kept(i), Place::Kept(j)) => {
+                    (Role::Kept(i), Role::Kept(j)) => {
                         let (pair, rows, columns) =
                             if i <= j { ([i, j], a.by, b.by) } else { ([j, i], b.by, a.by) };
                         if let Some(&at) = self.pair_of.get(&pair) {
                             add_outer(&mut normal.kept[at], rows, columns);
                         }
                     }
-                    (Place::Eliminated(i), Place::Eliminated(_)) => add_outer(&mut normal.own[i], a.by, b.by),
-                    (Place::Eliminated(e), Place::Kept(i)) => self.add_cross(normal, [e, i], a.by, b.by),
-                    (Place::Kept(i), Place::Eliminated(e)) => self.add_cross(normal, [e, i], b.by, a.by),
+                    (Role::Eliminated(i), Role::Eliminated(_)) => add_outer(&mut normal.own[i], a.by, b.by),
+                    (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], a.by, b.by),
+                    (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], b.by, a.by),
                 }
             }
         }
     }
 
-    fn add_cross(&self, normal: &mut BlockNormal, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
+    fn add_cross(&self, normal: &mut NormalEquations, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
         if let Some(at) = self.eliminated[e].neighbours.iter().position(|&n| n == i) {
             add_outer(&mut normal.cross[e][at], rows, columns);
         }
@@ -163,7 +163,7 @@ impl Blocks {
 
     /// The reduced matrix and right-hand side; `damping` multiplies the diagonal. With the inverse of
     /// every eliminated block's own matrix.
-    fn reduced(&self, normal: &BlockNormal, damping: f64) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
+    fn reduced(&self, normal: &NormalEquations, damping: f64) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
         let mut values = self.sparse.zeros();
         for (&[a, b], block) in self.pairs.iter().zip(&normal.kept) {
             let mut block = block.clone();
@@ -203,7 +203,7 @@ impl Blocks {
     }
 
     /// The step in every unknown and the gain that the linear model promises for it.
-    pub(crate) fn step(&self, normal: &BlockNormal, damping: f64) -> Option<(Vec<f64>, f64)> {
+    pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
         let (values, right, inverses) = self.reduced(normal, damping);
         let solution = self.sparse.factor(&values)?.solve(&right);
         let mut step = vec![0.0; self.unknowns()];
@@ -232,13 +232,13 @@ impl Blocks {
         Some((step, promised))
     }
 
-    fn diagonal(&self, normal: &BlockNormal) -> Vec<f64> {
+    fn diagonal(&self, normal: &NormalEquations) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.unknowns()];
         for block in 0..self.sizes.len() {
             let size = self.sizes[block];
             let own = match self.places[block] {
-                Place::Kept(i) => self.pair_of.get(&[i, i]).map(|&at| &normal.kept[at]),
-                Place::Eliminated(e) => Some(&normal.own[e]),
+                Role::Kept(i) => self.pair_of.get(&[i, i]).map(|&at| &normal.kept[at]),
+                Role::Eliminated(e) => Some(&normal.own[e]),
             };
             for i in 0..size {
                 diagonal[self.offsets[block] + i] = own.map_or(0.0, |own| own[i * size + i]);
@@ -255,7 +255,7 @@ impl Blocks {
     ///
     /// What the residuals leave open has a large variance, not an infinite one: its own information is
     /// raised by a share of `open` of the best that any residual gives it.
-    pub(crate) fn covariance(&self, normal: BlockNormal, open: f64) -> Option<BlockCovariance> {
+    pub(crate) fn covariance(&self, normal: NormalEquations, open: f64) -> Option<BlockCovariance> {
         let (mut values, _, own) = self.reduced(&normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {
             let size = self.sizes[block];
@@ -283,9 +283,9 @@ impl Blocks {
 /// Covariance of blocks, as far as they have residuals in common.
 #[derive(Debug)]
 pub(crate) struct BlockCovariance {
-    normal: BlockNormal,
+    normal: NormalEquations,
     own: Vec<Vec<f64>>,
-    inverse: Inverse,
+    inverse: SelectedInverse,
 }
 
 impl BlockCovariance {
@@ -293,14 +293,14 @@ impl BlockCovariance {
     ///
     /// Of an eliminated block with own matrix D and neighbours' cross matrices C:
     /// `D^-1 + D^-1 C Z C' D^-1`, and with a neighbour `-D^-1 C Z`.
-    pub(crate) fn block(&self, blocks: &Blocks, a: usize, b: usize) -> DMatrix<f64> {
+    pub(crate) fn block(&self, blocks: &BlockStructure, a: usize, b: usize) -> DMatrix<f64> {
         match (blocks.places[a], blocks.places[b]) {
-            (Place::Kept(i), Place::Kept(j)) => self.inverse.block(i, j),
-            (Place::Eliminated(e), Place::Kept(i)) => -self.gain(blocks, e) * self.toward(blocks, e, i),
-            (Place::Kept(i), Place::Eliminated(e)) => {
+            (Role::Kept(i), Role::Kept(j)) => self.inverse.block(i, j),
+            (Role::Eliminated(e), Role::Kept(i)) => -self.gain(blocks, e) * self.toward(blocks, e, i),
+            (Role::Kept(i), Role::Eliminated(e)) => {
                 -(self.gain(blocks, e) * self.toward(blocks, e, i)).transpose()
             }
-            (Place::Eliminated(e), Place::Eliminated(other)) => {
+            (Role::Eliminated(e), Role::Eliminated(other)) => {
                 let size = blocks.sizes[a];
                 if e != other {
                     return DMatrix::zeros(size, blocks.sizes[b]);
@@ -321,7 +321,7 @@ impl BlockCovariance {
     }
 
     /// `D^-1 C` over all neighbours.
-    fn gain(&self, blocks: &Blocks, e: usize) -> DMatrix<f64> {
+    fn gain(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
         let size = blocks.sizes[blocks.eliminated[e].block];
         let own = DMatrix::from_row_slice(size, size, &self.own[e]);
         let parts = self.normal.cross[e].iter().map(|c| DMatrix::from_row_slice(size, c.len() / size, c));
@@ -337,7 +337,7 @@ impl BlockCovariance {
     }
 
     /// Covariance of all neighbours of an eliminated block with one kept block.
-    fn toward(&self, blocks: &Blocks, e: usize, kept: usize) -> DMatrix<f64> {
+    fn toward(&self, blocks: &BlockStructure, e: usize, kept: usize) -> DMatrix<f64> {
         let near = &blocks.eliminated[e].neighbours;
         let parts: Vec<DMatrix<f64>> = near.iter().map(|&n| self.inverse.block(n, kept)).collect();
         let height = parts.iter().map(DMatrix::nrows).sum();
@@ -455,19 +455,19 @@ mod tests {
                 BTreeSet::from([r.1 % count, r.2 % count, count + i]).into_iter().collect()
             }).collect();
             common.extend((0..count).map(|i| vec![i]));
-            let blocks = Blocks::new(sizes.clone(), &keep, &common);
+            let blocks = BlockStructure::new(sizes.clone(), &keep, &common);
             let total = blocks.unknowns();
             let mut normal = blocks.normal();
             let (mut square, mut gradient) = (DMatrix::zeros(total, total), DVector::zeros(total));
             for group in &common {
                 for _ in 0..12 {
-                    let slopes: Vec<Vec<f64>> = group.iter().map(|&b| (0..sizes[b]).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
+                    let jacobian: Vec<Vec<f64>> = group.iter().map(|&b| (0..sizes[b]).map(|_| random.random_range(-1.0..1.0)).collect()).collect();
                     let residual: f64 = random.random_range(-1.0..1.0);
-                    let by: Vec<Slope> = group.iter().zip(&slopes).map(|(&block, by)| Slope { block, by }).collect();
+                    let by: Vec<JacobianBlock> = group.iter().zip(&jacobian).map(|(&block, by)| JacobianBlock { block, by }).collect();
                     blocks.add(&mut normal, residual, &by);
                     let mut row = DVector::zeros(total);
-                    for (&b, slope) in group.iter().zip(&slopes) {
-                        row.rows_mut(blocks.offsets[b], sizes[b]).copy_from_slice(slope);
+                    for (&b, jacobian) in group.iter().zip(&jacobian) {
+                        row.rows_mut(blocks.offsets[b], sizes[b]).copy_from_slice(jacobian);
                     }
                     square += &row * row.transpose();
                     gradient += row * residual;

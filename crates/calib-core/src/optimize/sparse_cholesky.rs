@@ -12,7 +12,7 @@ use nalgebra_sparse::pattern::SparsityPattern;
 
 /// Where every block of the matrix stands among the values of its columns, in the order of the factor.
 #[derive(Clone, Debug)]
-pub(crate) struct Sparse {
+pub(crate) struct SparseStructure {
     sizes: Vec<usize>,
     /// First row of every block in the order of the factor.
     starts: Vec<usize>,
@@ -25,21 +25,21 @@ pub(crate) struct Sparse {
 
 /// The factor of one matrix.
 #[derive(Debug)]
-pub(crate) struct Factor<'a> {
-    sparse: &'a Sparse,
+pub(crate) struct CholeskyFactor<'a> {
+    sparse: &'a SparseStructure,
     cholesky: CscCholesky<f64>,
 }
 
 /// The inverse where the factor has entries.
 #[derive(Debug)]
-pub(crate) struct Inverse {
+pub(crate) struct SelectedInverse {
     sizes: Vec<usize>,
     starts: Vec<usize>,
     pattern: SparsityPattern,
     values: Vec<f64>,
 }
 
-impl Sparse {
+impl SparseStructure {
     /// The structure of a matrix of blocks of these sizes that couples these pairs of blocks.
     pub(crate) fn new(sizes: Vec<usize>, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
         let count = sizes.len();
@@ -100,9 +100,9 @@ impl Sparse {
     }
 
     /// `None` when the matrix is not positive.
-    pub(crate) fn factor(&self, values: &[f64]) -> Option<Factor<'_>> {
+    pub(crate) fn factor(&self, values: &[f64]) -> Option<CholeskyFactor<'_>> {
         let cholesky = CscCholesky::factor_numerical(self.symbolic.clone(), values).ok()?;
-        Some(Factor { sparse: self, cholesky })
+        Some(CholeskyFactor { sparse: self, cholesky })
     }
 }
 
@@ -119,10 +119,10 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
-impl Factor<'_> {
+impl CholeskyFactor<'_> {
     /// The solution for a right-hand side with the blocks one after the other as they are numbered.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
-        let Sparse { sizes, starts, .. } = self.sparse;
+        let SparseStructure { sizes, starts, .. } = self.sparse;
         let mut ordered = DMatrix::zeros(right.len(), 1);
         let mut offset = 0;
         for (&size, &start) in sizes.iter().zip(starts) {
@@ -138,8 +138,8 @@ impl Factor<'_> {
     ///
     /// With `Z L = L^-T` and column `j` of `L`: `Z_ij = -sum_k>j L_kj Z_ik / L_jj` and
     /// `Z_jj = (1 / L_jj - sum_k>j L_kj Z_kj) / L_jj`, from the last column to the first.
-    pub(crate) fn inverse(self) -> Inverse {
-        let Sparse { sizes, starts, .. } = self.sparse;
+    pub(crate) fn inverse(self) -> SelectedInverse {
+        let SparseStructure { sizes, starts, .. } = self.sparse;
         let factor = self.cholesky.take_l();
         let (pattern, lower) = factor.into_pattern_and_values();
         let size = pattern.major_dim();
@@ -173,11 +173,11 @@ impl Factor<'_> {
                 *value = -sum / diagonal;
             }
         }
-        Inverse { sizes: sizes.clone(), starts: starts.clone(), pattern, values }
+        SelectedInverse { sizes: sizes.clone(), starts: starts.clone(), pattern, values }
     }
 }
 
-impl Inverse {
+impl SelectedInverse {
     /// A block, row by row; zeros for two blocks that nothing couples.
     pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
         let Self { sizes, starts, .. } = self;
@@ -207,7 +207,7 @@ mod tests {
             let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
             let count = sizes.len();
             let pairs: Vec<_> = pairs.iter().map(|(a, b)| (a % count, b % count)).filter(|(a, b)| a < b).collect::<BTreeSet<_>>().into_iter().collect();
-            let sparse = Sparse::new(sizes.clone(), pairs.iter().copied());
+            let sparse = SparseStructure::new(sizes.clone(), pairs.iter().copied());
             let offset = |block: usize| sizes[..block].iter().sum::<usize>();
             let total = offset(count);
             let mut dense = DMatrix::zeros(total, total);

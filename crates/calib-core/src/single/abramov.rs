@@ -10,7 +10,7 @@
 
 use crate::finding::{Failure, FailureCode};
 use crate::optimize::nelder_mead;
-use crate::single::constraints::{Evidence, Line, Toward};
+use crate::single::constraints::{Constraints, Direction, Line};
 use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
 
 /// What stage 1 finds out about one camera, by whatever method.
@@ -26,7 +26,7 @@ pub struct Orientation {
 
 /// What is known of the orientation before: held at the value where there is one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Held {
+pub struct FixedParameters {
     /// In radians.
     pub roll: Option<f64>,
     /// In radians.
@@ -47,16 +47,20 @@ const FIELDS: [f64; 12] = [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0,
 ///
 /// # Errors
 /// When there are fewer lines than the method needs, saying which.
-pub fn minimum(evidence: &Evidence, held: Held, width: f64) -> Result<(Orientation, f64), Failure> {
+pub fn minimum(
+    constraints: &Constraints,
+    held: FixedParameters,
+    width: f64,
+) -> Result<(Orientation, f64), Failure> {
     let roll = match held.roll {
         Some(roll) => roll,
-        None => roll_of(evidence)?,
+        None => roll_of(constraints)?,
     };
     if let (Some(pitch), Some(focal)) = (held.pitch, held.focal) {
         let orientation = Orientation { roll, pitch, focal };
-        return Ok((orientation, Criterion::new(evidence, roll).value(pitch, focal)));
+        return Ok((orientation, Criterion::new(constraints, roll).value(pitch, focal)));
     }
-    let criterion = Criterion::new(evidence, roll);
+    let criterion = Criterion::new(constraints, roll);
     criterion.check(held)?;
     // A unit of log focal and a radian of pitch are of one size.
     let cost = |[pitch, log_focal]: [f64; 2]| criterion.value(pitch, log_focal.exp());
@@ -80,13 +84,14 @@ pub fn minimum(evidence: &Evidence, held: Held, width: f64) -> Result<(Orientati
 ///
 /// `None` when no group gives a focal.
 #[must_use]
-pub fn closed_form(evidence: &Evidence) -> Option<Orientation> {
-    let nadir = vanishing_point(evidence.lines.iter().filter(|line| line.toward == Toward::Vertical))?;
+pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
+    let nadir =
+        vanishing_point(constraints.lines.iter().filter(|line| line.direction == Direction::Vertical))?;
     let [x, y, w] = if nadir[1] < 0.0 { nadir.map(|c| -c) } else { nadir };
-    let focal = (0..2 * evidence.groups)
+    let focal = (0..2 * constraints.groups)
         .filter_map(|class| {
-            let toward = Toward::Floor { group: class / 2, quarter: class % 2 == 1 };
-            let lines = || evidence.lines.iter().filter(move |line| line.toward == toward);
+            let direction = Direction::Floor { group: class / 2, orthogonal: class % 2 == 1 };
+            let lines = || constraints.lines.iter().filter(move |line| line.direction == direction);
             let h = vanishing_point(lines())?;
             let square = -(x * h[0] + y * h[1]) / (w * h[2]);
             (square > 0.0 && square.is_finite()).then(|| (fan(lines()), square.sqrt()))
@@ -111,8 +116,8 @@ fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
     (total - cos.hypot(sin)) / count
 }
 
-fn roll_of(evidence: &Evidence) -> Result<f64, Failure> {
-    let verticals = evidence.lines.iter().filter(|line| line.toward == Toward::Vertical);
+fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
+    let verticals = constraints.lines.iter().filter(|line| line.direction == Direction::Vertical);
     let count = verticals.clone().count();
     vanishing_point(verticals).map(roll_from_verticals).ok_or_else(|| {
         let message = if count < 2 {
@@ -126,7 +131,7 @@ fn roll_of(evidence: &Evidence) -> Result<f64, Failure> {
 }
 
 /// The lowest local minima of C on a grid, as (pitch, log focal).
-fn starts(criterion: &Criterion, held: Held, width: f64) -> Vec<[f64; 2]> {
+fn starts(criterion: &Criterion, held: FixedParameters, width: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 3;
     let pitches: Vec<f64> = match held.pitch {
         Some(pitch) => vec![pitch],
@@ -169,35 +174,35 @@ struct Criterion {
 struct FloorLine {
     line: [f64; 3],
     group: usize,
-    quarter: bool,
+    orthogonal: bool,
 }
 
 impl Criterion {
-    fn new(evidence: &Evidence, roll: f64) -> Self {
+    fn new(constraints: &Constraints, roll: f64) -> Self {
         let (sin, cos) = roll.sin_cos();
         let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
         let line = |line: &Line| line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
         let mut criterion = Self {
             verticals: Vec::new(),
             floor: Vec::new(),
-            lengths: vec![Vec::new(); evidence.length_groups.len()],
+            lengths: vec![Vec::new(); constraints.length_groups.len()],
         };
-        for drawn in &evidence.lines {
-            match drawn.toward {
-                Toward::Vertical => criterion.verticals.push(line(drawn)),
-                Toward::Floor { group, quarter } => {
-                    criterion.floor.push(FloorLine { line: line(drawn), group, quarter });
+        for drawn in &constraints.lines {
+            match drawn.direction {
+                Direction::Vertical => criterion.verticals.push(line(drawn)),
+                Direction::Floor { group, orthogonal } => {
+                    criterion.floor.push(FloorLine { line: line(drawn), group, orthogonal });
                 }
             }
         }
-        for length in &evidence.lengths {
+        for length in &constraints.lengths {
             criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.at)));
         }
         criterion
     }
 
     /// Whether there is anything that tells what is asked for.
-    fn check(&self, held: Held) -> Result<(), Failure> {
+    fn check(&self, held: FixedParameters) -> Result<(), Failure> {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
         let by_verticals = !self.verticals.is_empty() && (held.focal.is_some() || held.pitch.is_some());
@@ -216,7 +221,7 @@ impl Criterion {
         let count = self.floor.len();
         (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j))).filter_map(|(i, j)| {
             let (a, b) = (&self.floor[i], &self.floor[j]);
-            (a.group == b.group).then_some((i, j, a.quarter != b.quarter))
+            (a.group == b.group).then_some((i, j, a.orthogonal != b.orthogonal))
         })
     }
 
@@ -260,7 +265,7 @@ impl Criterion {
             if right_angle {
                 square = (square.0 + dot, square.1 + 1.0);
             } else {
-                let class = 2 * self.floor[i].group + usize::from(self.floor[i].quarter);
+                let class = 2 * self.floor[i].group + usize::from(self.floor[i].orthogonal);
                 if parallel.len() <= class {
                     parallel.resize(class + 1, (0.0, 0.0));
                 }

@@ -1,7 +1,7 @@
 //! How good the floor is: the predicted error of lengths on it.
 
-use crate::camera::{Camera, Covariance, Distortion, Drawn, FloorPoint, Pixel, UndistortedPixel};
-use crate::single::residual::{Core, LOG_FOCAL, PITCH, ROLL};
+use crate::camera::{Camera, Covariance, Distortion, FloorPoint, ObservedPixel, Pixel, UndistortedPixel};
+use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
 /// Points per side of the grid whose pairs give the lengths.
@@ -31,10 +31,10 @@ impl Grid {
 
     /// Between the corners of the floor that counts as seen where no EFOV was drawn.
     pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
-        let shown = |p: &FloorPoint| camera.world_to_undistorted(p.at_height(0.0));
+        let reprojected = |p: &FloorPoint| camera.world_to_undistorted(p.at_height(0.0));
         let pixels: Vec<Pixel> = polygon
             .iter()
-            .filter_map(shown)
+            .filter_map(reprojected)
             .filter_map(|UndistortedPixel { u, v }| camera.distort(UndistortedPixel { u, v }))
             .collect();
         if pixels.len() < 3 { Self(Vec::new()) } else { Self::of_polygon(camera, &pixels) }
@@ -56,24 +56,24 @@ fn four(corners: &[Pixel]) -> [Pixel; 4] {
 /// Root mean square of the predicted relative standard deviations of the lengths between all pairs
 /// of grid points on the floor.
 ///
-/// With `g` the slope of a log length by the unknowns, a length has the variance `g' C g`; where the
+/// With `g` the derivative of a log length by the unknowns, a length has the variance `g' C g`; where the
 /// height is unknown the common scale, the mean of `g` over all lengths, is taken out. `None` when
 /// fewer than three points of the grid lie on the floor.
 pub(crate) fn floor_length_rel(
-    core: &Core,
+    parameters: &Parameters,
     grid: &Grid,
     covariance: &Matrix4<f64>,
     height_known: bool,
 ) -> Option<f64> {
     let points = grid.0.iter().filter_map(|&pixel| {
-        let FloorSlope { at, by: [roll, pitch, focal] } = FloorSlope::new(core, pixel)?;
+        let FloorJacobian { at, by: [roll, pitch, focal] } = FloorJacobian::new(parameters, pixel)?;
         Some((at, [roll, pitch, focal, [0.0; 2]]))
     });
     let points: Vec<([f64; 2], [[f64; 2]; 4])> = points.collect();
     length_rel(&points, |k, l| covariance[(k, l)], height_known)
 }
 
-/// As [`floor_length_rel`], of floor points in camera heights with their slopes by `N` unknowns, of which
+/// As [`floor_length_rel`], of floor points in camera heights with their derivatives by `N` unknowns, of which
 /// the fourth is the log height.
 fn length_rel<const N: usize>(
     points: &[([f64; 2], [[f64; 2]; N])],
@@ -90,15 +90,15 @@ fn length_rel<const N: usize>(
         for b in &points[..i] {
             let (dx, dy) = (a.0[0] - b.0[0], a.0[1] - b.0[1]);
             let inverse = (dx * dx + dy * dy).max(f64::MIN_POSITIVE).recip();
-            let slope: [f64; N] = std::array::from_fn(|k| match k {
+            let gradient: [f64; N] = std::array::from_fn(|k| match k {
                 3 => 1.0,
                 _ => (dx * (a.1[k][0] - b.1[k][0]) + dy * (a.1[k][1] - b.1[k][1])) * inverse,
             });
             count += 1.0;
             for k in 0..N {
-                mean[k] += slope[k];
+                mean[k] += gradient[k];
                 for l in 0..=k {
-                    square[k][l] += slope[k] * slope[l];
+                    square[k][l] += gradient[k] * gradient[l];
                 }
             }
         }
@@ -117,28 +117,30 @@ fn length_rel<const N: usize>(
 /// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included.
 pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     const N: usize = 4 + Distortion::MOST;
-    let core =
+    let parameters =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
     let fitted = std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
     let point = |&[x, y]: &[f64; 2]| {
-        let FloorSlope { at, by } = FloorSlope::new(&core, [x, y])?;
-        let mut slopes = [[0.0; 2]; N];
-        slopes[..3].copy_from_slice(&by);
+        let FloorJacobian { at, by } = FloorJacobian::new(&parameters, [x, y])?;
+        let mut jacobian = [[0.0; 2]; N];
+        jacobian[..3].copy_from_slice(&by);
         if fitted.contains(&true) {
-            let moved = |dx: f64, dy: f64| FloorSlope::new(&core, [x + dx, y + dy]).map(|slope| slope.at);
+            let moved = |dx: f64, dy: f64| {
+                FloorJacobian::new(&parameters, [x + dx, y + dy]).map(|gradient| gradient.at)
+            };
             let Pixel { u: cu, v: cv } = camera.lens.principal_point;
             let raw = camera.distort(UndistortedPixel { u: cu + x, v: cv + y })?;
-            let drawn = Drawn::new(raw, &camera.lens, fitted)?;
+            let observed = ObservedPixel::new(raw, &camera.lens, fitted)?;
             // A pixel to one side: what bends over it is far below what is asked.
             let (by_x, by_y) = ([moved(0.5, 0.0)?, moved(-0.5, 0.0)?], [moved(0.0, 0.5)?, moved(0.0, -0.5)?]);
             for k in 0..Distortion::MOST {
-                slopes[4 + k] = std::array::from_fn(|axis| {
-                    drawn.by_lens[0][k] * (by_x[0][axis] - by_x[1][axis])
-                        + drawn.by_lens[1][k] * (by_y[0][axis] - by_y[1][axis])
+                jacobian[4 + k] = std::array::from_fn(|axis| {
+                    observed.d_lens[0][k] * (by_x[0][axis] - by_x[1][axis])
+                        + observed.d_lens[1][k] * (by_y[0][axis] - by_y[1][axis])
                 });
             }
         }
-        Some((at, slopes))
+        Some((at, jacobian))
     };
     let points: Vec<([f64; 2], [[f64; 2]; N])> = grid.0.iter().filter_map(point).collect();
     let index = |k: usize| match k {
@@ -159,15 +161,16 @@ pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f6
 }
 
 /// A floor point in camera heights, with its derivatives by roll, pitch and log focal.
-struct FloorSlope {
+struct FloorJacobian {
     at: [f64; 2],
     by: [[f64; 2]; 3],
 }
 
-impl FloorSlope {
+impl FloorJacobian {
     /// With the unrolled pixel (u, v): `D = v cos p + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
-    fn new(core: &Core, [x, y]: [f64; 2]) -> Option<Self> {
-        let ((sr, cr), (sp, cp), f) = (core[ROLL].sin_cos(), core[PITCH].sin_cos(), core[LOG_FOCAL].exp());
+    fn new(parameters: &Parameters, [x, y]: [f64; 2]) -> Option<Self> {
+        let ((sr, cr), (sp, cp), f) =
+            (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let (depth, ahead) = (cp * v + sp * f, cp * f - sp * v);
         if depth <= 1e-6 * f {
@@ -193,14 +196,14 @@ mod tests {
         #[test]
         fn the_slopes_of_the_floor_are_those_of_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
             const STEP: f64 = 1e-6;
-            let core = [camera.roll, camera.pitch, camera.focal.ln(), 0.0];
-            let Some(here) = FloorSlope::new(&core, [x, y]) else { return Ok(()) };
+            let parameters = [camera.roll, camera.pitch, camera.focal.ln(), 0.0];
+            let Some(here) = FloorJacobian::new(&parameters, [x, y]) else { return Ok(()) };
             prop_assume!(here.at[1].abs() < 50.0);
             for k in 0..3 {
                 let at = |sign: f64| {
-                    let mut nudged = core;
+                    let mut nudged = parameters;
                     nudged[k] += sign * STEP;
-                    FloorSlope::new(&nudged, [x, y]).map(|p| p.at)
+                    FloorJacobian::new(&nudged, [x, y]).map(|p| p.at)
                 };
                 let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
                 for axis in 0..2 {
@@ -212,13 +215,13 @@ mod tests {
 
         #[test]
         fn a_relative_error_of_the_height_alone_is_the_error_of_every_length(camera in any_camera()) {
-            let core = [camera.roll, camera.pitch.max(0.4), camera.focal.ln(), 0.0];
+            let parameters = [camera.roll, camera.pitch.max(0.4), camera.focal.ln(), 0.0];
             let grid = Grid((0..25).map(|k| [f64::from(k % 5) * 300.0 - 600.0, f64::from(k / 5) * 90.0 + 20.0]).collect());
             let mut covariance = Matrix4::zeros();
             covariance[(3, 3)] = 0.02_f64.powi(2);
-            if let Some(known) = floor_length_rel(&core, &grid, &covariance, true) {
+            if let Some(known) = floor_length_rel(&parameters, &grid, &covariance, true) {
                 prop_assert!((known - 0.02).abs() < 1e-12);
-                prop_assert!(floor_length_rel(&core, &grid, &covariance, false).is_some_and(|rel| rel < 1e-9), "a common scale is no error");
+                prop_assert!(floor_length_rel(&parameters, &grid, &covariance, false).is_some_and(|rel| rel < 1e-9), "a common scale is no error");
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::finding::{Code, Warning};
 use crate::optimize::Uncertainty;
 use crate::single::accuracy::floor_length_rel;
 use crate::single::annotation::{Annotation, Kind, line_name};
-use crate::single::constraints::{End, Evidence, Length, Line, Source, Toward};
+use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
 use crate::single::fit::{Fit, FitOptions, grid};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::OPEN_FOCAL;
@@ -40,7 +40,7 @@ pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) 
     if let Some(sigma) = fit.log_focal_sigma.filter(|&sigma| sigma > OPEN_FOCAL) {
         warn(Code::FocalUnobservable, open_focal(fit, sigma), format!("{} {next}", open_focal_advice(fit)));
         let narrowed = fit.log_focal_sigma_of_answer();
-        if fit.believed && narrowed < 0.5 * sigma {
+        if fit.weak_prior_used && narrowed < 0.5 * sigma {
             let message = format!(
                 "The focal of {:.0} px \u{b1} {:.0} % comes from what cameras usually have, not from the lines.",
                 fit.camera.focal,
@@ -103,15 +103,17 @@ pub(crate) fn floor_warning(rel: Option<f64>, advice: &str) -> Option<Warning> {
 }
 
 fn open_focal(fit: &Fit, sigma: f64) -> String {
-    let spread =
+    let covariance =
         if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
     match fit.floor_length_rel {
         Some(rel) if rel <= WEAK && fit.camera.pitch > 1.2 => format!(
-            "Looking down, the lines do not tell the focal {spread}; the floor is good to {:.1} %, heights above it are not.",
+            "Looking down, the lines do not tell the focal {covariance}; the floor is good to {:.1} %, heights above it are not.",
             100.0 * rel
         ),
         _ => {
-            format!("Focal length and pitch cannot be told apart: the lines do not tell the focal {spread}.")
+            format!(
+                "Focal length and pitch cannot be told apart: the lines do not tell the focal {covariance}."
+            )
         }
     }
 }
@@ -143,24 +145,24 @@ fn misfit(fit: &Fit, annotations: &[Annotation]) -> String {
 /// Of drawings not made yet the one that would lower the error of floor lengths most; `None` when
 /// none of them lowers it by a fifth.
 #[must_use]
-pub fn draw_next(fit: &Fit, evidence: &Evidence, options: &FitOptions) -> Option<DrawNext> {
+pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<DrawNext> {
     /// Share of the error that must go, to be worth a click.
     const WORTH: f64 = 0.8;
-    let kept: Evidence = without(evidence, &fit.outliers);
+    let kept: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);
     let sigma = fit.sigma;
-    let rel = |evidence: &Evidence, state: &State| {
-        let problem = Problem::new(evidence, options.held, options.priors, sigma, options.size[0]);
+    let rel = |constraints: &Constraints, state: &State| {
+        let problem = Problem::new(constraints, options.held, options.priors, sigma, options.size[0]);
         let information = problem.normal(state)?.information(problem.free);
         let uncertainty = Uncertainty::new(&information, problem.free);
-        floor_length_rel(&fit.state.core, &grid, &uncertainty.covariance, fit.height_known)
+        floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, fit.height_known)
     };
     let now = rel(&kept, &fit.state)?;
     let best = candidates(fit, options)
         .into_iter()
         .filter_map(|candidate| {
-            let (evidence, state) = candidate.join(&kept, &fit.state)?;
-            Some((rel(&evidence, &state)?, candidate))
+            let (constraints, state) = candidate.join(&kept, &fit.state)?;
+            Some((rel(&constraints, &state)?, candidate))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (then, candidate) = best;
@@ -187,11 +189,11 @@ fn gain(ratio: f64) -> String {
     }
 }
 
-fn without(evidence: &Evidence, aside: &[Source]) -> Evidence {
-    let mut kept = evidence.clone();
-    kept.lines.retain(|line| !aside.contains(&line.source));
-    kept.lengths.retain(|length| !aside.contains(&length.source));
-    kept.uprights.retain(|upright| !aside.contains(&upright.source));
+fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
+    let mut kept = constraints.clone();
+    kept.lines.retain(|line| !rejected.contains(&line.source));
+    kept.lengths.retain(|length| !rejected.contains(&length.source));
+    kept.uprights.retain(|upright| !rejected.contains(&upright.source));
     kept
 }
 
@@ -204,9 +206,9 @@ struct Candidate {
 
 impl Candidate {
     /// The evidence and the state with this drawing in it.
-    fn join(&self, evidence: &Evidence, state: &State) -> Option<(Evidence, State)> {
-        let mut joined = evidence.clone();
-        let end = |at: [f64; 2]| End { at, spread: [1.0, 0.0, 1.0] };
+    fn join(&self, constraints: &Constraints, state: &State) -> Option<(Constraints, State)> {
+        let mut joined = constraints.clone();
+        let end = |at: [f64; 2]| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
         let source = |segment: usize| Source { annotation: usize::MAX, segment };
         let group = joined.groups;
         if matches!(self.kind, Kind::Parallel | Kind::Perpendicular) {
@@ -217,27 +219,30 @@ impl Candidate {
         }
         for (i, segment) in self.segments.iter().enumerate() {
             let ends = segment.map(end);
-            let quarter = self.kind == Kind::Perpendicular && i > 0;
-            let toward =
-                if self.kind == Kind::Vertical { Toward::Vertical } else { Toward::Floor { group, quarter } };
+            let orthogonal = self.kind == Kind::Perpendicular && i > 0;
+            let direction = if self.kind == Kind::Vertical {
+                Direction::Vertical
+            } else {
+                Direction::Floor { group, orthogonal }
+            };
             match self.kind {
                 Kind::EqualLength => {
                     let group = joined.length_groups.len() - 1;
                     joined.lengths.push(Length { ends, group, source: source(i) });
                 }
-                _ => joined.lines.push(Line { ends, toward, source: source(i) }),
+                _ => joined.lines.push(Line { ends, direction, source: source(i) }),
             }
         }
         // Directions and lengths of what is there keep their values: the new one is exact there.
         let problem = Problem::new(
             &joined,
-            crate::single::abramov::Held::default(),
+            crate::single::abramov::FixedParameters::default(),
             crate::single::likelihood::Priors::default(),
             1.0,
             1e3,
         );
-        let mut at = problem.state_at(state.core)?;
-        let old = evidence.groups;
+        let mut at = problem.state_at(state.parameters)?;
+        let old = constraints.groups;
         at.nuisance[..old].copy_from_slice(&state.nuisance[..old]);
         let lengths = state.nuisance.len() - old;
         at.nuisance[joined.groups..joined.groups + lengths].copy_from_slice(&state.nuisance[old..]);

@@ -142,7 +142,7 @@ pub struct Annotation {
     /// Not used; its residual is reported all the same.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
     pub off: bool,
-    /// Never set aside as an outlier.
+    /// Never rejected as an outlier.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
     pub keep: bool,
     /// Raw pixels; a length counts from the first point to the last.

@@ -15,7 +15,7 @@ pub struct Source {
 
 /// Where a line leads in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Toward {
+pub enum Direction {
     /// To the nadir.
     Vertical,
     /// Along the floor direction of a group, or at right angles to it.
@@ -23,26 +23,26 @@ pub enum Toward {
         /// Index of the direction.
         group: usize,
         /// Turned by a right angle.
-        quarter: bool,
+        orthogonal: bool,
     },
 }
 
 /// An end point of a segment with the shape of its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct End {
+pub struct Endpoint {
     /// Undistorted pixel relative to the principal point.
     pub at: [f64; 2],
     /// Covariance of `at` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
-    pub spread: [f64; 3],
+    pub covariance: [f64; 3],
 }
 
 /// A segment that leads toward a direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
     /// Its two ends; of a polyline, two points with the same moments along its line.
-    pub ends: [End; 2],
+    pub ends: [Endpoint; 2],
     /// Where it leads.
-    pub toward: Toward,
+    pub direction: Direction,
     /// Where it comes from.
     pub source: Source,
 }
@@ -51,8 +51,8 @@ pub struct Line {
 #[derive(Clone, Copy, Debug)]
 pub struct Length {
     /// First and last point.
-    pub ends: [End; 2],
-    /// Index into [`Evidence::length_groups`].
+    pub ends: [Endpoint; 2],
+    /// Index into [`Constraints::length_groups`].
     pub group: usize,
     /// Where it comes from.
     pub source: Source,
@@ -62,9 +62,9 @@ pub struct Length {
 #[derive(Clone, Copy, Debug)]
 pub struct Upright {
     /// On the floor.
-    pub foot: End,
+    pub foot: Endpoint,
     /// Straight above.
-    pub head: End,
+    pub head: Endpoint,
     /// In metres.
     pub height: Known,
     /// Where it comes from.
@@ -73,7 +73,7 @@ pub struct Upright {
 
 /// Everything the annotations of one camera say.
 #[derive(Clone, Debug, Default)]
-pub struct Evidence {
+pub struct Constraints {
     /// Segments that lead toward a direction.
     pub lines: Vec<Line>,
     /// Number of floor directions.
@@ -85,12 +85,12 @@ pub struct Evidence {
     /// Persons and posts.
     pub uprights: Vec<Upright>,
     /// Drawings that say nothing, and why.
-    pub mute: Vec<(Source, Mute)>,
+    pub unusable: Vec<(Source, Unusable)>,
 }
 
 /// Why a drawing says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mute {
+pub enum Unusable {
     /// A point of it lies where the lens shows nothing.
     OutsideLens,
     /// Its ends coincide.
@@ -100,18 +100,18 @@ pub enum Mute {
 /// Least length of a segment that has a direction, in pixels.
 const LEAST: f64 = 1e-3;
 
-impl Evidence {
+impl Constraints {
     /// What `annotations` say through `lens`. Those switched off are left out unless `off` is asked for.
     #[must_use]
     pub fn new(annotations: &[Annotation], lens: &Lens, off: bool) -> Self {
-        let mut evidence = Self::default();
+        let mut constraints = Self::default();
         let mut directions: Vec<Option<(usize, bool)>> = vec![None; annotations.len()];
         for (index, annotation) in annotations.iter().enumerate() {
             if annotation.off == off {
-                evidence.take(annotations, index, lens, &mut directions);
+                constraints.take(annotations, index, lens, &mut directions);
             }
         }
-        evidence
+        constraints
     }
 
     /// Whether there is nothing to fit.
@@ -131,15 +131,15 @@ impl Evidence {
         let segments = annotation.segments.as_deref().unwrap_or_default();
         match annotation.kind {
             Kind::Straight => {}
-            Kind::Vertical => self.take_lines(index, segments, lens, |_| Toward::Vertical),
+            Kind::Vertical => self.take_lines(index, segments, lens, |_| Direction::Vertical),
             Kind::Parallel => {
-                let (group, quarter) = direction_of(annotations, index, directions, &mut self.groups);
-                self.take_lines(index, segments, lens, |_| Toward::Floor { group, quarter });
+                let (group, orthogonal) = direction_of(annotations, index, directions, &mut self.groups);
+                self.take_lines(index, segments, lens, |_| Direction::Floor { group, orthogonal });
             }
             Kind::Perpendicular => {
                 let group = self.groups;
                 self.groups += 1;
-                self.take_lines(index, segments, lens, |i| Toward::Floor { group, quarter: i > 0 });
+                self.take_lines(index, segments, lens, |i| Direction::Floor { group, orthogonal: i > 0 });
             }
             Kind::EqualLength | Kind::KnownLength => self.take_lengths(index, annotation, segments, lens),
             Kind::Upright => self.take_upright(index, annotation, lens),
@@ -151,13 +151,13 @@ impl Evidence {
         annotation: usize,
         segments: &[Vec<Pixel>],
         lens: &Lens,
-        toward: impl Fn(usize) -> Toward,
+        direction: impl Fn(usize) -> Direction,
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            match line_ends(points, lens).ok_or(Mute::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.lines.push(Line { ends, toward: toward(segment), source }),
-                Err(mute) => self.mute.push((source, mute)),
+            match line_ends(points, lens).ok_or(Unusable::OutsideLens).and_then(with_length) {
+                Ok(ends) => self.lines.push(Line { ends, direction: direction(segment), source }),
+                Err(unusable) => self.unusable.push((source, unusable)),
             }
         }
     }
@@ -169,9 +169,9 @@ impl Evidence {
             let source = Source { annotation: index, segment };
             let ends =
                 points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a, lens)?, end(b, lens)?]));
-            match ends.ok_or(Mute::OutsideLens).and_then(with_length) {
+            match ends.ok_or(Unusable::OutsideLens).and_then(with_length) {
                 Ok(ends) => self.lengths.push(Length { ends, group, source }),
-                Err(mute) => self.mute.push((source, mute)),
+                Err(unusable) => self.unusable.push((source, unusable)),
             }
         }
     }
@@ -184,7 +184,7 @@ impl Evidence {
         };
         match (end(foot, lens), end(head, lens)) {
             (Some(foot), Some(head)) => self.uprights.push(Upright { foot, head, height, source }),
-            _ => self.mute.push((source, Mute::OutsideLens)),
+            _ => self.unusable.push((source, Unusable::OutsideLens)),
         }
     }
 }
@@ -225,32 +225,32 @@ fn direction_of(
     directions[index].unwrap_or(direction)
 }
 
-fn end(pixel: Pixel, lens: &Lens) -> Option<End> {
+fn end(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
     let (straight, [[a, b], [c, d]]) = lens.undistort_with_jacobian(pixel)?;
     let Pixel { u: cu, v: cv } = lens.principal_point;
-    Some(End {
+    Some(Endpoint {
         at: [straight.u - cu, straight.v - cv],
-        spread: [a * a + b * b, a * c + b * d, c * c + d * d],
+        covariance: [a * a + b * b, a * c + b * d, c * c + d * d],
     })
 }
 
-fn with_length(ends: [End; 2]) -> Result<[End; 2], Mute> {
+fn with_length(ends: [Endpoint; 2]) -> Result<[Endpoint; 2], Unusable> {
     let [a, b] = ends.map(|end| end.at);
-    if (a[0] - b[0]).hypot(a[1] - b[1]) < LEAST { Err(Mute::NoLength) } else { Ok(ends) }
+    if (a[0] - b[0]).hypot(a[1] - b[1]) < LEAST { Err(Unusable::NoLength) } else { Ok(ends) }
 }
 
 /// Two points that say about the line's direction and place what all its points say: the centroid
 /// plus and minus the spread along the line, each with half of the weight of them all.
-fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[End; 2]> {
-    let ends: Vec<End> = points.iter().map(|&pixel| end(pixel, lens)).collect::<Option<_>>()?;
+fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[Endpoint; 2]> {
+    let ends: Vec<Endpoint> = points.iter().map(|&pixel| end(pixel, lens)).collect::<Option<_>>()?;
     if let [first, last] = ends[..] {
         return Some([first, last]);
     }
     let count = ends.len() as f64;
-    let mean = |value: fn(&End) -> f64| ends.iter().map(value).sum::<f64>() / count;
+    let mean = |value: fn(&Endpoint) -> f64| ends.iter().map(value).sum::<f64>() / count;
     let centre = [mean(|e| e.at[0]), mean(|e| e.at[1])];
     let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for End { at: [u, v], .. } in &ends {
+    for Endpoint { at: [u, v], .. } in &ends {
         let (du, dv) = (u - centre[0], v - centre[1]);
         uu += du * du;
         uv += du * dv;
@@ -260,9 +260,12 @@ fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[End; 2]> {
     let (sin, cos) = angle.sin_cos();
     let along = (uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin).max(0.0);
     let reach = (along / count).sqrt();
-    let spread =
-        [mean(|e| e.spread[0]), mean(|e| e.spread[1]), mean(|e| e.spread[2])].map(|s| s * 2.0 / count);
-    let at = |sign: f64| End { at: [centre[0] + sign * reach * cos, centre[1] + sign * reach * sin], spread };
+    let covariance = [mean(|e| e.covariance[0]), mean(|e| e.covariance[1]), mean(|e| e.covariance[2])]
+        .map(|s| s * 2.0 / count);
+    let at = |sign: f64| Endpoint {
+        at: [centre[0] + sign * reach * cos, centre[1] + sign * reach * sin],
+        covariance,
+    };
     Some([at(-1.0), at(1.0)])
 }
 
@@ -283,12 +286,12 @@ mod tests {
     fn directions_tied_at_right_angles_share_one_group_in_any_order() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let annotations = [parallel("c", Some("b")), parallel("a", None), parallel("b", Some("a"))];
-        let evidence = Evidence::new(&annotations, &lens, false);
-        assert_eq!(evidence.groups, 1);
-        let quarters: Vec<_> = evidence
+        let constraints = Constraints::new(&annotations, &lens, false);
+        assert_eq!(constraints.groups, 1);
+        let quarters: Vec<_> = constraints
             .lines
             .iter()
-            .map(|line| matches!(line.toward, Toward::Floor { quarter: true, .. }))
+            .map(|line| matches!(line.direction, Direction::Floor { orthogonal: true, .. }))
             .collect();
         assert_eq!(quarters, [false, false, true], "c is tied to b, b to a: c leads along a");
     }
@@ -299,6 +302,6 @@ mod tests {
         let points: Vec<Pixel> = (0..9).map(|i| Pixel::new(f64::from(i) * 10.0, 3.0)).collect();
         let [a, b] = line_ends(&points, &lens).unwrap();
         assert!((a.at[1] - 3.0).abs() < 1e-12 && (b.at[0] - a.at[0]) > 40.0);
-        assert!((a.spread[0] - 2.0 / 9.0).abs() < 1e-12);
+        assert!((a.covariance[0] - 2.0 / 9.0).abs() < 1e-12);
     }
 }

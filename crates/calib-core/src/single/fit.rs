@@ -5,11 +5,11 @@ use nalgebra::Matrix4;
 use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use crate::finding::{Failure, FailureCode};
 use crate::floor::{STAGE_1_HEIGHT, default_efov};
-use crate::single::abramov::{Held, Orientation};
+use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::accuracy::{Grid, floor_length_rel};
-use crate::single::constraints::{Evidence, Source};
+use crate::single::constraints::{Constraints, Source};
 use crate::single::likelihood::{Priors, Problem, State, predictable};
-use crate::single::minima::{Found, Minimum, weak_belief};
+use crate::single::minima::{Found, Minimum, weak_prior};
 use crate::single::outliers::{Search, inflation, is_misfit, solve_without_outliers};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 
@@ -23,20 +23,20 @@ pub struct FitOptions<'a> {
     /// Polygon of the effective field of view, raw pixels; empty if none was drawn.
     pub efov: &'a [Pixel],
     /// What is held.
-    pub held: Held,
+    pub held: FixedParameters,
     /// What is believed.
     pub priors: Priors,
     /// Standard deviation of a drawn coordinate, in pixels; judged by the residuals if absent.
     pub sigma: Option<f64>,
-    /// Let the weak belief about the focal enter where the lines do not tell it.
-    pub weak_belief: bool,
-    /// Annotations that are never set aside, by index.
+    /// Let the weak prior about the focal enter where the lines do not tell it.
+    pub weak_prior: bool,
+    /// Annotations that are never rejected, by index.
     pub keep: &'a [usize],
 }
 
 /// Another minimum that the evidence cannot rule out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solved {
+pub struct LocalMinimum {
     /// Its roll, pitch and focal.
     pub orientation: Orientation,
     /// Its chi-square.
@@ -58,18 +58,18 @@ pub struct Fit {
     pub floor_length_rel: Option<f64>,
     /// Distance of every piece of evidence from its prediction, in pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Evidence set aside.
+    /// Evidence rejected.
     pub outliers: Vec<Source>,
     /// The evidence contradicts itself, and no line of it explains that.
     pub misfit: bool,
     /// Other minima that the evidence cannot rule out.
-    pub alternatives: Vec<Solved>,
-    /// Whether one of them is a minimum of its own (rather than the answer without the weak belief).
+    pub alternatives: Vec<LocalMinimum>,
+    /// Whether one of them is a minimum of its own (rather than the answer without the weak prior).
     pub two_solutions: bool,
     /// Standard deviation of the log focal by the lines alone; `None` when the focal is held.
     pub log_focal_sigma: Option<f64>,
-    /// Whether the weak belief entered.
-    pub believed: bool,
+    /// Whether the weak prior entered.
+    pub weak_prior_used: bool,
     /// Whether the height was told by something.
     pub height_known: bool,
     pub(crate) state: State,
@@ -83,27 +83,28 @@ impl Fit {
     /// The maximum-likelihood fit.
     ///
     /// # Errors
-    /// When the evidence leaves more open than a weak belief about the focal can close.
-    pub fn new(evidence: &Evidence, options: &FitOptions) -> Result<Self, Failure> {
+    /// When the evidence leaves more open than a weak prior about the focal can close.
+    pub fn new(constraints: &Constraints, options: &FitOptions) -> Result<Self, Failure> {
         let sigma = options.sigma.unwrap_or(1.0);
-        let problem = Problem::new(evidence, options.held, options.priors, sigma, options.size[0]);
+        let problem = Problem::new(constraints, options.held, options.priors, sigma, options.size[0]);
         check_any(&problem)?;
         let keep = |source: Source| options.keep.contains(&source.annotation);
         let search = Search {
             held: options.held,
-            belief: options.weak_belief,
+            prior: options.weak_prior,
             noise_is_known: options.sigma.is_some(),
             keep: &keep,
         };
-        let (found, aside) = solve_without_outliers(&problem, search);
-        let mut problem = Problem { aside: &aside, ..problem.clone() };
+        let (found, rejected) = solve_without_outliers(&problem, search);
+        let mut problem = Problem { rejected: &rejected, ..problem.clone() };
         let log_focal_sigma = problem.free[LOG_FOCAL].then(|| {
-            let alone = found.without_belief.as_ref().or(found.minima.first());
+            let alone = found.without_weak_prior.as_ref().or(found.minima.first());
             alone.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
         });
-        let believed = found.without_belief.is_some() || (found.minima.is_empty() && options.weak_belief);
-        if believed {
-            problem.priors.weak_log_focal = Some(weak_belief(options.size[0]));
+        let weak_prior_used =
+            found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
+        if weak_prior_used {
+            problem.priors.weak_log_focal = Some(weak_prior(options.size[0]));
         }
         let chosen = choose(&found.minima, &problem, options).ok_or_else(impossible)?;
         let dof = problem.dof();
@@ -113,12 +114,12 @@ impl Fit {
         let grid = grid(&camera, options.efov, options.size);
         let height_known = problem.free[LOG_HEIGHT] || options.held.height.is_some();
         let core_covariance = best.uncertainty.covariance * inflation;
-        let rel = floor_length_rel(&best.state.core, &grid, &core_covariance, height_known);
+        let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_open(best, rel, &problem)?;
         let (alternatives, two_solutions) = alternatives(&found, chosen);
-        // What was set aside is shown, too, as far as it has a prediction.
-        let shown = predictable(evidence, &best.state.core);
-        let everything = Problem { aside: &[], evidence: &shown, ..problem.clone() };
+        // What was rejected is shown, too, as far as it has a prediction.
+        let shown = predictable(constraints, &best.state.parameters);
+        let everything = Problem { rejected: &[], constraints: &shown, ..problem.clone() };
         Ok(Self {
             camera,
             chi2: best.chi2,
@@ -130,11 +131,11 @@ impl Fit {
             alternatives,
             two_solutions,
             log_focal_sigma: log_focal_sigma.map(|s| s * inflation.sqrt()),
-            believed,
+            weak_prior_used,
             height_known,
             state: best.state.clone(),
             core_covariance,
-            outliers: aside,
+            outliers: rejected,
         })
     }
 
@@ -146,12 +147,12 @@ impl Fit {
 }
 
 /// Other answers that the evidence cannot rule out, and whether one of them is a minimum of its own.
-fn alternatives(found: &Found, chosen: usize) -> (Vec<Solved>, bool) {
+fn alternatives(found: &Found, chosen: usize) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
     let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
-    let mut alternatives: Vec<Solved> = others.map(|(_, minimum)| solved(minimum)).collect();
+    let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| solved(minimum)).collect();
     let two_solutions = !alternatives.is_empty();
-    alternatives.extend(found.without_belief.as_ref().map(solved));
+    alternatives.extend(found.without_weak_prior.as_ref().map(solved));
     (alternatives, two_solutions)
 }
 
@@ -168,17 +169,17 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
 /// something else was said about the focal.
 fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
     let lowest = minima.first()?;
-    if problem.priors.focal.is_some() || !options.weak_belief {
+    if problem.priors.focal.is_some() || !options.weak_prior {
         return Some(0);
     }
-    let usual = weak_belief(problem.width).value;
+    let usual = weak_prior(problem.width).value;
     let possible = minima.iter().enumerate().filter(|(_, m)| m.chi2 < lowest.chi2 + RULED_OUT);
-    let distance = |m: &Minimum| (m.state.core[LOG_FOCAL] - usual).abs();
+    let distance = |m: &Minimum| (m.state.parameters[LOG_FOCAL] - usual).abs();
     possible.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(i, _)| i)
 }
 
-fn solved(minimum: &Minimum) -> Solved {
-    Solved { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
+fn solved(minimum: &Minimum) -> LocalMinimum {
+    LocalMinimum { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
 }
 
 fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflation: f64) -> Camera {
@@ -187,7 +188,7 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
     let focal = options.held.focal.unwrap_or(focal);
     let height = match options.held.height {
         Some(height) => height,
-        None if problem.free[LOG_HEIGHT] => minimum.state.core[LOG_HEIGHT].exp(),
+        None if problem.free[LOG_HEIGHT] => minimum.state.parameters[LOG_HEIGHT].exp(),
         None => STAGE_1_HEIGHT,
     };
     // From log focal and log height to focal and height.

@@ -6,11 +6,11 @@
 //! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
 
 use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
-use crate::single::abramov::{Held, Orientation};
-use crate::single::constraints::{Evidence, Length, Line, Source, Toward, Upright};
+use crate::single::abramov::{FixedParameters, Orientation};
+use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
 use crate::single::residual::{
-    Angles, Core, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, ROLL, Unrolled, Vanishing, floor_length,
-    upright_residuals,
+    Angles, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, Unrolled, VanishingPoint,
+    floor_length, upright_residuals,
 };
 use crate::single::vanishing_point::line_through;
 
@@ -41,14 +41,14 @@ pub struct Priors {
 /// The fit of one camera: evidence, what is held and what is believed.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem<'a> {
-    pub(crate) evidence: &'a Evidence,
+    pub(crate) constraints: &'a Constraints,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
     /// Which of the core unknowns are free.
     pub(crate) free: [bool; 4],
-    /// Pieces of evidence set aside.
-    pub(crate) aside: &'a [Source],
+    /// Pieces of evidence rejected.
+    pub(crate) rejected: &'a [Source],
     /// Width of the image, in pixels: the unit of the possible focals.
     pub(crate) width: f64,
 }
@@ -56,7 +56,7 @@ pub(crate) struct Problem<'a> {
 /// A value for every unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
-    pub(crate) core: Core,
+    pub(crate) parameters: Parameters,
     /// Angle of every floor direction in radians, then the log length of every group of lengths
     /// in units of the camera height.
     pub(crate) nuisance: Vec<f64>,
@@ -64,20 +64,26 @@ pub(crate) struct State {
 
 impl State {
     pub(crate) fn orientation(&self) -> Orientation {
-        let [roll, pitch, log_focal, _] = self.core;
+        let [roll, pitch, log_focal, _] = self.parameters;
         Orientation { roll, pitch, focal: log_focal.exp() }
     }
 }
 
 impl<'a> Problem<'a> {
     /// The problem of this evidence with what is held, at the start of everything else.
-    pub(crate) fn new(evidence: &'a Evidence, held: Held, priors: Priors, sigma: f64, width: f64) -> Self {
+    pub(crate) fn new(
+        constraints: &'a Constraints,
+        held: FixedParameters,
+        priors: Priors,
+        sigma: f64,
+        width: f64,
+    ) -> Self {
         let tells_height = priors.height.is_some()
-            || !evidence.uprights.is_empty()
-            || evidence.lengths.iter().any(|length| evidence.length_groups[length.group].is_some());
+            || !constraints.uprights.is_empty()
+            || constraints.lengths.iter().any(|length| constraints.length_groups[length.group].is_some());
         let free_height = tells_height && held.height.is_none();
         let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), free_height];
-        Self { evidence, sigma, priors, free, aside: &[], width }
+        Self { constraints, sigma, priors, free, rejected: &[], width }
     }
 
     /// Number of residuals minus number of unknowns.
@@ -95,52 +101,53 @@ impl<'a> Problem<'a> {
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances()];
         for line in self.lines() {
-            if let Toward::Floor { group, .. } = line.toward {
+            if let Direction::Floor { group, .. } = line.direction {
                 used[group] = true;
             }
         }
-        for length in self.lengths().filter(|length| self.evidence.length_groups[length.group].is_none()) {
-            used[self.evidence.groups + length.group] = true;
+        for length in self.lengths().filter(|length| self.constraints.length_groups[length.group].is_none()) {
+            used[self.constraints.groups + length.group] = true;
         }
         used
     }
 
     fn nuisances(&self) -> usize {
-        self.evidence.groups + self.evidence.length_groups.len()
+        self.constraints.groups + self.constraints.length_groups.len()
     }
 
     fn in_use(&self, source: Source) -> bool {
-        self.aside.is_empty() || !self.aside.contains(&source)
+        self.rejected.is_empty() || !self.rejected.contains(&source)
     }
 
     pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line> + '_ {
-        self.evidence.lines.iter().filter(|line| self.in_use(line.source))
+        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
     }
 
     pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length> + '_ {
-        self.evidence.lengths.iter().filter(|length| self.in_use(length.source))
+        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
     }
 
     pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright> + '_ {
-        self.evidence.uprights.iter().filter(|upright| self.in_use(upright.source))
+        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
     }
 
     /// A state with this core, directions and lengths in closed form.
     ///
     /// `None` when a length lies above the horizon there.
-    pub(crate) fn state_at(&self, core: Core) -> Option<State> {
+    pub(crate) fn state_at(&self, parameters: Parameters) -> Option<State> {
         let mut nuisance = vec![0.0; self.nuisances()];
-        let mut sums = vec![[0.0; 2]; self.evidence.groups];
-        let ((sr, cr), (sp, cp), f) = (core[ROLL].sin_cos(), core[PITCH].sin_cos(), core[LOG_FOCAL].exp());
+        let mut sums = vec![[0.0; 2]; self.constraints.groups];
+        let ((sr, cr), (sp, cp), f) =
+            (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
         for line in self.lines() {
-            let Toward::Floor { group, quarter } = line.toward else { continue };
+            let Direction::Floor { group, orthogonal } = line.direction else { continue };
             let unroll = |[x, y]: [f64; 2]| [x * cr - y * sr, x * sr + y * cr];
             let [a, b, c] = line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
             // Where the viewing plane cuts the floor; doubled, an angle has no sign and adds up.
             let (x, y) = (cp * c - sp * f * b, -f * a);
             let square = x * x + y * y;
             if square > 0.0 {
-                let weight = a.hypot(b) / square * if quarter { -1.0 } else { 1.0 };
+                let weight = a.hypot(b) / square * if orthogonal { -1.0 } else { 1.0 };
                 sums[group][0] += weight * (x * x - y * y);
                 sums[group][1] += weight * 2.0 * x * y;
             }
@@ -148,20 +155,20 @@ impl<'a> Problem<'a> {
         for (angle, [cos, sin]) in nuisance.iter_mut().zip(&sums) {
             *angle = 0.5 * sin.atan2(*cos);
         }
-        let mut totals = vec![(0.0, 0.0); self.evidence.length_groups.len()];
-        let at = Unrolled::<f64>::new(&core);
+        let mut totals = vec![(0.0, 0.0); self.constraints.length_groups.len()];
+        let at = Unrolled::<f64>::new(&parameters);
         for length in self.lengths() {
             let (log_length, _) = floor_length(&at, &length.ends)?;
             totals[length.group].0 += log_length;
             totals[length.group].1 += 1.0;
         }
-        for (value, (sum, count)) in nuisance[self.evidence.groups..].iter_mut().zip(totals) {
+        for (value, (sum, count)) in nuisance[self.constraints.groups..].iter_mut().zip(totals) {
             *value = if count > 0.0 { sum / count } else { 0.0 };
         }
-        Some(State { core, nuisance })
+        Some(State { parameters, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, its unknown beside the core (where there are slopes), and
+    /// Calls `sink` with every residual in sigmas, its unknown beside the core (where there are derivatives), and
     /// its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
@@ -170,19 +177,21 @@ impl<'a> Problem<'a> {
         state: &State,
         mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
     ) -> Option<()> {
-        let core = &state.core;
-        let focal = core[LOG_FOCAL].exp();
-        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || core[PITCH].abs() > 3.0 {
+        let parameters = &state.parameters;
+        let focal = parameters[LOG_FOCAL].exp();
+        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || parameters[PITCH].abs() > 3.0 {
             return None;
         }
         self.each_line(state, &mut sink);
         let scale = self.sigma.recip();
-        let at = Unrolled::<N>::new(core);
+        let at = Unrolled::<N>::new(parameters);
         for length in self.lengths() {
             let (log_length, noise) = floor_length(&at, &length.ends)?;
-            let index = self.evidence.groups + length.group;
-            let (expected, beside) = match self.evidence.length_groups[length.group] {
-                Some(metres) => (N::constant(metres.ln()) - N::unknown(core[LOG_HEIGHT], LOG_HEIGHT), false),
+            let index = self.constraints.groups + length.group;
+            let (expected, beside) = match self.constraints.length_groups[length.group] {
+                Some(metres) => {
+                    (N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT), false)
+                }
                 None => (N::constant(state.nuisance[index]), true),
             };
             let residual = (log_length - expected) / noise * scale;
@@ -194,7 +203,7 @@ impl<'a> Problem<'a> {
                 sink(residual, None, Some(upright.source));
             }
         }
-        self.each_prior(core, |residual| sink(residual, None, None));
+        self.each_prior(parameters, |residual| sink(residual, None, None));
         Some(())
     }
 
@@ -206,41 +215,47 @@ impl<'a> Problem<'a> {
         sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
     ) {
         let scale = self.sigma.recip();
-        let angles = Angles::new(&state.core);
+        let angles = Angles::new(&state.parameters);
         let down = angles.down();
-        let directions: Vec<[Vanishing; 2]> = state.nuisance[..self.evidence.groups]
+        let directions: Vec<[VanishingPoint; 2]> = state.nuisance[..self.constraints.groups]
             .iter()
             .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
             .collect();
         for line in self.lines() {
-            let (vanishing, group) = match line.toward {
-                Toward::Vertical => (&down, None),
-                Toward::Floor { group, quarter } => (&directions[group][usize::from(quarter)], Some(group)),
+            let (vanishing, group) = match line.direction {
+                Direction::Vertical => (&down, None),
+                Direction::Floor { group, orthogonal } => {
+                    (&directions[group][usize::from(orthogonal)], Some(group))
+                }
             };
             let residual = LineResidual::new(&line.ends, vanishing.at);
             let value = scale * residual.pixels;
-            if !N::HAS_SLOPE {
+            if !N::HAS_GRADIENT {
                 sink(N::constant(value), None, Some(line.source));
                 continue;
             }
-            let by_point = residual.by_point();
-            let slope = |change: &[f64; 3]| scale * crate::camera::dot(&by_point, change);
-            let by_core =
-                [slope(&vanishing.by_roll), slope(&vanishing.by_pitch), slope(&vanishing.by_log_focal), 0.0];
-            let beside = group.map(|group| (group, slope(&vanishing.by_angle)));
+            let d_point = residual.d_point();
+            let gradient = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
+            let by_core = [
+                gradient(&vanishing.d_roll),
+                gradient(&vanishing.d_pitch),
+                gradient(&vanishing.d_log_focal),
+                0.0,
+            ];
+            let beside = group.map(|group| (group, gradient(&vanishing.d_angle)));
             sink(N::new(value, by_core), beside, Some(line.source));
         }
     }
 
     /// `(value - believed) / sigma` for every prior.
-    fn each_prior<N: Number>(&self, core: &Core, mut sink: impl FnMut(N)) {
+    fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {
-            if let Some(Prior { value: believed, sigma }) = prior {
-                sink((value - believed) * sigma.recip());
+            if let Some(Prior { value: weak_prior_used, sigma }) = prior {
+                sink((value - weak_prior_used) * sigma.recip());
             }
         };
-        let unknown = |index: usize| N::unknown(core[index], index);
+        let unknown = |index: usize| N::unknown(parameters[index], index);
         add(roll, unknown(ROLL));
         add(pitch, unknown(PITCH));
         add(focal, unknown(LOG_FOCAL).exp());
@@ -266,7 +281,7 @@ impl<'a> Problem<'a> {
     pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
         let mut normal = Normal::new(self.nuisances());
         self.each_residual(state, |residual: Dual, beside, _| {
-            normal.add(residual.value, &residual.slope, beside);
+            normal.add(residual.value, &residual.gradient, beside);
         })?;
         normal.cost.is_finite().then_some(normal)
     }
@@ -288,14 +303,14 @@ impl LeastSquares for Problem<'_> {
     type State = State;
     type Normal = Normal;
 
-    fn linearise(&self, state: &State) -> Option<(f64, Normal)> {
+    fn linearize(&self, state: &State) -> Option<(f64, Normal)> {
         let normal = self.normal(state)?;
         Some((normal.cost, normal))
     }
 
     fn step(&self, state: &State, normal: &Normal, damping: f64) -> Option<(State, f64, f64)> {
         let mut next = state.clone();
-        let (gain, size) = normal.step(&mut next.core, &mut next.nuisance, damping, self.free)?;
+        let (gain, size) = normal.step(&mut next.parameters, &mut next.nuisance, damping, self.free)?;
         Some((next, gain, size))
     }
 }
@@ -303,39 +318,44 @@ impl LeastSquares for Problem<'_> {
 /// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
 /// and lengths taken as the evidence has them there; those without a prediction are left out.
 pub(crate) fn residuals_at(
-    evidence: &Evidence,
+    constraints: &Constraints,
     at: Orientation,
     height: f64,
     width: f64,
 ) -> Vec<(Source, f64)> {
-    let held =
-        Held { roll: Some(at.roll), pitch: Some(at.pitch), focal: Some(at.focal), height: Some(height) };
-    let core = [at.roll, at.pitch, at.focal.ln(), height.ln()];
-    let evidence = predictable(evidence, &core);
-    let problem = Problem::new(&evidence, held, Priors::default(), 1.0, width);
-    problem.state_at(core).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
+    let held = FixedParameters {
+        roll: Some(at.roll),
+        pitch: Some(at.pitch),
+        focal: Some(at.focal),
+        height: Some(height),
+    };
+    let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
+    let constraints = predictable(constraints, &parameters);
+    let problem = Problem::new(&constraints, held, Priors::default(), 1.0, width);
+    problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
 /// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
-pub(crate) fn predictable(evidence: &Evidence, core: &Core) -> Evidence {
-    let mut evidence = evidence.clone();
-    let at = Unrolled::<f64>::new(core);
-    evidence.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
-    evidence.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
-    evidence
+pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
+    let mut constraints = constraints.clone();
+    let at = Unrolled::<f64>::new(parameters);
+    constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
+    constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
+    constraints
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optimize::{Ending, LevenbergMarquardt, Reached, least_squares};
+    use crate::optimize::{LevenbergMarquardt, Summary, Termination, least_squares};
     use crate::single::annotation::Known;
-    use crate::single::constraints::End;
+    use crate::single::constraints::Endpoint;
     use proptest::prelude::*;
 
-    fn any_end() -> impl Strategy<Value = End> {
-        ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64)
-            .prop_map(|(at, a, b, d)| End { at, spread: [a * a + b * b, b * (a + d), d * d + b * b] })
+    fn any_end() -> impl Strategy<Value = Endpoint> {
+        ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64).prop_map(
+            |(at, a, b, d)| Endpoint { at, covariance: [a * a + b * b, b * (a + d), d * d + b * b] },
+        )
     }
 
     fn source(segment: usize) -> Source {
@@ -343,22 +363,22 @@ mod tests {
     }
 
     /// Evidence that agrees with nothing: derivatives do not care.
-    fn any_evidence() -> impl Strategy<Value = Evidence> {
+    fn any_evidence() -> impl Strategy<Value = Constraints> {
         let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
         let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
         let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
         (lines, lengths, uprights).prop_map(|(lines, lengths, uprights)| {
-            let toward = |group: usize, quarter| match group {
-                0 => Toward::Vertical,
-                _ => Toward::Floor { group: group - 1, quarter },
+            let direction = |group: usize, orthogonal| match group {
+                0 => Direction::Vertical,
+                _ => Direction::Floor { group: group - 1, orthogonal },
             };
-            Evidence {
+            Constraints {
                 lines: lines
                     .into_iter()
                     .enumerate()
-                    .map(|(i, (ends, group, quarter))| Line {
+                    .map(|(i, (ends, group, orthogonal))| Line {
                         ends,
-                        toward: toward(group, quarter),
+                        direction: direction(group, orthogonal),
                         source: source(i),
                     })
                     .collect(),
@@ -377,12 +397,12 @@ mod tests {
                         Upright { foot, head, height, source: source(200 + i) }
                     })
                     .collect(),
-                mute: Vec::new(),
+                unusable: Vec::new(),
             }
         })
     }
 
-    fn any_core() -> impl Strategy<Value = Core> {
+    fn any_core() -> impl Strategy<Value = Parameters> {
         (-0.3..0.3_f64, 0.3..1.5_f64, 600.0..2500.0_f64, 1.5..6.0_f64)
             .prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
     }
@@ -390,7 +410,7 @@ mod tests {
     fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
         let mut rows = Vec::new();
         problem.each_residual(state, |residual: Dual, beside, _| {
-            let mut row = residual.slope.to_vec();
+            let mut row = residual.gradient.to_vec();
             row.resize(4 + state.nuisance.len(), 0.0);
             if let Some((index, derivative)) = beside {
                 row[4 + index] = derivative;
@@ -403,7 +423,7 @@ mod tests {
     fn nudged(state: &State, index: usize, by: f64) -> State {
         let mut state = state.clone();
         match index {
-            0..4 => state.core[index] += by,
+            0..4 => state.parameters[index] += by,
             _ => state.nuisance[index - 4] += by,
         }
         state
@@ -422,10 +442,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_jacobian_is_that_of_differences(evidence in any_evidence(), core in any_core()) {
+        fn the_jacobian_is_that_of_differences(constraints in any_evidence(), parameters in any_core()) {
             const STEP: f64 = 1e-6;
-            let problem = Problem::new(&evidence, Held::default(), priors(), 0.7, 1920.0);
-            let state = problem.state_at(core);
+            let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
+            let state = problem.state_at(parameters);
             prop_assume!(state.is_some());
             let Some(state) = state else { return Ok(()) };
             let rows = residuals(&problem, &state);
@@ -446,15 +466,15 @@ mod tests {
 
         #[test]
         fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
-            core in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
+            parameters in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
             drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
         ) {
-            let evidence = drawn_toward(&core, &drawn);
-            let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
-            let start = [core[0] + nudge[0], core[1] + nudge[1], core[2] + nudge[2], core[3]];
+            let constraints = drawn_toward(&parameters, &drawn);
+            let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 1.0, 1920.0);
+            let start = [parameters[0] + nudge[0], parameters[1] + nudge[1], parameters[2] + nudge[2], parameters[3]];
             let Some(start) = problem.state_at(start) else { return Ok(()) };
-            let Reached { cost, ending, .. } = least_squares(&problem, start.clone(), 200).unwrap();
-            prop_assert!(ending != Ending::OutOfRounds);
+            let Summary { cost, ending, .. } = least_squares(&problem, start.clone(), 200).unwrap();
+            prop_assert!(ending != Termination::OutOfRounds);
             let oracle = levenberg_marquardt::LevenbergMarquardt::new();
             let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
             let theirs = 2.0 * report.objective_function;
@@ -463,15 +483,15 @@ mod tests {
     }
 
     /// Lines toward the vertical and two floor directions, drawn with noise across them.
-    fn drawn_toward(core: &Core, drawn: &[([f64; 2], f64, f64)]) -> Evidence {
-        let angles = Angles::new(core);
-        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+    fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Constraints {
+        let angles = Angles::new(parameters);
+        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
         let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
-            let (toward, v) = match i % 3 {
-                0 => (Toward::Vertical, angles.down().at),
-                1 => (Toward::Floor { group: 0, quarter: false }, angles.floor(0.7).at),
+            let (direction, v) = match i % 3 {
+                0 => (Direction::Vertical, angles.down().at),
+                1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7).at),
                 _ => (
-                    Toward::Floor { group: 0, quarter: true },
+                    Direction::Floor { group: 0, orthogonal: true },
                     angles.floor(0.7 + std::f64::consts::FRAC_PI_2).at,
                 ),
             };
@@ -482,9 +502,9 @@ mod tests {
                 a[0] + step * way[0] - noise * way[1] / length,
                 a[1] + step * way[1] + noise * way[0] / length,
             ];
-            Line { ends: [end(a), end(b)], toward, source: source(i) }
+            Line { ends: [end(a), end(b)], direction, source: source(i) }
         });
-        Evidence { lines: lines.collect(), groups: 1, ..Evidence::default() }
+        Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
     }
 
     /// The problem as the levenberg-marquardt crate wants it.
@@ -499,13 +519,13 @@ mod tests {
         type JacobianStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::Dyn>;
 
         fn set_params(&mut self, x: &nalgebra::DVector<f64>) {
-            self.state.core.copy_from_slice(&x.as_slice()[..4]);
+            self.state.parameters.copy_from_slice(&x.as_slice()[..4]);
             self.state.nuisance.copy_from_slice(&x.as_slice()[4..]);
         }
         fn params(&self) -> nalgebra::DVector<f64> {
             nalgebra::DVector::from_iterator(
                 4 + self.state.nuisance.len(),
-                self.state.core.iter().chain(&self.state.nuisance).copied(),
+                self.state.parameters.iter().chain(&self.state.nuisance).copied(),
             )
         }
         fn residuals(&self) -> Option<nalgebra::DVector<f64>> {
@@ -520,28 +540,28 @@ mod tests {
 
     #[test]
     fn the_executor_of_argmin_walks_the_same_way() {
-        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
-        let line = |a, b, toward, i| Line { ends: [end(a), end(b)], toward, source: source(i) };
-        let floor = Toward::Floor { group: 0, quarter: false };
-        let evidence = Evidence {
+        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+        let line = |a, b, direction, i| Line { ends: [end(a), end(b)], direction, source: source(i) };
+        let floor = Direction::Floor { group: 0, orthogonal: false };
+        let constraints = Constraints {
             lines: vec![
-                line([-500.0, -200.0], [-430.0, 200.0], Toward::Vertical, 0),
-                line([480.0, -210.0], [400.0, 220.0], Toward::Vertical, 1),
+                line([-500.0, -200.0], [-430.0, 200.0], Direction::Vertical, 0),
+                line([480.0, -210.0], [400.0, 220.0], Direction::Vertical, 1),
                 line([-300.0, 400.0], [-100.0, 0.0], floor, 2),
                 line([500.0, 390.0], [120.0, 10.0], floor, 3),
             ],
             groups: 1,
-            ..Evidence::default()
+            ..Constraints::default()
         };
-        let problem = Problem::new(&evidence, Held::default(), priors(), 1.0, 1920.0);
+        let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 1.0, 1920.0);
         let start = problem.state_at([0.0, 0.5, 1500_f64.ln(), 3_f64.ln()]).unwrap();
-        let Reached { state: direct, cost, .. } = least_squares(&problem, start.clone(), 100).unwrap();
+        let Summary { state: direct, cost, .. } = least_squares(&problem, start.clone(), 100).unwrap();
         let solver = LevenbergMarquardt::new(&problem, start.clone()).unwrap();
         let run = argmin::core::Executor::new(problem.clone(), solver)
             .configure(|state| state.param(start).max_iters(100))
             .run()
             .unwrap();
         assert!((run.state.best_cost - cost).abs() < 1e-9 * cost);
-        assert!((run.state.best_param.unwrap().core[PITCH] - direct.core[PITCH]).abs() < 1e-9);
+        assert!((run.state.best_param.unwrap().parameters[PITCH] - direct.parameters[PITCH]).abs() < 1e-9);
     }
 }

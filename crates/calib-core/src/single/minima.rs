@@ -1,25 +1,25 @@
 //! All minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and
-//! the weak belief about the focal where the lines leave it open.
+//! the weak prior about the focal where the lines leave it open.
 
 use crate::floor::STAGE_1_HEIGHT;
-use crate::optimize::{Reached, Uncertainty, least_squares};
-use crate::single::abramov::Held;
-use crate::single::constraints::Toward;
+use crate::optimize::{Summary, Uncertainty, least_squares};
+use crate::single::abramov::FixedParameters;
+use crate::single::constraints::Direction;
 use crate::single::likelihood::{Prior, Problem, State};
-use crate::single::residual::{Core, LOG_FOCAL, PITCH, ROLL};
+use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 
 /// Horizontal fields of view, in degrees, from which the focal is started.
 const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
 /// Pitches, in degrees, where the verticals do not tie pitch to focal.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
-/// Standard deviation of the log focal above which the weak belief enters.
+/// Standard deviation of the log focal above which the weak prior enters.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
-/// Steps of one run: Newton doubles its digits, and valleys are left to the weak belief.
+/// Steps of one run: Newton doubles its digits, and valleys are left to the weak prior.
 const ROUNDS: usize = 60;
 
-/// The weak belief: cameras that are installed have a focal of about 0.8 image widths.
-pub(crate) fn weak_belief(width: f64) -> Prior {
+/// The weak prior: cameras that are installed have a focal of about 0.8 image widths.
+pub(crate) fn weak_prior(width: f64) -> Prior {
     Prior { value: (0.8 * width).ln(), sigma: 0.35 }
 }
 
@@ -33,7 +33,7 @@ pub(crate) struct Minimum {
 }
 
 /// Every distinct minimum found, the lowest first; empty when no start is possible.
-pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
+pub(crate) fn minima(problem: &Problem, held: FixedParameters) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
     for start in starts(problem, held) {
         let Some(reached) = least_squares(problem, start, ROUNDS) else { continue };
@@ -51,16 +51,16 @@ pub(crate) fn minima(problem: &Problem, held: Held) -> Vec<Minimum> {
 /// The chi-square reached from a state nearby, as when one piece of evidence is taken away; whether the rest
 /// tells everything is not asked.
 pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
-    let start = problem.state_at(state.core)?;
+    let start = problem.state_at(state.parameters)?;
     least_squares(problem, start, ROUNDS).map(|reached| reached.cost)
 }
 
-fn minimum(problem: &Problem, reached: Reached<Problem>) -> Option<Minimum> {
-    let Reached { mut state, cost: chi2, normal, .. } = reached;
-    let core = state.core;
+fn minimum(problem: &Problem, reached: Summary<Problem>) -> Option<Minimum> {
+    let Summary { mut state, cost: chi2, normal, .. } = reached;
+    let parameters = state.parameters;
     fold(&mut state, problem);
-    // The same angles tell the same; a camera turned about has other slopes.
-    let uncertainty = if state.core == core {
+    // The same angles tell the same; a camera turned about has other derivatives.
+    let uncertainty = if state.parameters == parameters {
         Uncertainty::new(&normal.information(problem.free), problem.free)
     } else {
         problem.uncertainty(&state)?
@@ -79,7 +79,7 @@ fn fold(state: &mut State, problem: &Problem) {
     {
         return;
     }
-    let [roll, pitch, ..] = &mut state.core;
+    let [roll, pitch, ..] = &mut state.parameters;
     if pitch.abs() > FRAC_PI_2 {
         *pitch = pitch.signum() * PI - *pitch;
         *roll += PI;
@@ -96,8 +96,8 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     const NEAR: f64 = 1e-4;
     let turn = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
     let difference: [f64; 3] = std::array::from_fn(|i| match i {
-        ROLL => turn(a.state.core[ROLL] - b.state.core[ROLL]),
-        _ => a.state.core[i] - b.state.core[i],
+        ROLL => turn(a.state.parameters[ROLL] - b.state.parameters[ROLL]),
+        _ => a.state.parameters[i] - b.state.parameters[i],
     });
     if difference.iter().all(|d| d.abs() < NEAR) {
         return true;
@@ -111,17 +111,17 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     !(far(a) && far(b))
 }
 
-fn starts(problem: &Problem, held: Held) -> Vec<State> {
+fn starts(problem: &Problem, held: FixedParameters) -> Vec<State> {
     const MOST: usize = 4;
-    let verticals = problem.lines().filter(|line| line.toward == Toward::Vertical);
+    let verticals = problem.lines().filter(|line| line.direction == Direction::Vertical);
     let vanishing = vanishing_point(verticals);
     let roll = held.roll.unwrap_or_else(|| {
         problem.priors.roll.map_or_else(|| vanishing.map_or(0.0, roll_from_verticals), |prior| prior.value)
     });
     let focals = focals(problem, held);
-    let believed = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
-    let log_height = held.height.unwrap_or(believed).ln();
-    let mut rows: Vec<Vec<Core>> = Vec::new();
+    let weak_prior_used = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
+    let log_height = held.height.unwrap_or(weak_prior_used).ln();
+    let mut rows: Vec<Vec<Parameters>> = Vec::new();
     match (held.pitch, vanishing) {
         (Some(pitch), _) => rows.push(focals.iter().map(|f| [roll, pitch, f.ln(), log_height]).collect()),
         (None, Some([x, y, w])) => {
@@ -141,7 +141,7 @@ fn starts(problem: &Problem, held: Held) -> Vec<State> {
 }
 
 /// Focals to start from: the one held, or a range with the one believed in among them.
-fn focals(problem: &Problem, held: Held) -> Vec<f64> {
+fn focals(problem: &Problem, held: FixedParameters) -> Vec<f64> {
     if let Some(focal) = held.focal {
         return vec![focal];
     }
@@ -153,13 +153,13 @@ fn focals(problem: &Problem, held: Held) -> Vec<f64> {
 }
 
 /// States at the local minima of the cost on a grid of cores, lowest first.
-fn lowest(problem: &Problem, rows: &[Vec<Core>], most: usize) -> Vec<State> {
+fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
     let states: Vec<Vec<Option<(f64, State)>>> = rows
         .iter()
         .map(|row| {
             row.iter()
-                .map(|&core| {
-                    let state = problem.state_at(core)?;
+                .map(|&parameters| {
+                    let state = problem.state_at(parameters)?;
                     Some((problem.cost(&state)?, state))
                 })
                 .collect()
@@ -185,23 +185,23 @@ fn lowest(problem: &Problem, rows: &[Vec<Core>], most: usize) -> Vec<State> {
         .collect()
 }
 
-/// Minima with the belief about the focal in it, if the lines alone leave the focal open.
+/// Minima with the prior about the focal in it, if the lines alone leave the focal open.
 #[derive(Clone, Debug)]
 pub(crate) struct Found {
     /// What is reported, the lowest first.
     pub(crate) minima: Vec<Minimum>,
-    /// The lowest without the weak belief, where it entered.
-    pub(crate) without_belief: Option<Minimum>,
+    /// The lowest without the weak prior, where it entered.
+    pub(crate) without_weak_prior: Option<Minimum>,
 }
 
-/// Solves without the weak belief, and again with it where that leaves the focal open.
-pub(crate) fn solve(problem: &Problem, held: Held, allow_belief: bool) -> Found {
+/// Solves without the weak prior, and again with it where that leaves the focal open.
+pub(crate) fn solve(problem: &Problem, held: FixedParameters, allow_weak_prior: bool) -> Found {
     let minima_alone = minima(problem, held);
     let open = minima_alone.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
-    if !(open && allow_belief && problem.free[LOG_FOCAL]) {
-        return Found { minima: minima_alone, without_belief: None };
+    if !(open && allow_weak_prior && problem.free[LOG_FOCAL]) {
+        return Found { minima: minima_alone, without_weak_prior: None };
     }
-    let mut believing = problem.clone();
-    believing.priors.weak_log_focal = Some(weak_belief(problem.width));
-    Found { minima: minima(&believing, held), without_belief: minima_alone.into_iter().next() }
+    let mut with_prior = problem.clone();
+    with_prior.priors.weak_log_focal = Some(weak_prior(problem.width));
+    Found { minima: minima(&with_prior, held), without_weak_prior: minima_alone.into_iter().next() }
 }

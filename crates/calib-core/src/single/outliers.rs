@@ -1,6 +1,6 @@
 //! Wrong lines: a chi-square test, then every piece of evidence is left out in turn.
 
-use crate::single::abramov::Held;
+use crate::single::abramov::FixedParameters;
 use crate::single::constraints::Source;
 use crate::single::likelihood::Problem;
 use crate::single::minima::{Found, Minimum, chi2_near, solve};
@@ -13,8 +13,8 @@ pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
     if dof < 1 {
         return 0.0;
     }
-    let spread = 2.0 / (9.0 * dof as f64);
-    ((chi2 / dof as f64).cbrt() - (1.0 - spread)) / spread.sqrt()
+    let covariance = 2.0 / (9.0 * dof as f64);
+    ((chi2 / dof as f64).cbrt() - (1.0 - covariance)) / covariance.sqrt()
 }
 
 /// Whether a chi-square is too large to come from drawing noise.
@@ -33,7 +33,7 @@ pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
 /// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
 /// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
 /// fit without it, at 1 % for the worst of `count` pieces.
-pub(crate) fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
+pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
     /// Normal quantile of 0.005: two sides of 1 %.
     const ONE: f64 = 2.576;
     if dof_without < 3 {
@@ -52,52 +52,52 @@ pub(crate) fn stands_out(chi2: f64, chi2_without: f64, dof_without: i64, count: 
 /// What is asked of a search for wrong lines.
 #[derive(Clone, Copy)]
 pub(crate) struct Search<'a> {
-    pub(crate) held: Held,
-    pub(crate) belief: bool,
+    pub(crate) held: FixedParameters,
+    pub(crate) prior: bool,
     /// The drawing noise was given, so that a chi-square is a judgement; else it may be the noise
     /// that is larger than thought, and more than one line must stand out from the others' scatter.
     pub(crate) noise_is_known: bool,
-    /// Pieces of evidence that are never set aside.
+    /// Pieces of evidence that are never rejected.
     pub(crate) keep: &'a dyn Fn(Source) -> bool,
 }
 
-/// The result with wrong lines set aside, and which they are.
+/// The result with wrong lines rejected, and which they are.
 ///
-/// At most a third of the redundancy is spent on it; where nothing explains the misfit, nothing is set aside.
+/// At most a third of the redundancy is spent on it; where nothing explains the misfit, nothing is rejected.
 pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Found, Vec<Source>) {
-    let mut aside: Vec<Source> = Vec::new();
-    let mut results = vec![solve(problem, search.held, search.belief)];
-    // How many of the first ones set aside stand out from the rest's own scatter.
+    let mut rejected: Vec<Source> = Vec::new();
+    let mut results = vec![solve(problem, search.held, search.prior)];
+    // How many of the first ones rejected stand out from the rest's own scatter.
     let mut stark = 0;
     let most = (problem.dof() / 3).clamp(1, 4);
     for round in 0..=most {
-        let without = Problem { aside: &aside, ..problem.clone() };
+        let without = Problem { rejected: &rejected, ..problem.clone() };
         let Some(best) = results.last().and_then(|found| found.minima.first()) else { break };
         if !is_misfit(best.chi2, without.dof()) {
-            if search.noise_is_known || aside.len() < 2 || stark == aside.len() {
-                stark = aside.len();
+            if search.noise_is_known || rejected.len() < 2 || stark == rejected.len() {
+                stark = rejected.len();
             }
             break;
         }
         if round == most {
             break;
         }
-        let Some((culprit, chi2)) = culprit(&without, best, search) else { break };
+        let Some((worst_outlier, chi2)) = worst_outlier(&without, best, search) else { break };
         let count = sources(&without).len();
         let chi2_before = best.chi2;
-        aside.push(culprit);
-        let fewer = Problem { aside: &aside, ..problem.clone() };
-        if stark + 1 == aside.len() && stands_out(chi2_before, chi2, fewer.dof(), count) {
-            stark = aside.len();
+        rejected.push(worst_outlier);
+        let fewer = Problem { rejected: &rejected, ..problem.clone() };
+        if stark + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
+            stark = rejected.len();
         }
-        results.push(solve(&fewer, search.held, search.belief));
+        results.push(solve(&fewer, search.held, search.prior));
     }
-    aside.truncate(stark);
-    (results.swap_remove(stark), aside)
+    rejected.truncate(stark);
+    (results.swap_remove(stark), rejected)
 }
 
 /// The piece of evidence without which the rest agrees best, and the chi-square without it.
-fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
+fn worst_outlier(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
     /// Pieces that are left out in turn, and those for which every start is tried again.
     const MOST: usize = 100;
     const EVERYWHERE: usize = 40;
@@ -105,15 +105,15 @@ fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source,
     let everywhere = if suspects.len() <= EVERYWHERE { suspects.len() } else { EVERYWHERE / 4 };
     let mut lowest: Option<(f64, Source, f64)> = None;
     for (rank, &source) in suspects.iter().take(MOST).enumerate() {
-        let aside: Vec<Source> = problem.aside.iter().copied().chain([source]).collect();
-        let without = Problem { aside: &aside, ..problem.clone() };
+        let rejected: Vec<Source> = problem.rejected.iter().copied().chain([source]).collect();
+        let without = Problem { rejected: &rejected, ..problem.clone() };
         // Without redundancy everything agrees, whatever is left out.
         if without.dof() < 1 {
             continue;
         }
         // Far from the truth a gross error hides it: look everywhere, not only near.
         let near = chi2_near(&without, &best.state);
-        let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.belief));
+        let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.prior));
         let anywhere = anywhere.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
         let chi2 = near.into_iter().chain(anywhere).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
@@ -124,7 +124,7 @@ fn culprit(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source,
     lowest.map(|(_, source, chi2)| (source, chi2))
 }
 
-/// What may be set aside, the largest residuals first.
+/// What may be rejected, the largest residuals first.
 fn suspects(problem: &Problem, best: &Minimum, search: Search) -> Vec<Source> {
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));

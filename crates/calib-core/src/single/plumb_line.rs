@@ -1,7 +1,7 @@
 //! Problem 1, before all else: distortion from polylines along edges that are straight in space.
 //!
 //! The residual of a point is its distance from the best line through its undistorted polyline,
-//! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its slope J at the
+//! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its derivative J at the
 //! point, and the line `n . x = c` that makes the sum of squares least. Coefficients are those of
 //! coordinates divided by half the diagonal of the image until the focal is known.
 
@@ -142,9 +142,9 @@ impl Problem<'_> {
     }
 
     /// Central differences of the residuals, each with its own best line.
-    fn slopes(&self, values: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
+    fn jacobian(&self, values: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
         const STEP: f64 = 1e-6;
-        let mut slopes = DMatrix::zeros(residuals.len(), values.len());
+        let mut jacobian = DMatrix::zeros(residuals.len(), values.len());
         for index in 0..values.len() {
             let nudged = |by: f64| {
                 let mut values = values.to_vec();
@@ -158,15 +158,15 @@ impl Problem<'_> {
                 (None, Some(behind)) => (residuals - behind) / STEP,
                 (None, None) => continue,
             };
-            slopes.set_column(index, &column);
+            jacobian.set_column(index, &column);
         }
-        slopes
+        jacobian
     }
 
     /// Of what is fitted, for points with a standard deviation of one pixel.
     fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
-        let slopes = self.slopes(values, &self.residuals(values)?);
-        slopes.tr_mul(&slopes).try_inverse()
+        let jacobian = self.jacobian(values, &self.residuals(values)?);
+        jacobian.tr_mul(&jacobian).try_inverse()
     }
 
     /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
@@ -211,11 +211,11 @@ impl LeastSquares for Problem<'_> {
     type State = Vec<f64>;
     type Normal = Normal;
 
-    fn linearise(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
+    fn linearize(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
         let residuals = self.residuals(values)?;
-        let slopes = self.slopes(values, &residuals);
+        let jacobian = self.jacobian(values, &residuals);
         let cost = residuals.norm_squared();
-        let normal = Normal { square: slopes.tr_mul(&slopes), gradient: slopes.tr_mul(&residuals) };
+        let normal = Normal { square: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residuals) };
         cost.is_finite().then_some((cost, normal))
     }
 
@@ -386,15 +386,16 @@ fn map_error(
             values[index] += by;
             problem.lens(&values).undistort(place)
         };
-        let mut slopes = Vec::new();
+        let mut jacobian = Vec::new();
         for index in 0..values.len() {
             let (a, b) = (at(index, STEP)?, at(index, -STEP)?);
-            slopes.push([(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)]);
+            jacobian.push([(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)]);
         }
         let mut variance = 0.0;
         for i in 0..values.len() {
             for j in 0..values.len() {
-                variance += covariance[(i, j)] * (slopes[i][0] * slopes[j][0] + slopes[i][1] * slopes[j][1]);
+                variance +=
+                    covariance[(i, j)] * (jacobian[i][0] * jacobian[j][0] + jacobian[i][1] * jacobian[j][1]);
             }
         }
         let doubt = match doubt {

@@ -2,25 +2,25 @@
 //! height, in pixels, with their derivatives.
 
 use crate::optimize::Number;
-use crate::single::constraints::{End, Upright};
+use crate::single::constraints::{Endpoint, Upright};
 use crate::single::vanishing_point::line_through;
 
 /// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
-pub(crate) type Core = [f64; 4];
+pub(crate) type Parameters = [f64; 4];
 
-/// Index of the unknowns in [`Core`].
+/// Index of the unknowns in [`Parameters`].
 pub(crate) const ROLL: usize = 0;
 pub(crate) const PITCH: usize = 1;
 pub(crate) const LOG_FOCAL: usize = 2;
 pub(crate) const LOG_HEIGHT: usize = 3;
 
 /// A vanishing point relative to the principal point, homogeneous, with its derivatives.
-pub(crate) struct Vanishing {
+pub(crate) struct VanishingPoint {
     pub(crate) at: [f64; 3],
-    pub(crate) by_roll: [f64; 3],
-    pub(crate) by_pitch: [f64; 3],
-    pub(crate) by_log_focal: [f64; 3],
-    pub(crate) by_angle: [f64; 3],
+    pub(crate) d_roll: [f64; 3],
+    pub(crate) d_pitch: [f64; 3],
+    pub(crate) d_log_focal: [f64; 3],
+    pub(crate) d_angle: [f64; 3],
 }
 
 /// Sines, cosines and focal of a core.
@@ -31,33 +31,37 @@ pub(crate) struct Angles {
 }
 
 impl Angles {
-    pub(crate) fn new(core: &Core) -> Self {
-        Self { roll: core[ROLL].sin_cos(), pitch: core[PITCH].sin_cos(), focal: core[LOG_FOCAL].exp() }
+    pub(crate) fn new(parameters: &Parameters) -> Self {
+        Self {
+            roll: parameters[ROLL].sin_cos(),
+            pitch: parameters[PITCH].sin_cos(),
+            focal: parameters[LOG_FOCAL].exp(),
+        }
     }
 
     /// `(f cos p sin r, f cos p cos r, sin p)`.
-    pub(crate) fn down(&self) -> Vanishing {
+    pub(crate) fn down(&self) -> VanishingPoint {
         let (sp, cp) = self.pitch;
         self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
     }
 
     /// The floor direction at `angle` counter-clockwise from the camera's right, yaw 0.
-    pub(crate) fn floor(&self, angle: f64) -> Vanishing {
+    pub(crate) fn floor(&self, angle: f64) -> VanishingPoint {
         let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
         self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
     }
 
     /// From the direction in unrolled camera axes and its derivatives by pitch and by the angle.
-    fn vanishing(&self, direction: [f64; 3], by_pitch: [f64; 3], by_angle: [f64; 3]) -> Vanishing {
+    fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_angle: [f64; 3]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
         let at = image(direction);
-        Vanishing {
+        VanishingPoint {
             at,
-            by_roll: [at[1], -at[0], 0.0],
-            by_pitch: image(by_pitch),
-            by_log_focal: [at[0], at[1], 0.0],
-            by_angle: image(by_angle),
+            d_roll: [at[1], -at[0], 0.0],
+            d_pitch: image(d_pitch),
+            d_log_focal: [at[0], at[1], 0.0],
+            d_angle: image(d_angle),
         }
     }
 }
@@ -84,12 +88,12 @@ pub(crate) struct LineResidual {
 
 impl LineResidual {
     #[inline]
-    pub(crate) fn new(ends: &[End; 2], v: [f64; 3]) -> Self {
+    pub(crate) fn new(ends: &[Endpoint; 2], v: [f64; 3]) -> Self {
         let [p1, p2] = [ends[0].at, ends[1].at];
         let line = line_through(p1, p2);
         let weights = across(ends, &line);
         let [w1, w2] = weights;
-        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
+        let [q1, q2] = [p1, p2].map(|p| direction(p, v));
         let miss = crate::camera::dot(&line, &v);
         let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
         let weight = w1 * w2;
@@ -103,10 +107,10 @@ impl LineResidual {
 
     /// Its derivative by V.
     #[inline]
-    pub(crate) fn by_point(&self) -> [f64; 3] {
+    pub(crate) fn d_point(&self) -> [f64; 3] {
         let Self { ends: [p1, p2], v, line, weights: [w1, w2], miss, trace, root, sum, factor, .. } = *self;
-        let [q1, q2] = [p1, p2].map(|p| toward(p, v));
-        // Where both eigenvalues meet the root has a kink; the mean of its two slopes is 0.
+        let [q1, q2] = [p1, p2].map(|p| direction(p, v));
+        // Where both eigenvalues meet the root has a kink; the mean of its two derivatives is 0.
         let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
         let share = 0.5 * miss / sum;
         std::array::from_fn(|k| {
@@ -125,16 +129,16 @@ impl LineResidual {
 
 /// From the homogeneous point V to a pixel, times Vw.
 #[inline]
-fn toward(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
+fn direction(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
     [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
 }
 
 /// Inverse variances of the two ends across the line.
-fn across(ends: &[End; 2], line: &[f64; 3]) -> [f64; 2] {
+fn across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
     let [a, b, _] = *line;
     let square = (a * a + b * b).max(f64::MIN_POSITIVE);
     ends.map(|end| {
-        let [uu, uv, vv] = end.spread;
+        let [uu, uv, vv] = end.covariance;
         square / (a * a * uu + 2.0 * a * b * uv + b * b * vv)
     })
 }
@@ -149,12 +153,12 @@ pub(crate) struct Unrolled<N> {
 }
 
 impl<N: Number> Unrolled<N> {
-    pub(crate) fn new(core: &Core) -> Self {
+    pub(crate) fn new(parameters: &Parameters) -> Self {
         Self {
-            roll: N::unknown(core[ROLL], ROLL).sin_cos(),
-            pitch: N::unknown(core[PITCH], PITCH).sin_cos(),
-            focal: N::unknown(core[LOG_FOCAL], LOG_FOCAL).exp(),
-            per_height: (-N::unknown(core[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+            roll: N::unknown(parameters[ROLL], ROLL).sin_cos(),
+            pitch: N::unknown(parameters[PITCH], PITCH).sin_cos(),
+            focal: N::unknown(parameters[LOG_FOCAL], LOG_FOCAL).exp(),
+            per_height: (-N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)).exp(),
         }
     }
 }
@@ -165,10 +169,10 @@ impl<N: Number> Unrolled<N> {
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
 #[inline]
-pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Option<(N, N)> {
+pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[Endpoint; 2]) -> Option<(N, N)> {
     let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
-    let on_floor = |end: &End| {
+    let on_floor = |end: &Endpoint| {
         let [x, y] = end.at;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
@@ -186,13 +190,13 @@ pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[End; 2]) -> Opti
     }
     let per_square = one / square;
     // d log length / d (u, v) of one end, turned back into image axes.
-    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &End| {
+    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint| {
         let share = per_square * per_depth;
         let across = dx * share;
         let along = -((dx * u * cp + dy * f) * share * per_depth);
         let by_u = cr * across + sr * along;
         let by_v = cr * along - sr * across;
-        let [uu, uv, vv] = end.spread;
+        let [uu, uv, vv] = end.covariance;
         by_u * by_u * uu + by_u * by_v * (2.0 * uv) + by_v * by_v * vv
     };
     let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
@@ -238,10 +242,10 @@ pub(crate) fn upright_residuals<N: Number>(
             sr * sr * uu + cr * sr * (2.0 * uv) + cr * cr * vv,
         )
     };
-    let (fuu, fuv, fvv) = turn(upright.foot.spread);
-    let (huu, huv, hvv) = turn(upright.head.spread);
-    let spread = upright.height.sigma.unwrap_or(0.0) / sigma;
-    let square = spread * spread;
+    let (fuu, fuv, fvv) = turn(upright.foot.covariance);
+    let (huu, huv, hvv) = turn(upright.head.covariance);
+    let covariance = upright.height.sigma.unwrap_or(0.0) / sigma;
+    let square = covariance * covariance;
     let caa = huu
         + a_by_u * a_by_u * fuu
         + a_by_u * a_by_v * fuv * 2.0
@@ -272,7 +276,7 @@ mod tests {
             weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
             let b = [a[0] + t * (v[0] - a[0]), a[1] + t * (v[1] - a[1])];
-            let end = |at, w: f64| End { at, spread: [w, 0.0, w] };
+            let end = |at, w: f64| Endpoint { at, covariance: [w, 0.0, w] };
             let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             prop_assert!(residual.abs() < 1e-8, "{residual}");
         }
@@ -282,7 +286,7 @@ mod tests {
             a in [-900.0..900.0_f64, -500.0..500.0_f64], b in [-900.0..900.0_f64, -500.0..500.0_f64],
             v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
-            let end = |at, w: f64| End { at, spread: [1.0 / w, 0.0, 1.0 / w] };
+            let end = |at, w: f64| Endpoint { at, covariance: [1.0 / w, 0.0, 1.0 / w] };
             let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             // Every line through v, by its angle: the weighted squares of the distances of the ends.
             let cost = |angle: f64| {

@@ -16,17 +16,17 @@ pub struct Edge {
 /// pixels; `None` where the lens shows nothing.
 pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
     let mut straight = Vec::with_capacity(points.len());
-    let mut slopes = Vec::with_capacity(points.len());
+    let mut jacobian = Vec::with_capacity(points.len());
     for &point in points {
-        let (at, slope) = lens.undistort_with_jacobian(point)?;
+        let (at, gradient) = lens.undistort_with_jacobian(point)?;
         straight.push([at.u, at.v]);
-        slopes.push(slope);
+        jacobian.push(gradient);
     }
     // The weights hang on the line's direction: twice is enough, for they change slowly with it.
     let mut weights = vec![1.0; points.len()];
     for _ in 0..2 {
         let ([x, y], _) = best_line(&straight, &weights);
-        for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&slopes) {
+        for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&jacobian) {
             *weight = ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip();
         }
     }

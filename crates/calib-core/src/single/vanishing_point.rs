@@ -49,13 +49,13 @@ pub(crate) fn roll_from_verticals([x, y, _]: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::single::constraints::{End, Source, Toward};
+    use crate::single::constraints::{Direction, Endpoint, Source};
 
     fn line(a: [f64; 2], b: [f64; 2]) -> Line {
-        let end = |at| End { at, spread: [1.0, 0.0, 1.0] };
+        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
         Line {
             ends: [end(a), end(b)],
-            toward: Toward::Vertical,
+            direction: Direction::Vertical,
             source: Source { annotation: 0, segment: 0 },
         }
     }
@@ -63,8 +63,8 @@ mod tests {
     #[test]
     fn lines_meet_at_their_common_point() {
         let at = [120.0, 900.0];
-        let toward = |x: f64, y: f64| line([x, y], [x + 0.3 * (at[0] - x), y + 0.3 * (at[1] - y)]);
-        let lines = [toward(-500.0, -20.0), toward(40.0, 10.0), toward(700.0, 300.0)];
+        let direction = |x: f64, y: f64| line([x, y], [x + 0.3 * (at[0] - x), y + 0.3 * (at[1] - y)]);
+        let lines = [direction(-500.0, -20.0), direction(40.0, 10.0), direction(700.0, 300.0)];
         let [x, y, w] = vanishing_point(lines.iter()).unwrap();
         assert!((x / w - at[0]).hypot(y / w - at[1]) < 1e-8, "{} {}", x / w, y / w);
     }

@@ -4,7 +4,7 @@ use crate::camera::{
     BrownConrady, Camera, Covariance, Distortion, FloorPoint, Lens, Pixel, PlanScale, WorldPoint,
 };
 use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
-use crate::single::{Held, Prior, Priors};
+use crate::single::{FixedParameters, Prior, Priors};
 use crate::site::document::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
 use crate::site::solution::{
     CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution, Stage,
@@ -176,10 +176,12 @@ impl SiteCamera {
 
     /// What of the orientation is held.
     #[must_use]
-    pub fn held(&self) -> Held {
+    pub fn held(&self) -> FixedParameters {
         let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
-        let Some(lens) = &self.lens else { return Held { height: fixed(self.height_m), ..Held::default() } };
-        Held {
+        let Some(lens) = &self.lens else {
+            return FixedParameters { height: fixed(self.height_m), ..FixedParameters::default() };
+        };
+        FixedParameters {
             roll: fixed(lens.roll_deg).map(f64::to_radians),
             pitch: fixed(lens.pitch_deg).map(f64::to_radians),
             focal: fixed(lens.focal_px),
@@ -295,16 +297,16 @@ fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
 }
 
 /// The coefficients in a file are those for the camera's focal and change with it; those of a
-/// [`Lens`] are for a focal that stays. The slopes of the former by the latter and by the focal,
+/// [`Lens`] are for a focal that stays. The derivatives of the former by the latter and by the focal,
 /// where the latter are for a focal `ratio` times smaller.
 fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
     let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
-    let mut slopes = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
+    let mut jacobian = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
     for (i, &power) in powers.iter().enumerate() {
-        slopes[0][Covariance::LENS + i] = ratio.powi(power);
-        slopes[1][Covariance::LENS + i] = f64::from(power) * coefficients[i] * ratio.powi(power) / focal;
+        jacobian[0][Covariance::LENS + i] = ratio.powi(power);
+        jacobian[1][Covariance::LENS + i] = f64::from(power) * coefficients[i] * ratio.powi(power) / focal;
     }
-    slopes
+    jacobian
 }
 
 impl CovarianceEntry {
@@ -326,7 +328,7 @@ impl CovarianceEntry {
             }
         }
         let [scale, by_focal] = in_file(distortion, 1.0, focal);
-        covariance.sheared(&scale, &by_focal.map(|slope| -slope))
+        covariance.sheared(&scale, &by_focal.map(|jacobian| -jacobian))
     }
 
     /// The entry of everything that was estimated; `None` when nothing was.

@@ -178,7 +178,7 @@ document! {
         /// Not used; its residual is reported all the same.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never set aside as an outlier.
+        /// Never rejected as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
         /// Raw pixel.
@@ -211,7 +211,7 @@ document! {
         /// Not used; its residual is reported all the same.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never set aside as an outlier.
+        /// Never rejected as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
         /// What it is; a point if absent.
@@ -259,7 +259,7 @@ document! {
         /// Not used; its residual is reported all the same.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never set aside as an outlier.
+        /// Never rejected as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
         /// What it looks like.
@@ -303,7 +303,7 @@ document! {
         /// Not used.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never set aside as an outlier.
+        /// Never rejected as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
         /// Ids of two links or marks.

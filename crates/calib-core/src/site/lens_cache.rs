@@ -6,7 +6,7 @@ use crate::single::{Edge, LensFit, LensOptions};
 /// Lenses that are known. Whatever differs from what they were fitted to is fitted anew: with them or
 /// without, results are the same.
 #[derive(Clone, Debug, Default)]
-pub struct KnownLenses(Vec<Known>);
+pub struct LensCache(Vec<Known>);
 
 #[derive(Clone, Debug)]
 struct Known {
@@ -15,7 +15,7 @@ struct Known {
     fit: Option<LensFit>,
 }
 
-impl KnownLenses {
+impl LensCache {
     fn known(&self, edges: &[Edge], options: &LensOptions) -> Option<&Known> {
         self.0.iter().find(|known| known.edges == edges && known.options == *options)
     }

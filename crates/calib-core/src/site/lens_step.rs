@@ -6,12 +6,12 @@ use crate::single::{
     Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, is_misfit, line_name, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
-use crate::site::lens_cache::KnownLenses;
+use crate::site::lens_cache::LensCache;
 use crate::site::solution::{Coefficient, DistortionEntry, DistortionModel};
 
 /// The lens of a camera, and what its straight edges said.
 #[derive(Clone, Debug)]
-pub(crate) struct Optics {
+pub(crate) struct LensEstimate {
     pub(crate) lens: Lens,
     /// Where it was fitted.
     pub(crate) fit: Option<LensFit>,
@@ -54,25 +54,26 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 
 impl Site {
     /// The lens of a camera: its own, or that of the camera it is like.
-    pub(crate) fn optics(&self, entry: &SiteCamera, lenses: &KnownLenses) -> Optics {
+    pub(crate) fn lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.camera(id));
         let owner = like.unwrap_or(entry);
-        let mut optics = self.own_optics(owner, lenses);
-        optics.lens.principal_point = entry.principal_point();
+        let mut lens_estimate = self.own_lens_estimate(owner, lenses);
+        lens_estimate.lens.principal_point = entry.principal_point();
         if like.is_some() {
-            optics.fit = None;
+            lens_estimate.fit = None;
         }
-        optics.straightness = optics.straightness_under(&optics.lens, &entry.annotations);
-        optics
+        lens_estimate.straightness =
+            lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations);
+        lens_estimate
     }
 
-    fn own_optics(&self, entry: &SiteCamera, lenses: &KnownLenses) -> Optics {
+    fn own_lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            return Optics { lens: solution.lens(), fit: None, straightness: Vec::new() };
+            return LensEstimate { lens: solution.lens(), fit: None, straightness: Vec::new() };
         }
         let fit = self.lens_question(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
         let lens = fit.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
-        Optics { lens, fit, straightness: Vec::new() }
+        LensEstimate { lens, fit, straightness: Vec::new() }
     }
 
     /// The edges from which the lens of a camera is fitted, and what is asked; `None` where it is given.
@@ -101,8 +102,8 @@ impl Site {
     /// The fits of all lenses, those that `before` knows taken from there: for whoever calibrates again
     /// and again while an operator draws.
     #[must_use]
-    pub fn lenses(&self, before: &KnownLenses) -> KnownLenses {
-        let mut lenses = KnownLenses::default();
+    pub fn lenses(&self, before: &LensCache) -> LensCache {
+        let mut lenses = LensCache::default();
         // The lens of another camera is asked of that one.
         let is_own = |entry: &&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
         let questions = self.cameras.iter().filter(is_own).filter_map(|entry| self.lens_question(entry));
@@ -129,13 +130,13 @@ impl Site {
     }
 }
 
-impl Optics {
+impl LensEstimate {
     /// The same lens on another camera.
     pub(crate) fn shared_by(&self, entry: &SiteCamera) -> Self {
         let lens = Lens { principal_point: entry.principal_point(), ..self.lens };
-        let mut optics = Self { lens, fit: None, straightness: Vec::new() };
-        optics.straightness = optics.straightness_under(&lens, &entry.annotations);
-        optics
+        let mut lens_estimate = Self { lens, fit: None, straightness: Vec::new() };
+        lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
+        lens_estimate
     }
 
     /// Root mean square distance of every straight edge from straight under a lens, in raw pixels.
@@ -158,13 +159,13 @@ impl Optics {
         let is_own = |source: &Source| {
             annotations.get(source.annotation).is_some_and(|drawn| drawn.kind == Kind::Straight)
         };
-        let mute: Vec<&(Source, f64)> =
+        let unusable: Vec<&(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
         let [_, _, corner] = fit.map_error;
         // Many edges that say little each say enough together, where the corners are known.
-        let is_told = fit.fitted.is_some() && corner <= MOST && mute.len() > NAMED;
-        if !mute.is_empty() && !is_told {
-            warnings.push(says_little(annotations, &mute, self.straightness.len()));
+        let is_told = fit.fitted.is_some() && corner <= MOST && unusable.len() > NAMED;
+        if !unusable.is_empty() && !is_told {
+            warnings.push(says_little(annotations, &unusable, self.straightness.len()));
         }
         if corner > MOST {
             let how =
@@ -215,10 +216,10 @@ impl Optics {
 const NAMED: usize = 4;
 
 /// Straight edges that would hardly bend, whatever the lens.
-fn says_little(annotations: &[Annotation], mute: &[&(Source, f64)], drawn: usize) -> Warning {
+fn says_little(annotations: &[Annotation], unusable: &[&(Source, f64)], drawn: usize) -> Warning {
     let names: Vec<String> =
-        mute.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
-    let most = mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
+        unusable.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
+    let most = unusable.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
     let who = match names.len() {
         1 => format!("{} says", names[0]),
         2..=NAMED => format!("{} say", names.join(", ")),

@@ -25,7 +25,7 @@ pub use document::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
     PlacementEntry, Plan, Site, SiteCamera,
 };
-pub use lens_cache::KnownLenses;
+pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
 pub use solution::{

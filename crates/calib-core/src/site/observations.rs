@@ -1,19 +1,19 @@
-//! What a site says that cameras have in common, as things of the joint fit: control points, links,
+//! What a site says that cameras have in common, as landmarks of the joint fit: control points, links,
 //! marks and the distances between them.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use crate::bundle::{Gap, PLACE, Sighting, Thing, Tie};
+use crate::bundle::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
 use crate::camera::{Pixel, WorldPoint};
 use crate::finding::Failure;
 use crate::floor::Shape3;
 use crate::single::{Known, Prior};
 use crate::site::document::{ControlPointEntry, Link, LinkKind, Mark, Site};
-use crate::site::single_step::First;
+use crate::site::single_step::SingleFit;
 
-/// What a tie is in the site file.
+/// What a landmark is in the site file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TieOf {
+pub(crate) enum LandmarkSource {
     /// A control point of a camera.
     ControlPoint {
         /// Index of the camera.
@@ -30,17 +30,17 @@ pub(crate) enum TieOf {
 /// Everything that cameras share.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shared {
-    pub(crate) ties: Vec<(TieOf, Tie)>,
+    pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
     /// With the index of the distance in the site.
-    pub(crate) gaps: Vec<(usize, Gap)>,
-    pub(crate) muted: Muted,
+    pub(crate) measurements: Vec<(usize, DistanceMeasurement)>,
+    pub(crate) unused: Unused,
 }
 
 /// What is there and says nothing.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Muted {
-    /// Ties that one camera alone shows, and that have no known place, size or distance.
-    pub(crate) ties: Vec<usize>,
+pub(crate) struct Unused {
+    /// Landmarks that one camera alone shows, and that have no known place, size or distance.
+    pub(crate) landmarks: Vec<usize>,
     /// Distances, by their index in the site, to what has no place or with no length that is known.
     pub(crate) distances: Vec<usize>,
 }
@@ -49,7 +49,7 @@ pub(crate) struct Muted {
 const HELD: f64 = 1e-4;
 
 /// A length as it is believed.
-fn belief(known: Known) -> Option<Prior> {
+fn prior(known: Known) -> Option<Prior> {
     let sigma = if known.fixed { Some(HELD) } else { known.sigma };
     sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(HELD) })
 }
@@ -58,7 +58,7 @@ impl Site {
     /// All that is there, switched off or not, as far as cameras with a result show it.
     pub(crate) fn shared(
         &self,
-        firsts: &[Result<First, Failure>],
+        single_fits: &[Result<SingleFit, Failure>],
         is_there: &dyn Fn(usize) -> bool,
     ) -> Shared {
         let mut index: HashMap<&str, usize> = HashMap::new();
@@ -66,49 +66,50 @@ impl Site {
             index.entry(&camera.id).or_insert(i);
         }
         let camera = |id: &str| index.get(id).copied().filter(|&camera| is_there(camera));
-        let noise: Vec<f64> = firsts.iter().map(noise).collect();
-        let mut ties = Vec::new();
+        let noise: Vec<f64> = single_fits.iter().map(noise).collect();
+        let mut landmarks = Vec::new();
         for (i, entry) in self.cameras.iter().enumerate().filter(|(i, _)| is_there(*i)) {
             for (k, point) in entry.control_points.iter().enumerate() {
-                let of = TieOf::ControlPoint { camera: i, point: k };
-                ties.extend(self.measured(point, i, noise[i]).map(|tie| (of, tie)));
+                let of = LandmarkSource::ControlPoint { camera: i, point: k };
+                landmarks.extend(self.measured(point, i, noise[i]).map(|landmark| (of, landmark)));
             }
         }
-        self.forget_single_points(&mut ties);
+        self.drop_single_points(&mut landmarks);
         let links = self.links.iter().enumerate();
-        ties.extend(links.map(|(i, link)| (TieOf::Link(i), linked(link, &camera, &noise))));
+        landmarks.extend(links.map(|(i, link)| (LandmarkSource::Link(i), linked(link, &camera, &noise))));
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
-        ties.extend(marks.map(|(i, mark)| (TieOf::Mark(i), marked(mark, &camera, &noise))));
-        let gaps = self.distances_between(&ties);
-        let told = |index: &usize| gaps.iter().any(|(gap, _)| gap == index);
+        landmarks.extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), marked(mark, &camera, &noise))));
+        let measurements = self.distances_between(&landmarks);
+        let told = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
         let distances = (0..self.distances.len()).filter(|i| !self.distances[*i].off && !told(i)).collect();
-        let muted = Muted { ties: Vec::new(), distances };
-        let mut shared = Shared { ties, gaps, muted };
-        shared.mute();
+        let unused = Unused { landmarks: Vec::new(), distances };
+        let mut shared = Shared { landmarks, measurements, unused };
+        shared.unusable();
         shared
     }
 
-    fn measured(&self, point: &ControlPointEntry, camera: usize, noise: f64) -> Option<Tie> {
+    fn measured(&self, point: &ControlPointEntry, camera: usize, noise: f64) -> Option<Landmark> {
         let at = point.control_point(self.plan.as_ref())?.world;
         let place = <[f64; 3]>::from(at);
         let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
-        let beliefs = sigma
-            .map_or(Vec::new(), |sigma| (0..PLACE).map(|k| (k, Prior { value: place[k], sigma })).collect());
+        let priors = sigma.map_or(Vec::new(), |sigma| {
+            (0..LANDMARK_PARAMS).map(|k| (k, Prior { value: place[k], sigma })).collect()
+        });
         let seen =
-            Sighting { view: camera, point: 0, pixel: point.px, sigma: point.sigma_px.unwrap_or(noise) };
-        Some(Tie {
-            thing: Thing::Measured,
+            Observation { view: camera, point: 0, pixel: point.px, sigma: point.sigma_px.unwrap_or(noise) };
+        Some(Landmark {
+            model: LandmarkModel::Measured,
             place,
-            free: [sigma.is_some(); PLACE],
-            beliefs,
-            sightings: vec![seen],
+            free: [sigma.is_some(); LANDMARK_PARAMS],
+            priors,
+            observations: vec![seen],
             keep: point.keep,
             off: point.off,
         })
     }
 
     /// One point does not tell which way a camera looks; that takes a hand, or a link.
-    fn forget_single_points(&self, ties: &mut Vec<(TieOf, Tie)>) {
+    fn drop_single_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
         let linked: HashSet<&str> = self
             .links
             .iter()
@@ -122,72 +123,86 @@ impl Site {
             )
             .collect();
         let mut points: HashMap<usize, usize> = HashMap::new();
-        for (of, tie) in ties.iter().filter(|(_, tie)| !tie.off) {
-            if let TieOf::ControlPoint { camera, .. } = of {
-                *points.entry(*camera).or_default() += tie.sightings.len();
+        for (of, landmark) in landmarks.iter().filter(|(_, landmark)| !landmark.off) {
+            if let LandmarkSource::ControlPoint { camera, .. } = of {
+                *points.entry(*camera).or_default() += landmark.observations.len();
             }
         }
-        ties.retain(|(of, tie)| {
-            let TieOf::ControlPoint { camera, .. } = of else { return true };
+        landmarks.retain(|(of, landmark)| {
+            let LandmarkSource::ControlPoint { camera, .. } = of else { return true };
             let entry = &self.cameras[*camera];
-            tie.off || points[camera] > 1 || entry.placement.is_some() || linked.contains(entry.id.as_str())
+            landmark.off
+                || points[camera] > 1
+                || entry.placement.is_some()
+                || linked.contains(entry.id.as_str())
         });
     }
 
-    fn distances_between(&self, ties: &[(TieOf, Tie)]) -> Vec<(usize, Gap)> {
+    fn distances_between(
+        &self,
+        landmarks: &[(LandmarkSource, Landmark)],
+    ) -> Vec<(usize, DistanceMeasurement)> {
         let mut by_id: BTreeMap<&str, usize> = BTreeMap::new();
-        for (index, (of, tie)) in ties.iter().enumerate() {
+        for (index, (of, landmark)) in landmarks.iter().enumerate() {
             let id = match of {
-                TieOf::Link(link) => self.links[*link].id.as_deref(),
-                TieOf::Mark(mark) => self.marks[*mark].id.as_deref(),
-                TieOf::ControlPoint { .. } => None,
+                LandmarkSource::Link(link) => self.links[*link].id.as_deref(),
+                LandmarkSource::Mark(mark) => self.marks[*mark].id.as_deref(),
+                LandmarkSource::ControlPoint { .. } => None,
             };
-            if let Some(id) = id.filter(|_| !matches!(tie.thing, Thing::Line { .. })) {
+            if let Some(id) = id.filter(|_| !matches!(landmark.model, LandmarkModel::Line { .. })) {
                 by_id.insert(id, index);
             }
         }
-        let gap = |(index, entry): (usize, &crate::site::document::Distance)| {
+        let measurement = |(index, entry): (usize, &crate::site::document::Distance)| {
             let [a, b] = [&entry.between[0], &entry.between[1]].map(|id| by_id.get(id.as_str()).copied());
-            let gap =
-                Gap { between: [a?, b?], length: belief(entry.length_m)?, keep: entry.keep, off: entry.off };
-            Some((index, gap))
+            let measurement = DistanceMeasurement {
+                between: [a?, b?],
+                length: prior(entry.length_m)?,
+                keep: entry.keep,
+                off: entry.off,
+            };
+            Some((index, measurement))
         };
-        self.distances.iter().enumerate().filter_map(gap).collect()
+        self.distances.iter().enumerate().filter_map(measurement).collect()
     }
 }
 
 impl Shared {
     /// Switches off what says nothing: seen by one camera alone, and of no known place, size or distance.
-    fn mute(&mut self) {
-        let measured: HashSet<usize> =
-            self.gaps.iter().filter(|(_, gap)| !gap.off).flat_map(|(_, gap)| gap.between).collect();
-        for (index, (_, tie)) in self.ties.iter_mut().enumerate() {
-            let says = match tie.thing {
-                Thing::Measured => true,
-                Thing::Mark { .. } => tie.spare() > 0,
-                Thing::Post => tie.views().len() > 1 || tie.spare() > 0,
-                Thing::Point { .. } | Thing::Line { .. } => tie.views().len() > 1,
+    fn unusable(&mut self) {
+        let measured: HashSet<usize> = self
+            .measurements
+            .iter()
+            .filter(|(_, measurement)| !measurement.off)
+            .flat_map(|(_, measurement)| measurement.between)
+            .collect();
+        for (index, (_, landmark)) in self.landmarks.iter_mut().enumerate() {
+            let says = match landmark.model {
+                LandmarkModel::Measured => true,
+                LandmarkModel::Mark { .. } => landmark.redundancy() > 0,
+                LandmarkModel::Post => landmark.views().len() > 1 || landmark.redundancy() > 0,
+                LandmarkModel::Point { .. } | LandmarkModel::Line { .. } => landmark.views().len() > 1,
             };
-            let is_mute = tie.sightings.is_empty() || !(says || measured.contains(&index));
-            if is_mute && !tie.off {
-                tie.off = true;
-                self.muted.ties.push(index);
+            let is_mute = landmark.observations.is_empty() || !(says || measured.contains(&index));
+            if is_mute && !landmark.off {
+                landmark.off = true;
+                self.unused.landmarks.push(index);
             }
         }
     }
 }
 
 /// Standard deviation of what is drawn on a camera, in pixels.
-fn noise(first: &Result<First, Failure>) -> f64 {
+fn noise(first: &Result<SingleFit, Failure>) -> f64 {
     first.as_ref().ok().and_then(|first| first.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
 }
 
-fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Tie {
-    let mut sightings = Vec::new();
+fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
+    let mut observations = Vec::new();
     for seen in &link.seen {
         let Some(view) = camera(&seen.camera) else { continue };
         let mut add = |point: usize, pixel: Option<Pixel>| {
-            sightings.extend(pixel.map(|pixel| Sighting { view, point, pixel, sigma: noise[view] }));
+            observations.extend(pixel.map(|pixel| Observation { view, point, pixel, sigma: noise[view] }));
         };
         match link.kind {
             LinkKind::Point => add(0, seen.px),
@@ -200,30 +215,30 @@ fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
             }
         }
     }
-    let length = link.length_m.and_then(|known| Some((known, belief(known)?)));
-    let thing = match link.kind {
-        LinkKind::Point => Thing::Point { height: link.height_m.unwrap_or(0.0) },
-        LinkKind::Post => Thing::Post,
-        LinkKind::Line => Thing::Line { origin: [0.0; 2] },
+    let length = link.length_m.and_then(|known| Some((known, prior(known)?)));
+    let model = match link.kind {
+        LinkKind::Point => LandmarkModel::Point { height: link.height_m.unwrap_or(0.0) },
+        LinkKind::Post => LandmarkModel::Post,
+        LinkKind::Line => LandmarkModel::Line { origin: [0.0; 2] },
     };
     let is_held = link.length_m.is_some_and(|known| known.fixed);
-    Tie {
-        thing,
+    Landmark {
+        model,
         place: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
         free: [true, true, link.kind == LinkKind::Post && !is_held],
-        beliefs: length.filter(|_| !is_held).map(|(_, prior)| (2, prior)).into_iter().collect(),
-        sightings,
+        priors: length.filter(|_| !is_held).map(|(_, prior)| (2, prior)).into_iter().collect(),
+        observations,
         keep: link.keep,
         off: link.off,
     }
 }
 
-fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Tie {
+fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
     let unturned =
         Shape3 { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
     let mut names: Vec<&str> = Vec::new();
     let mut points: Vec<[f64; 3]> = Vec::new();
-    let mut sightings = Vec::new();
+    let mut observations = Vec::new();
     for seen in &mark.seen {
         let (Some(view), Some(point)) = (camera(&seen.camera), unturned.point(&seen.point)) else { continue };
         let index = names.iter().position(|name| *name == seen.point).unwrap_or_else(|| {
@@ -231,17 +246,17 @@ fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
             points.push(point.into());
             names.len() - 1
         });
-        sightings.push(Sighting { view, point: index, pixel: seen.px, sigma: noise[view] });
+        observations.push(Observation { view, point: index, pixel: seen.px, sigma: noise[view] });
     }
     // What is seen on the axis alone does not turn.
-    let turns = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
+    let solve_rotations = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
     let WorldPoint { x, y, z } = mark.at_m;
-    Tie {
-        thing: Thing::Mark { z, points },
+    Landmark {
+        model: LandmarkModel::Mark { z, points },
         place: [x, y, mark.turn_deg.to_radians()],
-        free: [!mark.fixed, !mark.fixed, !mark.fixed && turns],
-        beliefs: Vec::new(),
-        sightings,
+        free: [!mark.fixed, !mark.fixed, !mark.fixed && solve_rotations],
+        priors: Vec::new(),
+        observations,
         keep: mark.keep,
         off: mark.off,
     }

@@ -9,7 +9,7 @@ pub struct Options {
     pub method: Method,
     /// Improve all cameras together.
     pub refine: bool,
-    /// Let a weak belief about the focal enter where the lines do not tell it.
+    /// Let a weak prior about the focal enter where the lines do not tell it.
     pub prior: bool,
     /// Ids of the cameras to solve; all of them if absent.
     pub cameras: Option<Vec<String>>,

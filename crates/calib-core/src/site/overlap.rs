@@ -2,29 +2,31 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::bundle::floor_gaps;
+use crate::bundle::floor_disagreements;
 use crate::camera::{Camera, Covariance, FloorPoint};
 use crate::finding::Failure;
 use crate::floor::Extent;
-use crate::site::bundle_step::Together;
+use crate::site::bundle_step::BundleResult;
 use crate::site::document::Site;
-use crate::site::observations::TieOf;
+use crate::site::observations::LandmarkSource;
 use crate::site::solution::{Overlap, Solution, Stage};
 
 impl Site {
     /// Pairs of cameras that share evidence, or floor.
     pub(crate) fn overlaps(
         &self,
-        together: &Together,
+        bundle: &BundleResult,
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> Vec<Overlap> {
-        let all = together.tied_cameras();
+        let all = bundle.tied_cameras();
         let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
-        let known =
-            together.ties.iter().filter(|(of, tie)| !tie.off && !matches!(of, TieOf::ControlPoint { .. }));
-        for (_, tie) in known {
-            let is_tied = |&view: &usize| together.cameras[view].as_ref().is_some_and(|j| j.is_tied);
-            for (pair, square) in floor_gaps(tie, &all) {
+        let known = bundle
+            .landmarks
+            .iter()
+            .filter(|(of, landmark)| !landmark.off && !matches!(of, LandmarkSource::ControlPoint { .. }));
+        for (_, landmark) in known {
+            let is_tied = |&view: &usize| bundle.cameras[view].as_ref().is_some_and(|j| j.is_tied);
+            for (pair, square) in floor_disagreements(landmark, &all) {
                 if !pair.iter().all(is_tied) {
                     continue;
                 }
@@ -33,7 +35,7 @@ impl Site {
                 sum.1 += 1.0;
             }
         }
-        let mut predicted = self.predicted_overlaps(together, solutions);
+        let mut predicted = self.predicted_overlaps(bundle, solutions);
         let pairs: BTreeSet<[usize; 2]> = measured.keys().chain(predicted.keys()).copied().collect();
         pairs
             .into_iter()
@@ -47,7 +49,7 @@ impl Site {
 
     fn predicted_overlaps(
         &self,
-        together: &Together,
+        bundle: &BundleResult,
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> BTreeMap<[usize; 2], f64> {
         struct Seen {
@@ -85,9 +87,11 @@ impl Site {
                     continue;
                 }
                 let common = common_points(low, high, &a.polygon, &b.polygon);
-                let across = together.pairs.get(&[a.index, b.index]).map(|block| &**block);
-                let variances: Vec<f64> =
-                    common.iter().filter_map(|&at| disagreement(at, &a.camera, &b.camera, across)).collect();
+                let cross_covariance = bundle.pairs.get(&[a.index, b.index]).map(|block| &**block);
+                let variances: Vec<f64> = common
+                    .iter()
+                    .filter_map(|&at| disagreement(at, &a.camera, &b.camera, cross_covariance))
+                    .collect();
                 if !variances.is_empty() {
                     let mean = variances.iter().sum::<f64>() / variances.len() as f64;
                     found.insert([a.index, b.index], mean.max(0.0).sqrt());
@@ -116,17 +120,17 @@ fn disagreement(
     at: FloorPoint,
     a: &Camera,
     b: &Camera,
-    across: Option<&[[f64; Covariance::SIZE]; Covariance::SIZE]>,
+    cross_covariance: Option<&[[f64; Covariance::SIZE]; Covariance::SIZE]>,
 ) -> Option<f64> {
-    let slopes = |camera: &Camera| camera.floor_slopes(camera.world_to_pixel(at.at_height(0.0))?);
-    let (ja, jb) = (slopes(a)?, slopes(b)?);
-    let own = |camera: &Camera, slopes| -> f64 {
-        let [[xx, _], [_, yy]] = camera.covariance.carried(slopes);
+    let jacobian = |camera: &Camera| camera.floor_jacobian(camera.world_to_pixel(at.at_height(0.0))?);
+    let (ja, jb) = (jacobian(a)?, jacobian(b)?);
+    let own = |camera: &Camera, jacobian| -> f64 {
+        let [[xx, _], [_, yy]] = camera.covariance.carried(jacobian);
         xx + yy
     };
     let mut common = 0.0;
-    if let Some(across) = across {
-        for (i, row) in across.iter().enumerate() {
+    if let Some(cross_covariance) = cross_covariance {
+        for (i, row) in cross_covariance.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
                 common += value * (ja[i][0] * jb[j][0] + ja[i][1] * jb[j][1]);
             }

@@ -5,15 +5,15 @@ use std::collections::BTreeSet;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::finding::{Code, Failure, FailureCode, ResidualOf, Warning};
 use crate::floor::{default_efov, efov_on_floor};
-use crate::single::{Evidence, Mute, OPEN_FOCAL, line_name};
+use crate::single::{Constraints, OPEN_FOCAL, Unusable, line_name};
 use crate::site::bounds::At;
-use crate::site::bundle_step::{Joined, Together};
+use crate::site::bundle_step::{BundleCamera, BundleResult};
 use crate::site::check::check_solution;
 use crate::site::document::{Site, SiteCamera};
-use crate::site::lens_cache::KnownLenses;
+use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
-use crate::site::single_step::{First, Lenses, Owners, listed, residuals_when_off, rms};
+use crate::site::single_step::{Lenses, Owners, SingleFit, listed, residuals_when_off, rms};
 use crate::site::solution::{DistortionEntry, ElementSolution, Method, SiteSolution, Solution, Stage};
 
 /// What calibrating a site found out.
@@ -63,27 +63,27 @@ impl Site {
     /// the others from it.
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
-        self.calibrate_knowing(&KnownLenses::default(), options)
+        self.calibrate_with_lenses(&LensCache::default(), options)
     }
 
     /// As [`Self::calibrate`], with lenses that need not be fitted again; see [`Self::lenses`].
     #[must_use]
-    pub fn calibrate_knowing(&self, lenses: &KnownLenses, options: &Options) -> Report {
-        let firsts = self.firsts(lenses, options);
+    pub fn calibrate_with_lenses(&self, lenses: &LensCache, options: &Options) -> Report {
+        let single_fits = self.single_fits(lenses, options);
         let is_joint = options.refine && options.method != Method::Paper;
-        let together = match options.method {
-            Method::Paper => Together::default(),
-            Method::MaximumLikelihood | Method::Given => self.join(&firsts, options.refine),
+        let bundle = match options.method {
+            Method::Paper => BundleResult::default(),
+            Method::MaximumLikelihood | Method::Given => self.join(&single_fits, options.refine),
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut cameras: Vec<(usize, Result<Solution, Failure>)> = (0..self.cameras.len())
             .filter(|&index| asked(&self.cameras[index]))
-            .map(|index| (index, self.finish(index, &firsts[index], &together, options.method)))
+            .map(|index| (index, self.finish(index, &single_fits[index], &bundle, options.method)))
             .collect();
-        let located = together.located();
-        self.add_shared_residuals(&together, &located, &mut cameras);
-        let [links, marks] = self.elements(&together, &located);
-        let mut site = self.quality(&together, &located, &cameras);
+        let triangulated = bundle.triangulated();
+        self.add_shared_residuals(&bundle, &triangulated, &mut cameras);
+        let [links, marks] = self.elements(&bundle, &triangulated);
+        let mut site = self.quality(&bundle, &triangulated, &cameras);
         if !is_joint {
             site.warnings.extend(self.unused_elements());
         }
@@ -91,7 +91,7 @@ impl Site {
     }
 
     /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
-    fn firsts(&self, known: &KnownLenses, options: &Options) -> Vec<Result<First, Failure>> {
+    fn single_fits(&self, known: &LensCache, options: &Options) -> Vec<Result<SingleFit, Failure>> {
         let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
         let none = Owners::new();
@@ -112,20 +112,20 @@ impl Site {
             Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
             _ => self.first(camera, options, None, lenses),
         };
-        let mut firsts: Vec<Result<First, Failure>> = self.cameras.iter().map(first).collect();
-        let has_draft = firsts.iter().flatten().any(|first| first.is_fitted());
+        let mut single_fits: Vec<Result<SingleFit, Failure>> = self.cameras.iter().map(first).collect();
+        let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
         if !has_draft || options.method == Method::Paper {
-            return firsts;
+            return single_fits;
         }
-        let drafts = self.join(&firsts, false);
+        let drafts = self.join(&single_fits, false);
         for (index, draft) in drafts.cameras.iter().enumerate() {
-            let own = firsts[index].as_ref().ok().filter(|first| first.is_fitted());
+            let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
-                let better = (&own.optics, draft.camera.lens);
-                firsts[index] = self.first(&self.cameras[index], options, Some(better), lenses);
+                let better = (&own.lens_estimate, draft.camera.lens);
+                single_fits[index] = self.first(&self.cameras[index], options, Some(better), lenses);
             }
         }
-        firsts
+        single_fits
     }
 
     /// What ties cameras together is not used while every camera is solved by itself.
@@ -146,8 +146,8 @@ impl Site {
     fn finish(
         &self,
         index: usize,
-        first: &Result<First, Failure>,
-        together: &Together,
+        first: &Result<SingleFit, Failure>,
+        bundle: &BundleResult,
         method: Method,
     ) -> Result<Solution, Failure> {
         let entry = &self.cameras[index];
@@ -159,7 +159,7 @@ impl Site {
             return check_finite(solution);
         }
         let Some(own) = solution.camera() else { return check_finite(solution) };
-        let joined = together.cameras.get(index).and_then(Option::as_ref);
+        let joined = bundle.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
             Some(joined) if joined.is_tied => {
@@ -182,11 +182,11 @@ impl Site {
         if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
             placed_uncertainty(entry, &camera, &mut solution);
         }
-        let straightness = first.optics.straightness_under(&camera.lens, &entry.annotations);
+        let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
         solution.residuals.extend(listed(straightness.into_iter(), &[]));
         solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
-        solution.warnings.extend(first.optics.warnings(&entry.annotations));
-        mute(entry, &first.evidence, &mut solution.warnings);
+        solution.warnings.extend(first.lens_estimate.warnings(&entry.annotations));
+        unusable(entry, &first.constraints, &mut solution.warnings);
         check_lens(entry, &camera, &mut solution.warnings);
         solution.efov_m = efov(entry, &camera, &mut solution.warnings);
         self.add_control_residuals(entry, &camera, &mut solution);
@@ -195,7 +195,13 @@ impl Site {
 }
 
 /// The numbers of the joint fit in place of those of stage 1.
-fn rewrite(entry: &SiteCamera, camera: &Camera, first: &First, joined: &Joined, solution: &mut Solution) {
+fn rewrite(
+    entry: &SiteCamera,
+    camera: &Camera,
+    first: &SingleFit,
+    joined: &BundleCamera,
+    solution: &mut Solution,
+) {
     solution.pitch_deg = Some(camera.pitch.to_degrees());
     solution.roll_deg = Some(camera.roll.to_degrees());
     solution.focal_px = camera.focal;
@@ -256,15 +262,15 @@ fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) 
     }
 }
 
-fn mute(entry: &SiteCamera, evidence: &Evidence, warnings: &mut Vec<Warning>) {
-    for (source, why) in &evidence.mute {
+fn unusable(entry: &SiteCamera, constraints: &Constraints, warnings: &mut Vec<Warning>) {
+    for (source, why) in &constraints.unusable {
         let label = entry.annotations[source.annotation].label(source.annotation);
         let (says, advice) = match why {
-            Mute::OutsideLens => (
+            Unusable::OutsideLens => (
                 "has a point where the lens shows nothing",
                 "Move the point inward, or correct the distortion.",
             ),
-            Mute::NoLength => ("has no length", "Draw it again, or delete it."),
+            Unusable::NoLength => ("has no length", "Draw it again, or delete it."),
         };
         let name = line_name(&entry.annotations, source.annotation, source.segment);
         let message = format!("{name} of {label} {says}.");

@@ -3,61 +3,70 @@
 
 use std::collections::BTreeMap;
 
-use crate::bundle::{PLACE, Sighting, Suspect, Thing, Tie, locate};
-use crate::camera::{Camera, Covariance, Drawn, Pose};
+use crate::bundle::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate};
+use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
 use crate::finding::{Code, Failure, Residual, ResidualOf, Warning};
-use crate::site::bundle_step::Together;
+use crate::site::bundle_step::BundleResult;
 use crate::site::document::Site;
-use crate::site::observations::TieOf;
+use crate::site::observations::LandmarkSource;
 use crate::site::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
 
-/// Where a tie is and what every sighting of it is off, in pixels.
+/// Where a landmark is and what every observation of it is off, in pixels.
 #[derive(Clone, Debug)]
-pub(crate) struct Located {
-    thing: Thing,
-    place: [f64; PLACE],
-    seen: Vec<(Sighting, f64)>,
+pub(crate) struct Triangulated {
+    model: LandmarkModel,
+    place: [f64; LANDMARK_PARAMS],
+    seen: Vec<(Observation, f64)>,
 }
 
-impl Together {
-    /// Every tie that a camera of the joint fit shows.
-    pub(crate) fn located(&self) -> Vec<Option<Located>> {
+impl BundleResult {
+    /// Every landmark that a camera of the joint fit shows.
+    pub(crate) fn triangulated(&self) -> Vec<Option<Triangulated>> {
         let cameras = self.tied_cameras();
         let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_tied);
-        self.ties
+        self.landmarks
             .iter()
-            .map(|(_, tie)| {
-                let seen: Vec<Sighting> =
-                    tie.sightings.iter().filter(|seen| is_tied(seen.view)).copied().collect();
+            .map(|(_, landmark)| {
+                let seen: Vec<Observation> =
+                    landmark.observations.iter().filter(|seen| is_tied(seen.view)).copied().collect();
                 if seen.is_empty() {
                     return None;
                 }
                 // What is off has no place in the fit: it is where a camera puts it.
-                let (thing, place) = if tie.off {
-                    locate(&Tie { sightings: seen.clone(), ..tie.clone() }, &cameras, &|_| true)?
+                let (model, place) = if landmark.off {
+                    triangulate(
+                        &Landmark { observations: seen.clone(), ..landmark.clone() },
+                        &cameras,
+                        &|_| true,
+                    )?
                 } else {
-                    (tie.thing.clone(), tie.place)
+                    (landmark.model.clone(), landmark.place)
                 };
-                let off = |seen: Sighting| Some((seen, off(&thing, &place, &seen, &cameras[seen.view])?));
+                let off = |seen: Observation| Some((seen, off(&model, &place, &seen, &cameras[seen.view])?));
                 let seen = seen.into_iter().filter_map(off).collect();
-                Some(Located { seen, thing, place })
+                Some(Triangulated { seen, model, place })
             })
             .collect()
     }
 
-    fn is_aside(&self, tie: usize) -> bool {
-        self.aside.contains(&Suspect::Tie(tie))
+    fn is_aside(&self, landmark: usize) -> bool {
+        self.rejected.contains(&OutlierCandidate::Landmark(landmark))
     }
 }
 
-/// Distance of a sighting from where its camera shows the thing, in raw pixels.
-fn off(thing: &Thing, place: &[f64; PLACE], seen: &Sighting, camera: &Camera) -> Option<f64> {
-    let px = match *thing {
-        Thing::Line { origin } => {
-            let drawn = Drawn::new(seen.pixel, &camera.lens, [false; 5])?;
-            Pose::new(*camera).show_line(origin, place[0], place[1]).distance(&drawn).0.abs()
+/// Distance of an observation from where its camera shows the landmark, in raw pixels.
+fn off(
+    model: &LandmarkModel,
+    place: &[f64; LANDMARK_PARAMS],
+    seen: &Observation,
+    camera: &Camera,
+) -> Option<f64> {
+    let px = match *model {
+        LandmarkModel::Line { origin } => {
+            let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; 5])?;
+            PosedCamera::new(*camera).reproject_line(origin, place[0], place[1]).distance(&observed).0.abs()
         }
-        _ => camera.world_to_pixel(thing.point(place, seen.point).0)?.distance(seen.pixel),
+        _ => camera.world_to_pixel(model.point(place, seen.point).0)?.distance(seen.pixel),
     };
     px.is_finite().then_some(px)
 }
@@ -77,11 +86,11 @@ fn enumerated(names: &[&str]) -> String {
 }
 
 impl Site {
-    fn tie_name(&self, of: TieOf) -> (ResidualOf, String) {
+    fn landmark_name(&self, of: LandmarkSource) -> (ResidualOf, String) {
         match of {
-            TieOf::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
-            TieOf::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
-            TieOf::ControlPoint { camera, point } => {
+            LandmarkSource::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
+            LandmarkSource::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
+            LandmarkSource::ControlPoint { camera, point } => {
                 let entry = &self.cameras[camera].control_points[point];
                 (ResidualOf::ControlPoint, name(entry.id.as_ref(), point))
             }
@@ -89,20 +98,20 @@ impl Site {
     }
 
     /// Writes into every camera what links and marks are off there, and which of its control points
-    /// were set aside.
+    /// were rejected.
     pub(crate) fn add_shared_residuals(
         &self,
-        together: &Together,
-        located: &[Option<Located>],
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
         solutions: &mut [(usize, Result<Solution, Failure>)],
     ) {
-        let mut by_camera: BTreeMap<usize, &mut Solution> =
+        let mut d_camera: BTreeMap<usize, &mut Solution> =
             solutions.iter_mut().filter_map(|(index, s)| Some((*index, s.as_mut().ok()?))).collect();
-        for (index, ((of, _), located)) in together.ties.iter().zip(located).enumerate() {
-            let (what, id) = self.tie_name(*of);
-            let outlier = together.is_aside(index);
-            if let TieOf::ControlPoint { camera, .. } = of {
-                let Some(solution) = by_camera.get_mut(camera).filter(|_| outlier) else { continue };
+        for (index, ((of, _), triangulated)) in bundle.landmarks.iter().zip(triangulated).enumerate() {
+            let (what, id) = self.landmark_name(*of);
+            let outlier = bundle.is_aside(index);
+            if let LandmarkSource::ControlPoint { camera, .. } = of {
+                let Some(solution) = d_camera.get_mut(camera).filter(|_| outlier) else { continue };
                 let own = solution.residuals.iter_mut().filter(|r| r.of == what);
                 own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = true);
                 solution.warnings.push(Warning::new(
@@ -113,12 +122,12 @@ impl Site {
                 continue;
             }
             let mut squares: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
-            for (seen, px) in located.iter().flat_map(|located| &located.seen) {
+            for (seen, px) in triangulated.iter().flat_map(|triangulated| &triangulated.seen) {
                 let sum = squares.entry(seen.view).or_default();
                 *sum = (sum.0 + px * px, sum.1 + 1.0);
             }
             for (view, (sum, count)) in squares {
-                let Some(solution) = by_camera.get_mut(&view) else { continue };
+                let Some(solution) = d_camera.get_mut(&view) else { continue };
                 let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
                 let id = Some(id.clone());
                 solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
@@ -129,26 +138,26 @@ impl Site {
     /// Where links and marks are that took part, or would have.
     pub(crate) fn elements(
         &self,
-        together: &Together,
-        located: &[Option<Located>],
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
     ) -> [Vec<Option<ElementSolution>>; 2] {
         let mut links = vec![None; self.links.len()];
         let mut marks = vec![None; self.marks.len()];
-        for (index, (of, tie)) in together.ties.iter().enumerate() {
-            let Some(Located { thing, place, seen }) = &located[index] else { continue };
-            let mut found = element(thing, place, together.covariances[index], tie);
+        for (index, (of, landmark)) in bundle.landmarks.iter().enumerate() {
+            let Some(Triangulated { model, place, seen }) = &triangulated[index] else { continue };
+            let mut found = element(model, place, bundle.covariances[index], landmark);
             found.residuals = seen
                 .iter()
                 .map(|(seen, px)| SeenResidual {
                     camera: self.cameras[seen.view].id.clone(),
                     px: *px,
-                    outlier: together.is_aside(index),
+                    outlier: bundle.is_aside(index),
                 })
                 .collect();
             match of {
-                TieOf::Link(i) => links[*i] = Some(found),
-                TieOf::Mark(i) => marks[*i] = Some(found),
-                TieOf::ControlPoint { .. } => {}
+                LandmarkSource::Link(i) => links[*i] = Some(found),
+                LandmarkSource::Mark(i) => marks[*i] = Some(found),
+                LandmarkSource::ControlPoint { .. } => {}
             }
         }
         [links, marks]
@@ -157,32 +166,33 @@ impl Site {
     /// What hangs together, what gives the scale, how far cameras disagree.
     pub(crate) fn quality(
         &self,
-        together: &Together,
-        located: &[Option<Located>],
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> SiteSolution {
         let id = |&view: &usize| self.cameras[view].id.clone();
         let solved: Vec<usize> =
             solutions.iter().filter(|(_, s)| s.is_ok()).map(|(index, _)| *index).collect();
-        let mut components: Vec<Vec<usize>> = together
+        let mut components: Vec<Vec<usize>> = bundle
             .components
             .iter()
             .map(|c| {
                 let is_fitted =
-                    |view: &usize| !together.unreached.contains(view) && together.cameras[*view].is_some();
+                    |view: &usize| !bundle.unreached.contains(view) && bundle.cameras[*view].is_some();
                 c.views.iter().copied().filter(is_fitted).collect()
             })
             .filter(|views: &Vec<usize>| !views.is_empty())
             .collect();
         let mut warnings = Vec::new();
-        let is_shared = together.ties.iter().any(|(of, _)| !matches!(of, TieOf::ControlPoint { .. }));
+        let is_shared =
+            bundle.landmarks.iter().any(|(of, _)| !matches!(of, LandmarkSource::ControlPoint { .. }));
         if is_shared {
             let alone: Vec<usize> =
                 solved.iter().copied().filter(|view| !components.iter().any(|c| c.contains(view))).collect();
             components.extend(alone.iter().map(|&view| vec![view]));
-            warnings.extend(self.not_connected(&components, together, solutions));
+            warnings.extend(self.not_connected(&components, bundle, solutions));
         }
-        let unscaled = together.components.iter().filter(|c| !c.is_scaled);
+        let unscaled = bundle.components.iter().filter(|c| !c.is_scaled);
         for component in unscaled.clone() {
             let names: Vec<&str> =
                 component.views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
@@ -196,26 +206,26 @@ impl Site {
                 "Enter one known distance, height or length, or two points of the plan.",
             ));
         }
-        if let Some(&first) = together.too_many.first() {
+        if let Some(&first) = bundle.too_many.first() {
             warnings.push(Warning::new(
                 Code::UnusedAnnotation,
                 format!(
                     "{} cameras, {} among them, share more than can be fitted together: each is solved by itself.",
-                    together.too_many.len(),
+                    bundle.too_many.len(),
                     id(&first)
                 ),
                 "Let every link and mark be seen by fewer cameras.",
             ));
         }
-        warnings.extend(self.unused_ties(together));
-        let scale = (!together.components.is_empty())
+        warnings.extend(self.unused_landmarks(bundle));
+        let scale = (!bundle.components.is_empty())
             .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
-        warnings.extend(self.set_aside(together, located));
+        warnings.extend(self.rejected_elements(bundle, triangulated));
         SiteSolution {
             components: components.iter().map(|views| views.iter().map(id).collect()).collect(),
             scale,
-            loop_closure_m: together.loop_closure,
-            overlaps: self.overlaps(together, solutions),
+            loop_closure_m: bundle.loop_closure,
+            overlaps: self.overlaps(bundle, solutions),
             warnings,
         }
     }
@@ -223,7 +233,7 @@ impl Site {
     fn not_connected(
         &self,
         components: &[Vec<usize>],
-        together: &Together,
+        bundle: &BundleResult,
         solutions: &[(usize, Result<Solution, Failure>)],
     ) -> Vec<Warning> {
         let largest = components.iter().max_by_key(|views| views.len());
@@ -231,7 +241,7 @@ impl Site {
         let mut warnings: Vec<Warning> = apart
             .map(|views| {
                 let names: Vec<&str> = views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
-                let unreached = views.iter().all(|view| together.unreached.contains(view));
+                let unreached = views.iter().all(|view| bundle.unreached.contains(view));
                 let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
                 let message = match (unreached, by_hand) {
                     (true, _) => format!(
@@ -273,9 +283,9 @@ impl Site {
     }
 
     /// What is there and was not used, with the reason.
-    fn unused_ties(&self, together: &Together) -> Vec<Warning> {
-        let name = |tie: &usize| {
-            let (of, id) = self.tie_name(together.ties[*tie].0);
+    fn unused_landmarks(&self, bundle: &BundleResult) -> Vec<Warning> {
+        let name = |landmark: &usize| {
+            let (of, id) = self.landmark_name(bundle.landmarks[*landmark].0);
             let what = match of {
                 ResidualOf::Mark => "mark",
                 ResidualOf::ControlPoint => "control point",
@@ -290,22 +300,22 @@ impl Site {
         let camera = |view: &usize| format!("camera {}", self.cameras[*view].id);
         let list = [
             (
-                together.lost.iter().map(name).collect::<Vec<String>>(),
+                bundle.lost.iter().map(name).collect::<Vec<String>>(),
                 "a camera that shows it cannot see anything where the others put it",
                 "Check that it is drawn below the horizon, inside the lens, and on the same thing in every view.",
             ),
             (
-                together.muted.ties.iter().map(name).collect(),
+                bundle.unused.landmarks.iter().map(name).collect(),
                 "one camera alone shows it",
                 "Draw it in a second camera, or give it a distance to something else.",
             ),
             (
-                together.muted.distances.iter().map(distance).collect(),
+                bundle.unused.distances.iter().map(distance).collect(),
                 "an end of it has no place, or its length no \"sigma\" and no \"fixed\"",
                 "Measure between links or marks that cameras show, and say how well.",
             ),
             (
-                together.unfitted.iter().map(camera).collect(),
+                bundle.unfitted.iter().map(camera).collect(),
                 "no place was found from which all that is shared can be seen",
                 "Switch links and marks off one by one, the farthest first.",
             ),
@@ -318,18 +328,22 @@ impl Site {
         list.into_iter().filter_map(told).collect()
     }
 
-    fn set_aside(&self, together: &Together, located: &[Option<Located>]) -> Vec<Warning> {
-        let warning = |suspect: &Suspect| match *suspect {
-            Suspect::Tie(tie) => {
-                let (of, id) = self.tie_name(together.ties[tie].0);
+    fn rejected_elements(
+        &self,
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
+    ) -> Vec<Warning> {
+        let warning = |candidate: &OutlierCandidate| match *candidate {
+            OutlierCandidate::Landmark(landmark) => {
+                let (of, id) = self.landmark_name(bundle.landmarks[landmark].0);
                 let what = match of {
                     ResidualOf::Link => "Link",
                     ResidualOf::Mark => "Mark",
                     ResidualOf::ControlPoint | ResidualOf::Annotation => return None,
                 };
-                let worst = located[tie]
+                let worst = triangulated[landmark]
                     .as_ref()
-                    .and_then(|located| located.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+                    .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
                 let far = worst.map_or(String::new(), |(seen, px)| {
                     format!(" ({px:.0} px in {})", self.cameras[seen.view].id)
                 });
@@ -339,8 +353,8 @@ impl Site {
                     "Check that every camera shows the same thing there; \"keep\" has it used all the same.",
                 ))
             }
-            Suspect::Gap(gap) => {
-                let entry = &self.distances[together.gaps[gap].0];
+            OutlierCandidate::Distance(measurement) => {
+                let entry = &self.distances[bundle.measurements[measurement].0];
                 let [a, b] = &entry.between;
                 Some(Warning::new(
                     Code::Outlier,
@@ -351,43 +365,46 @@ impl Site {
                 ))
             }
         };
-        together.aside.iter().filter_map(warning).collect()
+        bundle.rejected.iter().filter_map(warning).collect()
     }
 }
 
 fn element(
-    thing: &Thing,
-    place: &[f64; PLACE],
-    covariance: Option<[[f64; PLACE]; PLACE]>,
-    tie: &Tie,
+    model: &LandmarkModel,
+    place: &[f64; LANDMARK_PARAMS],
+    covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
+    landmark: &Landmark,
 ) -> ElementSolution {
-    let (at, slopes) = thing.anchor(place);
-    let turn = match thing {
-        Thing::Mark { .. } => Some(place[2]),
-        Thing::Line { .. } => Some(place[1]),
-        Thing::Point { .. } | Thing::Post | Thing::Measured => None,
+    let (at, jacobian) = model.anchor(place);
+    let turn = match model {
+        LandmarkModel::Mark { .. } => Some(place[2]),
+        LandmarkModel::Line { .. } => Some(place[1]),
+        LandmarkModel::Point { .. } | LandmarkModel::Post | LandmarkModel::Measured => None,
     };
-    let sigma = |slope: &[f64; PLACE]| {
+    let sigma = |jacobian: &[f64; LANDMARK_PARAMS]| {
         let covariance = covariance?;
-        let variance: f64 = (0..PLACE)
-            .flat_map(|i| (0..PLACE).map(move |j| (i, j)))
-            .map(|(i, j)| slope[i] * covariance[i][j] * slope[j])
+        let variance: f64 = (0..LANDMARK_PARAMS)
+            .flat_map(|i| (0..LANDMARK_PARAMS).map(move |j| (i, j)))
+            .map(|(i, j)| jacobian[i] * covariance[i][j] * jacobian[j])
             .sum();
         (variance > 0.0).then(|| variance.sqrt())
     };
-    let turn_index = if matches!(thing, Thing::Line { .. }) { 1 } else { 2 };
-    let mut by_turn = [0.0; PLACE];
+    let turn_index = if matches!(model, LandmarkModel::Line { .. }) { 1 } else { 2 };
+    let mut by_turn = [0.0; LANDMARK_PARAMS];
     by_turn[turn_index] = 1.0;
     let sigmas = Sigmas {
-        x_m: sigma(&slopes[0]),
-        y_m: sigma(&slopes[1]),
-        yaw_deg: turn.filter(|_| tie.free[turn_index]).and_then(|_| sigma(&by_turn)).map(f64::to_degrees),
+        x_m: sigma(&jacobian[0]),
+        y_m: sigma(&jacobian[1]),
+        yaw_deg: turn
+            .filter(|_| landmark.free[turn_index])
+            .and_then(|_| sigma(&by_turn))
+            .map(f64::to_degrees),
         ..Sigmas::default()
     };
     ElementSolution {
         at_m: at,
         turn_deg: turn.map(f64::to_degrees),
-        length_m: (*thing == Thing::Post).then_some(place[2]),
+        length_m: (*model == LandmarkModel::Post).then_some(place[2]),
         sigma: (sigmas != Sigmas::default()).then_some(sigmas),
         residuals: Vec::new(),
     }

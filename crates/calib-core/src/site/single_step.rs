@@ -6,33 +6,38 @@ use crate::camera::{Camera, Covariance, Lens, WorldPoint};
 use crate::finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::floor::STAGE_1_HEIGHT;
 use crate::single::{
-    Annotation, Evidence, Fit, FitOptions, Held, Kind, Orientation, Priors, Shape, Solved, Source, draw_next,
-    paper_minimum, residuals_at, warnings,
+    Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, LocalMinimum, Orientation, Priors,
+    Shape, Source, draw_next, paper_minimum, residuals_at, warnings,
 };
 use crate::site::document::{Site, SiteCamera};
-use crate::site::lens_cache::KnownLenses;
-use crate::site::lens_step::Optics;
+use crate::site::lens_cache::LensCache;
+use crate::site::lens_step::LensEstimate;
 use crate::site::options::Options;
 use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
-pub(crate) type Owners = BTreeMap<String, Result<First, Failure>>;
+pub(crate) type Owners = BTreeMap<String, Result<SingleFit, Failure>>;
 
 /// What is known of lenses before a camera is asked for its own.
 #[derive(Clone, Copy)]
 pub(crate) struct Lenses<'a> {
     pub(crate) owners: &'a Owners,
-    pub(crate) known: &'a KnownLenses,
+    pub(crate) known: &'a LensCache,
 }
 
 /// What is held of the orientation; the focal may be that of the camera this one is like.
-fn held_of(entry: &SiteCamera, owner: Option<&Result<First, Failure>>) -> Result<Held, Failure> {
+fn held_of(
+    entry: &SiteCamera,
+    owner: Option<&Result<SingleFit, Failure>>,
+) -> Result<FixedParameters, Failure> {
     let own = entry.held();
     match owner {
         None => Ok(own),
         // Of edges alone the focal stays open: each camera's own lines tell it.
         Some(Ok(owner)) if owner.solution.stage == Stage::Lens && owner.held.focal.is_none() => Ok(own),
-        Some(Ok(owner)) => Ok(Held { focal: owner.held.focal.or(Some(owner.solution.focal_px)), ..own }),
+        Some(Ok(owner)) => {
+            Ok(FixedParameters { focal: owner.held.focal.or(Some(owner.solution.focal_px)), ..own })
+        }
         Some(Err(failure)) => {
             let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
             let message =
@@ -45,20 +50,20 @@ fn held_of(entry: &SiteCamera, owner: Option<&Result<First, Failure>>) -> Result
 
 /// Stage 1 of one camera.
 #[derive(Clone, Debug)]
-pub(crate) struct First {
+pub(crate) struct SingleFit {
     pub(crate) solution: Solution,
-    pub(crate) optics: Optics,
+    pub(crate) lens_estimate: LensEstimate,
     /// What the lines said through the lens, and what of them was held.
-    pub(crate) evidence: Evidence,
-    pub(crate) held: Held,
+    pub(crate) constraints: Constraints,
+    pub(crate) held: FixedParameters,
     /// The maximum-likelihood fit.
     pub(crate) fit: Option<Fit>,
 }
 
-impl First {
+impl SingleFit {
     /// Whether the lens was fitted to lines of this camera, and lines were drawn beside.
     pub(crate) fn is_fitted(&self) -> bool {
-        self.fit.is_some() && self.optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
+        self.fit.is_some() && self.lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
     }
 }
 
@@ -66,53 +71,66 @@ impl Site {
     /// Stage 1 of a camera; what was typed or imported stands.
     ///
     /// A lens that is fitted is known better once stage 1 has spoken, too: `better` is what the joint fit
-    /// made of the first answer. Until then no line is set aside, for it may be the lens that is wrong.
+    /// made of the first answer. Until then no line is rejected, for it may be the lens that is wrong.
     pub(crate) fn first(
         &self,
         entry: &SiteCamera,
         options: &Options,
-        better: Option<(&Optics, Lens)>,
+        better: Option<(&LensEstimate, Lens)>,
         lenses: Lenses,
-    ) -> Result<First, Failure> {
+    ) -> Result<SingleFit, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
         let owner = like.and_then(|id| lenses.owners.get(id));
-        let mut optics = match (better, owner) {
-            (Some((optics, _)), _) => optics.clone(),
-            (None, Some(Ok(owner))) => owner.optics.shared_by(entry),
-            _ => self.optics(entry, lenses.known),
+        let mut lens_estimate = match (better, owner) {
+            (Some((lens_estimate, _)), _) => lens_estimate.clone(),
+            (None, Some(Ok(owner))) => owner.lens_estimate.shared_by(entry),
+            _ => self.lens_estimate(entry, lenses.known),
         };
         let lens = better.map(|(_, lens)| lens);
-        let is_draft = lens.is_none() && optics.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
-        optics.lens = lens.unwrap_or(optics.lens);
-        let lens = optics.lens;
-        let first = |solution, optics, evidence, held, fit| First { solution, optics, evidence, held, fit };
+        let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
+        let lens = lens_estimate.lens;
+        let first = |solution, lens_estimate, constraints, held, fit| SingleFit {
+            solution,
+            lens_estimate,
+            constraints,
+            held,
+            fit,
+        };
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            return Ok(first(given.clone(), optics, Evidence::default(), Held::default(), None));
+            return Ok(first(
+                given.clone(),
+                lens_estimate,
+                Constraints::default(),
+                FixedParameters::default(),
+                None,
+            ));
         }
         let held = held_of(entry, owner)?;
-        let evidence = Evidence::new(&entry.annotations, &lens, false);
+        let constraints = Constraints::new(&entry.annotations, &lens, false);
         let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
-        if evidence.is_empty() && optics.fit.is_some() && is_open {
-            return Ok(first(lens_only(entry, &optics), optics, evidence, held, None));
+        if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
+            return Ok(first(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
         }
         let (solution, fit) = match options.method {
-            Method::Paper => (paper(entry, &evidence, lens, held)?, None),
+            Method::Paper => (paper(entry, &constraints, lens, held)?, None),
             Method::MaximumLikelihood | Method::Given => {
-                let believed = options.prior;
-                let (solution, fit) = likelihood(entry, &evidence, lens, held, [believed, is_draft])?;
+                let weak_prior_used = options.prior;
+                let (solution, fit) =
+                    likelihood(entry, &constraints, lens, held, [weak_prior_used, is_draft])?;
                 (solution, Some(fit))
             }
         };
-        Ok(first(solution, optics, evidence, held, fit))
+        Ok(first(solution, lens_estimate, constraints, held, fit))
     }
 }
 
 /// Stage 1 by the joint fit in pixels.
 fn likelihood(
     entry: &SiteCamera,
-    evidence: &Evidence,
+    constraints: &Constraints,
     lens: Lens,
-    held: Held,
+    held: FixedParameters,
     [prior, keeps_all]: [bool; 2],
 ) -> Result<(Solution, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
@@ -122,14 +140,14 @@ fn likelihood(
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
         held,
-        // What is held needs no belief beside it.
+        // What is held needs no prior beside it.
         priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
-        weak_belief: prior,
+        weak_prior: prior,
         keep: &keep,
     };
-    let fit = Fit::new(evidence, &options)?;
-    let next = draw_next(&fit, evidence, &options);
+    let fit = Fit::new(constraints, &options)?;
+    let next = draw_next(&fit, constraints, &options);
     let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
     solution.covariance = CovarianceEntry::of(&fit.camera);
@@ -148,12 +166,12 @@ fn likelihood(
 
 /// What is switched off, as far from the prediction of a camera as it is.
 pub(crate) fn residuals_when_off(entry: &SiteCamera, camera: &Camera) -> Vec<(Source, f64)> {
-    let off = Evidence::new(&entry.annotations, &camera.lens, true);
+    let off = Constraints::new(&entry.annotations, &camera.lens, true);
     let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
     residuals_at(&off, at, camera.position.z, entry.size()[0])
 }
 
-fn alternative(other: &Solved, entry: &SiteCamera) -> Alternative {
+fn alternative(other: &LocalMinimum, entry: &SiteCamera) -> Alternative {
     let focal = other.orientation.focal;
     Alternative {
         focal_px: focal,
@@ -165,9 +183,14 @@ fn alternative(other: &Solved, entry: &SiteCamera) -> Alternative {
 }
 
 /// Stage 1 as the paper has it.
-fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Result<Solution, Failure> {
+fn paper(
+    entry: &SiteCamera,
+    constraints: &Constraints,
+    lens: Lens,
+    held: FixedParameters,
+) -> Result<Solution, Failure> {
     let width = entry.size()[0];
-    let (at, _) = paper_minimum(evidence, held, width)?;
+    let (at, _) = paper_minimum(constraints, held, width)?;
     let height = held.height.unwrap_or(STAGE_1_HEIGHT);
     let camera = Camera {
         position: WorldPoint::new(0.0, 0.0, height),
@@ -179,8 +202,9 @@ fn paper(entry: &SiteCamera, evidence: &Evidence, lens: Lens, held: Held) -> Res
         covariance: Covariance::EXACT,
     };
     let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
-    let off = Evidence::new(&entry.annotations, &lens, true);
-    let both = [evidence, &off].into_iter().flat_map(|evidence| residuals_at(evidence, at, height, width));
+    let off = Constraints::new(&entry.annotations, &lens, true);
+    let both =
+        [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = listed(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
@@ -206,9 +230,9 @@ pub(crate) fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &
 }
 
 /// Covariance of a camera of which only the lens was fitted.
-fn lens_covariance(optics: &Optics) -> Covariance {
+fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
     let mut covariance = Covariance::EXACT;
-    if let Some(fit) = optics.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
+    if let Some(fit) = lens_estimate.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
         for (i, row) in fit.covariance.iter().enumerate() {
             covariance.0[Covariance::LENS + i][Covariance::LENS..].copy_from_slice(row);
         }
@@ -217,7 +241,7 @@ fn lens_covariance(optics: &Optics) -> Covariance {
 }
 
 /// The solution of a camera whose straight edges are all that was drawn: its lens.
-fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
+fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> Solution {
     // Without a focal the width of the image is the unit of the coefficients.
     let focal =
         entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(entry.size()[0], |focal| focal.value);
@@ -227,8 +251,8 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
         pitch: 0.0,
         roll: 0.0,
         focal,
-        lens: optics.lens,
-        covariance: lens_covariance(optics),
+        lens: lens_estimate.lens,
+        covariance: lens_covariance(lens_estimate),
     };
     let mut solution = Solution {
         distortion: DistortionEntry::of(&camera.lens, focal),
@@ -236,9 +260,10 @@ fn lens_only(entry: &SiteCamera, optics: &Optics) -> Solution {
         covariance: CovarianceEntry::of(&camera),
         ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
     };
-    solution.residuals = listed(optics.straightness_under(&optics.lens, &entry.annotations).into_iter(), &[]);
+    solution.residuals =
+        listed(lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations).into_iter(), &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    solution.warnings = optics.warnings(&entry.annotations);
+    solution.warnings = lens_estimate.warnings(&entry.annotations);
     solution
 }
 

@@ -211,7 +211,7 @@ document! {
         camera: String,
         /// In pixels.
         px: f64,
-        /// Whether it was set aside.
+        /// Whether it was rejected.
         outlier: bool,
     }
 
