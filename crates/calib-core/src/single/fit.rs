@@ -34,6 +34,15 @@ pub struct FitOptions<'a> {
     pub keep: &'a [usize],
 }
 
+impl FitOptions<'_> {
+    /// Nothing known beside the lens and the size of the image; the weak prior may enter.
+    #[must_use]
+    pub fn new(lens: Lens, size: [f64; 2]) -> Self {
+        let (held, priors) = (FixedParameters::default(), Priors::default());
+        Self { lens, size, efov: &[], held, priors, sigma: None, weak_prior: true, keep: &[] }
+    }
+}
+
 /// Another minimum that the evidence cannot rule out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalMinimum {
