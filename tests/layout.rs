@@ -116,18 +116,82 @@ fn the_core_knows_no_files_clocks_threads_or_output() {
     }
 }
 
+/// Lines of the body of every function of a file but of its tests.
+struct Lengths {
+    path: String,
+    found: Vec<(usize, String)>,
+}
+
+impl Lengths {
+    fn add(&mut self, name: &syn::Ident, block: &syn::Block) {
+        let braces = block.brace_token.span;
+        let lines = braces.close().start().line.saturating_sub(braces.open().start().line + 1).max(1);
+        self.found.push((lines, format!("{}: {name}", self.path)));
+    }
+}
+
+fn is_of_tests(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        attribute.path().is_ident("cfg")
+            && attribute.meta.require_list().is_ok_and(|list| list.tokens.to_string() == "test")
+    })
+}
+
+impl<'ast> syn::visit::Visit<'ast> for Lengths {
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        if !is_of_tests(&module.attrs) {
+            syn::visit::visit_item_mod(self, module);
+        }
+    }
+
+    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
+        self.add(&function.sig.ident, &function.block);
+        syn::visit::visit_item_fn(self, function);
+    }
+
+    fn visit_impl_item_fn(&mut self, function: &'ast syn::ImplItemFn) {
+        self.add(&function.sig.ident, &function.block);
+        syn::visit::visit_impl_item_fn(self, function);
+    }
+}
+
+/// The sources of the crates: what is built into them, without their tests, benchmarks and examples.
+fn sources() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(root().join("crates")).unwrap() {
+        let source = entry.unwrap().path().join("src");
+        if source.is_dir() {
+            files(&source, &mut found);
+        }
+    }
+    found.retain(|path| path.extension().is_some_and(|extension| extension == "rs"));
+    found
+}
+
+#[test]
+fn functions_are_one_thought() {
+    let mut lengths = Vec::new();
+    for path in sources() {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let mut here = Lengths { path: path.display().to_string(), found: Vec::new() };
+        syn::visit::Visit::visit_file(&mut here, &syn::parse_file(&text).unwrap());
+        lengths.extend(here.found);
+    }
+    lengths.sort();
+    let at = |share: f64| &lengths[(share * (lengths.len() - 1) as f64) as usize];
+    println!("{} functions: median {:?}, 90th percentile {:?}", lengths.len(), at(0.5).0, at(0.9).0);
+    assert!(at(0.5).0 <= 8 && at(0.9).0 <= 25 && at(1.0).0 <= 60, "{:?}", &lengths[lengths.len() - 10..]);
+}
+
 #[test]
 fn no_source_file_has_grown_beyond_one_thought() {
-    let mut found = Vec::new();
-    files(&root().join("crates"), &mut found);
-    let long: Vec<String> = found
+    let long: Vec<String> = sources()
         .iter()
-        .filter(|path| path.extension().is_some_and(|e| e == "rs"))
         .filter_map(|path| {
             let text = std::fs::read_to_string(path).unwrap();
-            // The document of the site is a list of fields; the code of a file ends where its tests begin.
+            // The code of a file ends where its tests begin.
             let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default().lines().count();
-            (code > 500).then(|| format!("{}: {code} lines", path.display()))
+            (code > 400).then(|| format!("{}: {code} lines", path.display()))
         })
         .collect();
     assert!(long.is_empty(), "{}", long.join("\n"));

@@ -125,16 +125,7 @@ fn lens() -> Lens {
 /// The whole default solve of one camera.
 pub(crate) fn likelihood(annotations: &[Annotation], scene: &RandomScene, noise: f64) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), false);
-    let options = FitOptions {
-        lens: lens(),
-        size: SIZE,
-        efov: &scene.efov,
-        held: FixedParameters::default(),
-        priors: Priors::default(),
-        sigma: Some(noise),
-        weak_prior: true,
-        keep: &[],
-    };
+    let options = FitOptions { efov: &scene.efov, sigma: Some(noise), ..FitOptions::new(lens(), SIZE) };
     Some(Fit::new(&evidence, &options).ok()?.camera)
 }
 

@@ -1,0 +1,29 @@
+//! A hall of cameras with eight links between neighbours, calibrated whole: stage 1, the start along the
+//! spanning tree, the joint fit, sigmas and quality.
+
+mod measure;
+
+use std::hint::black_box;
+
+use calib_core::{Options, Solution, Stage};
+use calib_demo::layout::Layout;
+use measure::{median, report};
+use rand::SeedableRng as _;
+
+/// Milliseconds a site.
+fn refine(sides: [usize; 2]) -> f64 {
+    let mut layout = Layout::grid(&mut rand_chacha::ChaCha8Rng::seed_from_u64(900), sides, 8, 1.0);
+    layout.place_first();
+    1e3 * median(3, || {
+        let report = black_box(&layout.site).calibrate(&Options::default());
+        let refined = |solution: &Solution| solution.stage == Stage::Refined;
+        assert!(report.cameras.iter().all(|(_, solution)| solution.as_ref().is_ok_and(refined)));
+    })
+}
+
+fn main() {
+    report(&[
+        ("refine_100_cameras_ms", &|| refine([10, 10])),
+        ("refine_1000_cameras_ms", &|| refine([40, 25])),
+    ]);
+}

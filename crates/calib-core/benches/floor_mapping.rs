@@ -1,0 +1,43 @@
+//! Pixels to the floor, a million at once: without distortion, and with the lens of the peers.
+
+mod measure;
+
+use std::hint::black_box;
+
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, FloorProjector, Lens, Pixel, WorldPoint};
+use measure::{median, report};
+use rand::{Rng as _, SeedableRng as _};
+
+const COUNT: usize = 1_000_000;
+
+fn camera(distortion: Distortion) -> Camera {
+    let focal = 1200.0;
+    Camera {
+        position: WorldPoint::new(0.0, 0.0, 3.0),
+        yaw: 0.0,
+        pitch: 0.6,
+        roll: 0.03,
+        focal,
+        lens: Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion },
+        covariance: Covariance::EXACT,
+    }
+}
+
+/// Nanoseconds a pixel.
+fn pixels_to_floor(distortion: Distortion) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+    let u: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1920.0)).collect();
+    let v: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1080.0)).collect();
+    let (mut x, mut y) = (vec![0.0; COUNT], vec![0.0; COUNT]);
+    let projector = FloorProjector::new(&camera(distortion), 0.0);
+    let all = median(9, || projector.pixels_to_floor(black_box(&u), black_box(&v), &mut x, &mut y));
+    1e9 * all / COUNT as f64
+}
+
+fn main() {
+    let bent = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
+    report(&[
+        ("pixel_to_floor_ns", &|| pixels_to_floor(Distortion::None)),
+        ("distorted_pixel_to_floor_ns", &|| pixels_to_floor(Distortion::BrownConrady(bent))),
+    ]);
+}

@@ -1,0 +1,43 @@
+//! The complete default solve of one camera from its lines: median over the medians of 15 rooms.
+
+mod measure;
+
+use std::hint::black_box;
+
+use calib_core::{Annotation, Constraints, Fit, FitOptions, Lens, Pixel};
+use calib_demo::random::{Drawn, RandomScene, SIZE};
+use measure::{median, report};
+use rand::SeedableRng as _;
+
+fn fit(annotations: &[Annotation], scene: &RandomScene) -> Option<Fit> {
+    let lens = Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]));
+    let options = FitOptions { efov: &scene.efov, sigma: Some(1.0), ..FitOptions::new(lens, SIZE) };
+    Fit::new(&Constraints::new(annotations, &lens, false), &options).ok()
+}
+
+/// Microseconds a solve.
+fn solve(drawn: Drawn) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(700);
+    let scenes: Vec<(RandomScene, Vec<Annotation>)> = (0..15)
+        .map(|_| {
+            let scene = RandomScene::new(&mut random, drawn, None, None);
+            let noisy = scene.noisy(&mut random, 1.0);
+            (scene, noisy)
+        })
+        .collect();
+    let solve = |(scene, noisy): &(RandomScene, Vec<Annotation>)| {
+        median(50, || {
+            black_box(fit(black_box(noisy), scene));
+        })
+    };
+    let mut took: Vec<f64> = scenes.iter().map(solve).collect();
+    took.sort_by(f64::total_cmp);
+    1e6 * took[took.len() / 2]
+}
+
+fn main() {
+    report(&[
+        ("solve_option1_us", &|| solve(Drawn::Directions)),
+        ("solve_option2_us", &|| solve(Drawn::Lengths)),
+    ]);
+}
