@@ -149,9 +149,9 @@ mod tests {
             let used = of_line(&line(row.kind));
             let off = of_line(&Line { is_off: true, ..line(row.kind) });
             let aside = of_line(&Line { is_outlier: true, ..line(row.kind) });
-            assert!(used.dash.is_empty() && used.opacity == 1.0);
-            assert!(off.opacity < 1.0 && off.colour == used.colour && !off.dash.is_empty());
-            assert!(aside.colour == Rgb::BAD && !aside.dash.is_empty(), "{}", row.name);
+            assert!(used.opacity == 1.0 && used.dash != off.dash && used.dash != aside.dash);
+            assert!(off.opacity < 1.0 && off.colour == used.colour);
+            assert!(aside.colour == Rgb::BAD, "{}", row.name);
         }
     }
 
