@@ -27,7 +27,7 @@ impl Overlay<'_> {
     }
 
     pub(crate) fn line_colour(&self, painter: &Painter, drawn: &Line) -> Color32 {
-        if drawn.is_outlier { on_image::BAD } else { self.used_colour(painter, drawn) }
+        if drawn.is_outlier { theme::colour(drawn.colour()) } else { self.used_colour(painter, drawn) }
     }
 
     pub(crate) fn paint_line(&self, painter: &Painter, pixels: &[Pixel], drawn: &Line) {

@@ -84,6 +84,7 @@ fn draw_point(svg: &mut Svg, meaning: Meaning, at: [f64; 2], stroke: Stroke) {
         Meaning::ControlPoint { .. } => cross(svg, at, 7.0, stroke),
         Meaning::Seen(_) => svg.ring(at, style::HANDLE + 1.0, stroke),
         Meaning::Solved(_) => cross(svg, at, 4.0, stroke),
+        Meaning::Annotation(line) => svg.dot(at, style::HANDLE, line.colour()),
         _ => svg.dot(at, style::HANDLE, stroke.colour),
     }
 }
@@ -120,7 +121,11 @@ fn draw_label(svg: &mut Svg, meaning: Meaning, [u, v]: [f64; 2], text: &str) {
         _ => (7.0, -4.2, Anchor::Start),
     };
     let at = [u + right * svg.scale, v + down * svg.scale];
-    svg.text(at, text, Look::of(meaning).colour, anchor);
+    let colour = match meaning {
+        Meaning::Annotation(line) => line.colour(),
+        _ => Look::of(meaning).colour,
+    };
+    svg.text(at, text, colour, anchor);
 }
 
 /// Pose and quality in a line.

@@ -116,6 +116,14 @@ impl Look {
     }
 }
 
+impl Line {
+    /// The colour of its points and its name: what would be set aside says so even where the line is off.
+    #[must_use]
+    pub fn colour(&self) -> Rgb {
+        if self.is_outlier { Rgb::BAD } else { KindLook::of(self.kind).colour }
+    }
+}
+
 fn of_line(line: &Line) -> Look {
     let kind = KindLook::of(line.kind);
     match (line.is_off, line.is_outlier) {
@@ -152,6 +160,8 @@ mod tests {
             assert!(used.opacity == 1.0 && used.dash != off.dash && used.dash != aside.dash);
             assert!(off.opacity < 1.0 && off.colour == used.colour);
             assert!(aside.colour == Rgb::BAD, "{}", row.name);
+            let both = Line { is_off: true, is_outlier: true, ..line(row.kind) };
+            assert_eq!((of_line(&both), both.colour()), (off, Rgb::BAD));
         }
     }
 
