@@ -1,12 +1,15 @@
 //! What is painted on the floor from above: plan, images laid on it, polygons, cameras, marks. Reads only.
 
-use calib_core::{Camera, FloorPoint, Pixel, position_ellipse};
+use calib_core::{Camera, FloorPoint};
+use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::hit::Part;
+use crate::mesh::{fill, lay};
+use crate::overlay::Shown;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
-use crate::picture::{Picture, Pictures, Piece};
+use crate::picture::{Pictures, Piece};
 use crate::session::Session;
 use crate::theme::{self, on_image};
 use crate::tools::{PlanHandle, plan_handles, plan_scale};
@@ -28,8 +31,6 @@ pub struct Floor<'a> {
     pub before: &'a [Option<Camera>],
 }
 
-/// Cells of the mesh on which an image is laid on the floor.
-const CELLS: usize = 12;
 /// How many standard deviations an ellipse spans.
 pub const SIGMAS: f64 = 2.0;
 /// How much larger than life an ellipse is drawn.
@@ -90,43 +91,57 @@ impl Floor<'_> {
 
     /// Every camera with its field; the one in hand last and with handles.
     pub fn paint_cameras(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
-        let count = self.session.site.cameras.len();
-        let own = self.session.camera;
-        for index in (0..count).filter(|&index| index != own).chain((own < count).then_some(own)) {
-            self.paint_camera(painter, index);
+        for index in 0..self.session.site.cameras.len() {
+            self.paint_ghost(painter, index);
+        }
+        let shown = Shown(self.session);
+        let view = PlanView::new(&shown).with_uppermost(self.session.camera);
+        let layers = [PlanLayer::Efovs, PlanLayer::PositionEllipses(SIGMAS * MAGNIFIED), PlanLayer::Cameras];
+        for item in on_plan(&view, &layers) {
+            self.paint_camera(painter, &item);
         }
         self.paint_handles(painter, cursor);
     }
 
-    fn paint_camera(&self, painter: &Painter, index: usize) {
-        let (Some(pose), Some(solution)) =
-            (self.session.solved.pose(index), self.session.solved.solution(index))
-        else {
-            return;
-        };
-        let is_own = index == self.session.camera;
-        let colour = theme::camera(index);
-        if let Some(Some(before)) = self.before.get(index)
-            && (before.position != pose.position || before.yaw != pose.yaw)
-        {
-            self.paint_ghost(painter, index, before);
+    fn paint_camera(&self, painter: &Painter, item: &Item<FloorPoint>) {
+        let pen = Pen::of(Look::of(item.meaning));
+        match (&item.geometry, item.meaning) {
+            (Geometry::Polygon(corners), meaning) => {
+                let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
+                let points = self.path(&closed);
+                let pen = match meaning {
+                    Meaning::Efov(index) => self.paint_cover(painter, index, &points, pen),
+                    _ => pen,
+                };
+                line(painter, &points, pen);
+            }
+            (&Geometry::Cone { foot, ahead, half_angle }, Meaning::Camera(index)) => {
+                self.paint_symbol(painter, index, [self.at(foot), self.at(ahead)], half_angle);
+            }
+            _ => {}
         }
-        let outline: Vec<FloorPoint> =
-            solution.efov_m.iter().chain(solution.efov_m.first()).copied().collect();
-        let points = self.path(&outline);
+    }
+
+    /// Fills a field where overlap is to show; the outline of the one in hand is bold and solid.
+    fn paint_cover(&self, painter: &Painter, index: usize, points: &[Pos2], pen: Pen) -> Pen {
         if self.coverage {
-            fill(painter, &points, colour.gamma_multiply(0.10));
+            fill(painter, points, pen.colour.gamma_multiply(0.10));
         }
-        let pen = Pen::new(colour, if is_own { 2.5 } else { 2.0 });
-        line(painter, &points, if is_own { pen } else { pen.dashed(&[10.0, 5.0]) });
-        let foot = self.at(pose.position.on_floor());
-        self.paint_cone(painter, pose, foot, colour);
-        self.paint_ellipse(painter, pose, colour);
+        if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
+    }
+
+    fn paint_symbol(&self, painter: &Painter, index: usize, [foot, ahead]: [Pos2; 2], half_angle: f64) {
+        const LENGTH: f64 = 44.0;
+        let pen = Pen::of(Look::of(Meaning::Camera(index)));
+        let [at, to] = [foot, ahead].map(|at| [f64::from(at.x), f64::from(at.y)]);
+        let cone = cone_corners(at, to, half_angle, LENGTH).map(|[x, y]| Pos2::new(x as f32, y as f32));
+        let stroke = Stroke::new(pen.width, pen.colour);
+        painter.add(Shape::convex_polygon(cone.to_vec(), pen.colour.gamma_multiply(0.25), stroke));
         painter.circle(foot, 5.0, Color32::WHITE, Stroke::new(1.5, Color32::BLACK));
         let rect = painter.clip_rect().shrink(18.0);
         if rect.contains(foot) {
             chip(painter, foot + Vec2::new(-18.0, 0.0), index);
-        } else {
+        } else if let Some(pose) = self.session.solved.pose(index) {
             self.paint_far(painter, index, pose, rect, foot);
         }
     }
@@ -144,24 +159,14 @@ impl Floor<'_> {
         tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WHITE);
     }
 
-    fn paint_cone(&self, painter: &Painter, pose: &Camera, foot: Pos2, colour: Color32) {
-        const LENGTH: f32 = 44.0;
-        let half = (0.5 * pose.lens.principal_point.u.max(1.0) * 2.0 / pose.focal).atan();
-        let ray = |off: f64| {
-            let angle = pose.yaw + off;
-            foot + LENGTH * Vec2::new(-angle.sin() as f32, -angle.cos() as f32)
-        };
-        let points = vec![foot, ray(half), ray(-half)];
-        painter.add(Shape::convex_polygon(points, colour.gamma_multiply(0.25), Stroke::new(1.5, colour)));
-    }
-
-    fn paint_ellipse(&self, painter: &Painter, pose: &Camera, colour: Color32) {
-        let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) else { return };
-        outline.extend(outline.first().copied());
-        line(painter, &self.path(&outline), Pen::new(colour, 1.25).bare());
-    }
-
-    fn paint_ghost(&self, painter: &Painter, index: usize, before: &Camera) {
+    /// Where the field of a camera lay before it was moved.
+    fn paint_ghost(&self, painter: &Painter, index: usize) {
+        let Some(Some(before)) = self.before.get(index) else { return };
+        let solved = &self.session.solved;
+        let (Some(pose), Some(_)) = (solved.pose(index), solved.solution(index)) else { return };
+        if before.position == pose.position && before.yaw == pose.yaw {
+            return;
+        }
         let Some(entry) = self.session.site.cameras.get(index) else { return };
         let corners = crate::session::corners_of(entry);
         let outline: Vec<Pos2> = corners
@@ -213,37 +218,10 @@ impl Floor<'_> {
     /// Marks, links that were solved, control points with a rubber band to where the camera shows them.
     pub fn paint_elements(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
         let over = cursor.map(|at| self.mapping.screen(at));
-        let is_near = |at: Pos2| over.is_some_and(|over| over.distance(at) < 48.0);
-        for (index, mark) in self.session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
-            let shape = mark.shape();
-            let is_held = self.session.selection.contains(&Part::Mark(index));
-            let colour = if is_held { on_image::ACCENT } else { on_image::WHITE };
-            for part in shape.polylines() {
-                let points: Vec<Pos2> = part.iter().map(|p| self.at(p.on_floor())).collect();
-                line(painter, &points, Pen::new(colour, 1.75));
-            }
-            let at = self.at(shape.at.on_floor());
-            handle(painter, at, colour);
-            let name = mark.name.as_ref().or(mark.id.as_ref());
-            if let Some(name) = name.filter(|_| is_held || is_near(at)) {
-                tag(painter, at + Vec2::new(8.0, 4.0), Align2::LEFT_TOP, name, on_image::WHITE);
-            }
-        }
-        self.paint_links(painter, is_near);
-        let plan = self.session.site.plan.as_ref();
-        for (index, camera) in self.session.site.cameras.iter().enumerate() {
-            let colour = theme::camera(index);
-            for point in camera.control_points.iter().filter(|point| !point.off) {
-                let Some(world) = point.control_point(plan).map(|point| point.world) else { continue };
-                let at = self.at(world.on_floor());
-                let pen = Pen::new(colour, 1.5);
-                line(painter, &[at - Vec2::new(7.0, 0.0), at + Vec2::new(7.0, 0.0)], pen);
-                line(painter, &[at - Vec2::new(0.0, 7.0), at + Vec2::new(0.0, 7.0)], pen);
-                let pose = self.session.solved.pose(index);
-                if let Some(seen) = pose.and_then(|pose| pose.pixel_to_floor(point.px, world.z)) {
-                    line(painter, &[at, self.at(seen)], Pen::new(on_image::BAD, 1.5));
-                }
-            }
+        let shown = Shown(self.session);
+        let layers = [PlanLayer::Marks, PlanLayer::Links, PlanLayer::ControlPoints];
+        for item in on_plan(&PlanView::new(&shown), &layers) {
+            self.paint_element(painter, &item, over);
         }
         if let Some([a, b]) = self.session.measured {
             let scale = plan_scale(&self.session.site);
@@ -255,28 +233,43 @@ impl Floor<'_> {
         }
     }
 
-    /// Where every view says a link is: apart by as much as the views disagree.
-    fn paint_links(&self, painter: &Painter, is_near: impl Fn(Pos2) -> bool) {
-        for link in &self.session.site.links {
-            let height = link.height_m.unwrap_or(0.0);
-            let seen = link.seen.iter().filter_map(|seen| {
-                let index = self.session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-                let px = seen.px.or(seen.foot)?;
-                let floor = self.session.solved.placed(index)?.pixel_to_floor(px, height)?;
-                Some((index, self.at(floor)))
-            });
-            let seen: Vec<(usize, Pos2)> = seen.collect();
-            for pair in seen.windows(2) {
-                line(painter, &[pair[0].1, pair[1].1], Pen::new(on_image::WAITING, 1.25));
+    fn paint_element(&self, painter: &Painter, item: &Item<FloorPoint>, over: Option<Pos2>) {
+        let pen = self.pen(item.meaning);
+        match (&item.geometry, item.meaning) {
+            (Geometry::Polyline(points), _) => line(painter, &self.path(points), pen),
+            (Geometry::Point(at), Meaning::ControlPoint { .. }) => {
+                let at = self.at(*at);
+                for arm in [Vec2::new(7.0, 0.0), Vec2::new(0.0, 7.0)] {
+                    line(painter, &[at - arm, at + arm], pen);
+                }
             }
-            for &(index, at) in &seen {
-                handle(painter, at, theme::camera(index));
+            (Geometry::Point(at), _) => handle(painter, self.at(*at), pen.colour),
+            (Geometry::Label(at, text), meaning) => {
+                let at = self.at(*at);
+                let is_near = over.is_some_and(|over| over.distance(at) < 48.0);
+                let (by, align) = match meaning {
+                    Meaning::Mark(_) => (Vec2::new(8.0, 4.0), Align2::LEFT_TOP),
+                    _ => (Vec2::new(6.0, -4.0), Align2::LEFT_BOTTOM),
+                };
+                if is_near || self.is_held(meaning) {
+                    tag(painter, at + by, align, text, on_image::WHITE);
+                }
             }
-            if let (Some(id), Some((_, at))) = (&link.id, seen.first())
-                && is_near(*at)
-            {
-                tag(painter, *at + Vec2::new(6.0, -4.0), Align2::LEFT_BOTTOM, id, on_image::WHITE);
-            }
+            _ => {}
+        }
+    }
+
+    fn is_held(&self, meaning: Meaning) -> bool {
+        matches!(meaning, Meaning::Mark(index) if self.session.selection.contains(&Part::Mark(index)))
+    }
+
+    fn pen(&self, meaning: Meaning) -> Pen {
+        let pen = Pen::of(Look::of(meaning));
+        match meaning {
+            _ if self.is_held(meaning) => pen.coloured(on_image::ACCENT),
+            // Control points of all cameras lie on one floor.
+            Meaning::ControlPoint { camera, .. } => pen.coloured(theme::camera(camera)),
+            _ => pen,
         }
     }
 
@@ -314,113 +307,5 @@ pub fn paint_grid(painter: &Painter, mapping: &Mapping, step: f64, colour: Color
             let (p, q) = (mapping.screen(end(a[1 - axis])), mapping.screen(end(b[1 - axis])));
             painter.line_segment([p, q], Stroke::new(1.0, colour));
         }
-    }
-}
-
-/// The image inside its field: the field cut into small triangles, each corner looked up in the image.
-pub fn lay(
-    painter: &Painter,
-    mapping: &Mapping,
-    picture: &Picture,
-    pose: &Camera,
-    field: &[FloorPoint],
-    [w, h]: [f64; 2],
-    tint: Color32,
-) {
-    let mut mesh = Mesh::with_texture(picture.overview.id());
-    let corners: Vec<[f64; 2]> = field.iter().map(|&point| point.into()).collect();
-    for triangle in triangles(&corners) {
-        let base = mesh.vertices.len() as u32;
-        let at = |s: f64, t: f64| -> [f64; 2] {
-            let [a, b, c] = triangle;
-            std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
-        };
-        let mut is_whole = true;
-        for i in 0..=CELLS {
-            for j in 0..=CELLS - i {
-                let point = at(i as f64 / CELLS as f64, j as f64 / CELLS as f64);
-                let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
-                is_whole &= seen.is_some();
-                let Pixel { u, v } = seen.unwrap_or_default();
-                let uv = Pos2::new((u / w) as f32, (v / h) as f32);
-                let pos = mapping.screen(point);
-                mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: tint });
-            }
-        }
-        if !is_whole {
-            mesh.vertices.truncate(base as usize);
-            continue;
-        }
-        let index = |i: usize, j: usize| base + (i * (CELLS + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
-        for i in 0..CELLS {
-            for j in 0..CELLS - i {
-                mesh.add_triangle(index(i, j), index(i + 1, j), index(i, j + 1));
-                if j + 1 < CELLS - i {
-                    mesh.add_triangle(index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
-                }
-            }
-        }
-    }
-    painter.add(Shape::mesh(mesh));
-}
-
-/// Fills a polygon that need not be convex.
-fn fill(painter: &Painter, points: &[Pos2], colour: Color32) {
-    let corners: Vec<[f64; 2]> = points.iter().map(|p| [f64::from(p.x), f64::from(p.y)]).collect();
-    let mut mesh = Mesh::default();
-    for triangle in triangles(&corners) {
-        let base = mesh.vertices.len() as u32;
-        for [x, y] in triangle {
-            mesh.colored_vertex(Pos2::new(x as f32, y as f32), colour);
-        }
-        mesh.add_triangle(base, base + 1, base + 2);
-    }
-    painter.add(Shape::mesh(mesh));
-}
-
-/// A simple polygon as triangles, cut off at its ears (Meisters 1975).
-fn triangles(polygon: &[[f64; 2]]) -> Vec<[[f64; 2]; 3]> {
-    let mut ring = polygon.to_vec();
-    if ring.len() > 1 && ring.first() == ring.last() {
-        ring.pop();
-    }
-    let cross =
-        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    let sign: f64 =
-        ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
-    let mut found = Vec::new();
-    while ring.len() >= 3 {
-        let count = ring.len();
-        let around = |i: usize| [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]];
-        let is_ear = |i: &usize| {
-            let [a, b, c] = around(*i);
-            let holds = |p: &&[f64; 2]| {
-                **p != a
-                    && **p != b
-                    && **p != c
-                    && [(a, b), (b, c), (c, a)].iter().all(|(p0, p1)| cross(*p0, *p1, **p) * sign >= 0.0)
-            };
-            cross(a, b, c) * sign > 0.0 && !ring.iter().any(|p| holds(&p))
-        };
-        // A polygon that crosses itself has no ear at some point: then any corner goes.
-        let i = (0..count).find(is_ear).unwrap_or(0);
-        found.push(around(i));
-        ring.remove(i);
-    }
-    found
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn triangles_cover_a_polygon_with_a_dent() {
-        let polygon = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 1.0], [0.0, 4.0]];
-        let area = |[a, b, c]: [[f64; 2]; 3]| {
-            0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
-        };
-        let total: f64 = triangles(&polygon).into_iter().map(area).sum();
-        assert!((total - 10.0).abs() < 1e-12, "{total}");
     }
 }

@@ -1,6 +1,7 @@
 //! The horizon on an image; where several cameras fit, those of two of them and all that lies between.
 
-use calib_core::{Camera, Covariance, Pixel, SiteCamera, horizon};
+use calib_core::{Camera, Covariance, Pixel, SiteCamera};
+use calib_draw::{Geometry, Look, Meaning, horizon};
 use egui::{Align2, Painter, Pos2, Stroke, Vec2};
 
 use crate::overlay::Overlay;
@@ -24,26 +25,39 @@ impl Overlay<'_> {
             } else {
                 "horizon".into()
             };
-            self.paint_line(painter, camera, entry, (1.0, &text));
+            self.paint_named(painter, camera, entry, (1.0, &text));
             return;
         };
         if let Some(ends) = &family.ends {
             self.paint_band(painter, ends, entry);
         }
         for (fit, at) in family.shown.iter().zip([0.45, 0.2]) {
-            self.paint_line(painter, &fit.pose, entry, (at, &format!("horizon at {:.0}\u{b0}", fit.view)));
+            self.paint_named(painter, &fit.pose, entry, (at, &format!("horizon at {:.0}\u{b0}", fit.view)));
         }
     }
 
     fn horizon_of(&self, camera: &Camera, entry: &SiteCamera) -> Vec<Vec<Pos2>> {
-        horizon(camera, entry.size()).iter().map(|piece| self.path(piece)).collect()
+        let items = horizon(camera, entry.size());
+        items
+            .iter()
+            .filter_map(|item| match &item.geometry {
+                Geometry::Polyline(points) => Some(self.path(points)),
+                _ => None,
+            })
+            .collect()
     }
 
     /// A horizon, and what it is at this share of the width.
-    fn paint_line(&self, painter: &Painter, camera: &Camera, entry: &SiteCamera, (share, text): (f32, &str)) {
+    fn paint_named(
+        &self,
+        painter: &Painter,
+        camera: &Camera,
+        entry: &SiteCamera,
+        (share, text): (f32, &str),
+    ) {
         let pieces = self.horizon_of(camera, entry);
         for piece in &pieces {
-            line(painter, piece, Pen::new(on_image::WHITE, 1.5).dashed(&[14.0, 5.0, 3.0, 5.0]));
+            line(painter, piece, Pen::of(Look::of(Meaning::Horizon)));
         }
         let clip = painter.clip_rect().shrink(40.0);
         let x = clip.left() + share * clip.width();

@@ -32,6 +32,7 @@ pub mod tools;
 pub mod overlay;
 mod horizon;
 mod lines;
+mod mesh;
 pub mod floor;
 pub mod scene3d;
 pub mod command;

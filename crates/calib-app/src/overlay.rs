@@ -2,8 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{
-    Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, on_image as project,
+use calib_core::{Camera, Pixel, Site, SiteCamera, Solution};
+use calib_draw::{
+    Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
+    reach, seen,
 };
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
@@ -62,6 +64,24 @@ impl Default for Layers {
     }
 }
 
+/// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shown<'a>(pub(crate) &'a Session);
+
+impl Scene for Shown<'_> {
+    fn site(&self) -> &Site {
+        &self.0.site
+    }
+
+    fn pose(&self, camera: usize) -> Option<Camera> {
+        self.0.solved.pose(camera).copied()
+    }
+
+    fn solution(&self, camera: usize) -> Option<&Solution> {
+        self.0.solved.solution(camera)
+    }
+}
+
 /// What the overlay of one image needs to know.
 #[derive(Debug)]
 pub struct Overlay<'a> {
@@ -100,7 +120,7 @@ impl Overlay<'_> {
         pixels.iter().map(|&pixel| self.at(pixel)).collect()
     }
 
-    fn entry(&self) -> Option<&SiteCamera> {
+    pub(crate) fn entry(&self) -> Option<&SiteCamera> {
         self.session.site.cameras.get(self.camera)
     }
 
@@ -111,12 +131,6 @@ impl Overlay<'_> {
         self.labels && (over || selected && self.session.camera == self.camera)
     }
 
-    fn world(&self, painter: &Painter, camera: &Camera, points: &[calib_core::WorldPoint], pen: Pen) {
-        for piece in project(camera, points) {
-            line(painter, &self.path(&piece), pen);
-        }
-    }
-
     /// Paints everything.
     pub fn paint(&self, painter: &Painter) {
         let Some(entry) = self.entry() else { return };
@@ -125,43 +139,119 @@ impl Overlay<'_> {
         }
         let pose = self.session.solved.pose(self.camera);
         let solution = self.session.solved.solution(self.camera);
-        if let (Some(camera), Some(solution)) = (pose, solution) {
-            self.paint_floor(painter, camera, solution);
+        let shown = Shown(self.session);
+        let view = ImageView::new(&shown, self.camera);
+        self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
+        if let (Some(camera), Some(_)) = (pose, solution) {
             self.paint_horizon(painter, camera, entry);
             self.paint_guide(painter, camera);
         }
-        self.paint_field(painter, entry);
+        self.paint_items(painter, &items_on_image(&view, &self.drawn()));
         if let Some(camera) = pose {
-            self.paint_others(painter, camera);
-            self.paint_marks(painter, camera);
+            self.paint_traces(painter, camera, entry);
         }
-        for (index, annotation) in entry.annotations.iter().enumerate().filter(|_| self.lines) {
-            self.paint_annotation(painter, entry, index, annotation);
-        }
-        self.paint_controls(painter, entry, pose);
-        self.paint_links(painter, entry, pose);
-        self.paint_suggestion(painter, solution);
+        self.paint_suggestion(painter, solution, &view);
         self.paint_selection(painter);
     }
 
-    fn paint_floor(&self, painter: &Painter, camera: &Camera, solution: &Solution) {
-        let polygon = &solution.efov_m;
-        if self.layers.grid {
-            let pen = Pen::new(Color32::from_white_alpha(120), 1.0).faint();
-            for grid in floor_grid(polygon, grid_step(polygon, self.session.units)) {
-                self.world(painter, camera, &grid, pen);
+    /// What lies under all that was drawn.
+    fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
+        let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
+        let grid = ImageLayer::Grid(grid_step(polygon, self.session.units));
+        let prism = self.layers.prism.then_some(ImageLayer::DrawnPrism);
+        self.layers.grid.then_some(grid).into_iter().chain(prism).collect()
+    }
+
+    /// What was drawn, from the lowest.
+    fn drawn(&self) -> Vec<ImageLayer> {
+        let field = self.layers.field;
+        let layers = [
+            (field, ImageLayer::DrawnEfov),
+            (field, ImageLayer::OtherEfovs),
+            (true, ImageLayer::Marks),
+            (true, ImageLayer::Pins),
+            (self.lines, ImageLayer::Annotations(Signs::OfKinds)),
+            (true, ImageLayer::ControlPoints),
+            (true, ImageLayer::Links { begun: self.begun }),
+        ];
+        layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
+    }
+
+    pub(crate) fn paint_items(&self, painter: &Painter, items: &[Item<Pixel>]) {
+        for item in items {
+            match (&item.geometry, item.meaning) {
+                (Geometry::Polyline(points), Meaning::Annotation(drawn)) => {
+                    self.paint_line(painter, points, &drawn);
+                }
+                (Geometry::Polyline(points), meaning) => line(painter, &self.path(points), self.pen(meaning)),
+                (Geometry::Polygon(points), meaning) => {
+                    let closed: Vec<Pixel> = points.iter().chain(points.first()).copied().collect();
+                    line(painter, &self.path(&closed), self.pen(meaning));
+                }
+                (Geometry::Point(at), meaning) => self.paint_point(painter, self.at(*at), meaning),
+                (Geometry::Sign(sign, ends), Meaning::Annotation(drawn)) => {
+                    self.paint_sign(painter, sign, ends.map(|end| self.at(end)), &drawn);
+                }
+                (Geometry::Label(at, text), meaning) => {
+                    self.paint_label(painter, self.at(*at), text, meaning);
+                }
+                (Geometry::Sign(..) | Geometry::Cone { .. }, _) => {}
             }
         }
-        // A field that nobody drew has no prism worth looking at.
-        let is_drawn = self.entry().is_some_and(|entry| entry.efov_px.is_some());
-        if self.layers.prism && is_drawn {
-            let colour = theme::camera(self.camera);
-            let top: Vec<_> =
-                polygon.iter().chain(polygon.first()).map(|point| point.at_height(PRISM_HEIGHT)).collect();
-            let edges = self.session.prism_edges(self.camera);
-            for edge in std::iter::once(top).chain(edges) {
-                self.world(painter, camera, &edge, Pen::new(colour, 1.25).faint());
+    }
+
+    fn is_selected(&self, meaning: Meaning) -> bool {
+        let part = match meaning {
+            Meaning::Mark(index) => Part::Mark(index),
+            Meaning::ControlPoint { index, .. } => Part::Control(index),
+            _ => return false,
+        };
+        self.session.selection.contains(&part)
+    }
+
+    fn pen(&self, meaning: Meaning) -> Pen {
+        let pen = Pen::of(Look::of(meaning));
+        match meaning {
+            Meaning::Mark(_) if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
+            // A prism that follows the hand must not hide what is drawn.
+            Meaning::Prism(_) => pen.faint(),
+            _ => pen,
+        }
+    }
+
+    fn paint_point(&self, painter: &Painter, at: Pos2, meaning: Meaning) {
+        let pen = self.pen(meaning);
+        match meaning {
+            Meaning::Annotation(drawn) => handle(painter, at, self.line_colour(painter, &drawn)),
+            Meaning::ControlPoint { .. } => {
+                for arm in [Vec2::new(9.0, 0.0), Vec2::new(0.0, 9.0)] {
+                    line(painter, &[at - arm, at - 0.4 * arm], pen);
+                    line(painter, &[at + 0.4 * arm, at + arm], pen);
+                }
+                painter.circle_stroke(at, 5.0, Stroke::new(1.5, pen.colour));
             }
+            Meaning::Link { .. } => diamond(painter, at, pen.colour),
+            Meaning::Suggestion(_) => {
+                painter.circle_stroke(at, 4.0, Stroke::new(1.25, pen.colour));
+            }
+            _ => handle(painter, at, pen.colour),
+        }
+    }
+
+    /// A thing says its name when it is held, waits, or the cursor is near.
+    fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
+        let is_selected = self.is_selected(meaning);
+        let (is_shown, by, align) = match meaning {
+            Meaning::Mark(_) => {
+                (is_selected || self.says_name(at, false), Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
+            }
+            Meaning::Link { waits, .. } => {
+                (waits || self.says_name(at, false), Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
+            }
+            _ => (self.says_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
+        };
+        if is_shown {
+            tag(painter, at + by, align, text, theme::colour(Look::of(meaning).colour));
         }
     }
 
@@ -169,137 +259,20 @@ impl Overlay<'_> {
     fn paint_guide(&self, painter: &Painter, camera: &Camera) {
         const HEIGHT: f64 = 1.75;
         let Some(foot) = self.cursor.filter(|_| self.layers.guide && !self.holding) else { return };
-        let Some(at) = camera.pixel_to_floor(foot, 0.0) else { return };
-        let shape = calib_core::Shape3 {
-            kind: calib_core::MarkKind::Person,
-            at: at.at_height(0.0),
-            turn: camera.yaw,
-            size: vec![HEIGHT],
-        };
-        for part in shape.polylines() {
-            self.world(painter, camera, &part, Pen::new(Color32::from_white_alpha(200), 1.25));
-        }
-        if let Some(head) = camera.world_to_pixel(at.at_height(HEIGHT)).filter(|_| self.labels) {
-            tag(
-                painter,
-                self.at(head) - Vec2::new(0.0, 6.0),
-                Align2::CENTER_BOTTOM,
-                &format!("person {}", self.session.units.length(HEIGHT, 2)),
-                on_image::WHITE,
-            );
+        let Some((items, head)) = guide(camera, foot, HEIGHT) else { return };
+        self.paint_items(painter, &items);
+        if let Some(head) = head.filter(|_| self.labels) {
+            let text = format!("person {}", self.session.units.length(HEIGHT, 2));
+            let at = self.at(head) - Vec2::new(0.0, 6.0);
+            tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         }
     }
 
-    fn paint_field(&self, painter: &Painter, entry: &SiteCamera) {
-        let Some(corners) = entry.efov_px.as_ref().filter(|c| self.layers.field && c.len() >= 2) else {
-            return;
-        };
-        let colour = theme::camera(self.camera);
-        let closed: Vec<Pixel> = corners.iter().chain(corners.first()).copied().collect();
-        line(painter, &self.path(&closed), Pen::new(colour, 2.0).dashed(&[10.0, 5.0]));
-        for &corner in corners {
-            handle(painter, self.at(corner), colour);
-        }
-    }
-
-    /// The fields of other placed cameras that reach into this image.
-    fn paint_others(&self, painter: &Painter, camera: &Camera) {
-        if !self.layers.field || self.session.solved.placed(self.camera).is_none() {
-            return;
-        }
-        for other in 0..self.session.site.cameras.len() {
-            let Some(solution) = self.session.solved.solution(other).filter(|_| other != self.camera) else {
-                continue;
-            };
-            if self.session.solved.placed(other).is_none() || solution.efov_m.len() < 3 {
-                continue;
-            }
-            let outline: Vec<_> =
-                solution.efov_m.iter().chain(solution.efov_m.first()).map(|p| p.at_height(0.0)).collect();
-            self.world(
-                painter,
-                camera,
-                &outline,
-                Pen::new(theme::camera(other), 1.25).dashed(&[5.0, 5.0]).faint(),
-            );
-        }
-    }
-
-    fn paint_marks(&self, painter: &Painter, camera: &Camera) {
-        for (index, mark) in self.session.site.marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
-            let shape = mark.shape();
-            let is_held = self.session.selection.contains(&Part::Mark(index));
-            let colour = if is_held { on_image::ACCENT } else { on_image::WHITE };
-            for part in shape.polylines() {
-                self.world(painter, camera, &part, Pen::new(colour, 2.25));
-            }
-            let Some(at) = camera.world_to_pixel(shape.at) else { continue };
-            let name = mark.name.as_ref().or(mark.id.as_ref());
-            if let Some(name) = name.filter(|_| is_held || self.says_name(self.at(at), false)) {
-                tag(painter, self.at(at) + Vec2::new(0.0, 6.0), Align2::CENTER_TOP, name, on_image::WHITE);
-            }
-            let id = self.entry().map(|entry| entry.id.as_str());
-            for seen in mark.seen.iter().filter(|seen| Some(seen.camera.as_str()) == id) {
-                let px = self.at(seen.px);
-                handle(painter, px, on_image::ACCENT);
-                if let Some(there) = shape.point(&seen.point).and_then(|point| camera.world_to_pixel(point)) {
-                    line(painter, &[px, self.at(there)], Pen::new(on_image::BAD, 1.5));
-                }
-            }
-        }
-    }
-
-    pub(crate) fn residual(&self, of: impl Fn(&&Residual) -> bool) -> Option<&Residual> {
-        self.session.solved.solution(self.camera)?.residuals.iter().find(of)
-    }
-
-    fn paint_controls(&self, painter: &Painter, entry: &SiteCamera, pose: Option<&Camera>) {
-        let plan = self.session.site.plan.as_ref();
-        for (index, point) in entry.control_points.iter().enumerate() {
-            let at = self.at(point.px);
-            let colour = if point.off { Color32::GRAY } else { on_image::WHITE };
-            let pen = Pen::new(colour, 1.75);
-            for arm in [Vec2::new(9.0, 0.0), Vec2::new(0.0, 9.0)] {
-                line(painter, &[at - arm, at - 0.4 * arm], pen);
-                line(painter, &[at + 0.4 * arm, at + arm], pen);
-            }
-            painter.circle_stroke(at, 5.0, Stroke::new(1.5, colour));
-            let world = point.control_point(plan).map(|control| control.world);
-            if let Some(shown) = pose.and_then(|camera| camera.world_to_pixel(world?)) {
-                line(painter, &[at, self.at(shown)], Pen::new(on_image::BAD, 1.75));
-            }
-            let selected = self.session.selection.contains(&Part::Control(index));
-            let name = point.name.as_ref().or(point.id.as_ref());
-            if let Some(name) = name.filter(|_| self.says_name(at, selected)) {
-                tag(painter, at + Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM, name, colour);
-            }
-        }
-    }
-
-    fn paint_links(&self, painter: &Painter, entry: &SiteCamera, pose: Option<&Camera>) {
+    /// Of every link that waits for this view.
+    fn paint_traces(&self, painter: &Painter, camera: &Camera, entry: &SiteCamera) {
         for (index, link) in self.session.site.links.iter().enumerate() {
             let waits = link.seen.len() == 1 || self.begun == Some(index);
-            let colour = if waits { on_image::WAITING } else { on_image::WHITE };
-            let own = link.seen.iter().find(|seen| seen.camera == entry.id);
-            if let Some(seen) = own {
-                let points: Vec<Pos2> = seen
-                    .px
-                    .iter()
-                    .chain(&seen.foot)
-                    .chain(&seen.head)
-                    .chain(seen.segment.iter().flatten())
-                    .map(|&pixel| self.at(pixel))
-                    .collect();
-                line(painter, &points, Pen::new(colour, 2.0));
-                for &at in &points {
-                    diamond(painter, at, colour);
-                }
-                if let (Some(id), Some(&at)) = (link.id.as_ref(), points.first())
-                    && (waits || self.says_name(at, false))
-                {
-                    tag(painter, at + Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM, id, colour);
-                }
-            } else if let (true, Some(camera)) = (waits, pose) {
+            if waits && link.seen.iter().all(|seen| seen.camera != entry.id) {
                 self.paint_trace(painter, camera, link);
             }
         }
@@ -315,7 +288,7 @@ impl Overlay<'_> {
             Trace::of(self.session.solved.placed(other)?, link, seen)
         });
         let Some(trace) = trace else { return };
-        self.world(painter, camera, &trace.path, Pen::new(on_image::WAITING, 1.75).dashed(&[5.0, 4.0]));
+        self.paint_items(painter, &seen(camera, Meaning::Epipolar, &trace.path));
         if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);
             painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::WAITING));
@@ -324,7 +297,7 @@ impl Overlay<'_> {
         }
     }
 
-    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>) {
+    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>, view: &ImageView) {
         if !self.layers.suggestion || self.holding || !self.labels || self.session.camera != self.camera {
             return;
         }
@@ -334,21 +307,14 @@ impl Overlay<'_> {
         let is_good = rel.is_some_and(|rel| rel < GOOD);
         let next = solution.and_then(|solution| solution.draw_next.as_ref());
         let Some(next) = next.filter(|_| !is_good) else { return };
-        let colour = theme::kind(next.kind);
-        for (i, segment) in next.segments_px.iter().enumerate() {
-            let points = self.path(segment);
-            line(painter, &points, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
-            for &at in &points {
-                painter.circle_stroke(at, 4.0, Stroke::new(1.25, colour));
-            }
-            if i == 0 {
-                let middle = points[0] + 0.5 * (points[1] - points[0]);
-                let gain = 100.0 * next.floor_length_rel;
-                let title = next.kind.row().title.to_lowercase();
-                let text = format!("draw {title} here, then floor \u{b1} {gain:.1} %   N");
-                tag(painter, middle + Vec2::new(10.0, 0.0), Align2::LEFT_CENTER, &text, colour);
-            }
-        }
+        self.paint_items(painter, &items_on_image(view, &[ImageLayer::Suggestion]));
+        let Some(&[a, b]) = next.segments_px.first() else { return };
+        let (a, b) = (self.at(a), self.at(b));
+        let gain = 100.0 * next.floor_length_rel;
+        let title = next.kind.row().title.to_lowercase();
+        let text = format!("draw {title} here, then floor \u{b1} {gain:.1} %   N");
+        let at = a + 0.5 * (b - a) + Vec2::new(10.0, 0.0);
+        tag(painter, at, Align2::LEFT_CENTER, &text, theme::kind(next.kind));
     }
 
     fn paint_selection(&self, painter: &Painter) {
@@ -375,10 +341,5 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
 /// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... of the unit.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
-    let span = |value: fn(&calib_core::FloorPoint) -> f64| {
-        let values = || polygon.iter().map(value);
-        (values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)).max(0.0)
-    };
-    let reach = span(|p| p.x).hypot(span(|p| p.y));
-    units.step(reach, 30.0).max(0.5 * units.metres())
+    units.step(reach(polygon), 30.0).max(0.5 * units.metres())
 }

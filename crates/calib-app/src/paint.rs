@@ -1,5 +1,6 @@
 //! Strokes on images: every line lies on a dark one, so that it is legible on anything.
 
+use calib_draw::{Look, Outline};
 use egui::{Align2, Color32, CornerRadius, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::theme::{self, on_image};
@@ -24,7 +25,7 @@ pub struct Pen {
     /// Its width, in points.
     pub width: f32,
     /// Lengths of strokes and gaps; solid if empty.
-    pub dash: &'static [f32],
+    pub dash: &'static [f64],
     /// The dark line it lies on.
     pub below: Color32,
 }
@@ -36,9 +37,27 @@ impl Pen {
         Self { colour, width, dash: &[], below: on_image::OUTLINE }
     }
 
+    /// As a meaning looks.
+    #[must_use]
+    pub fn of(look: Look) -> Self {
+        let colour = theme::colour(look.colour);
+        let pen = Self::new(colour.gamma_multiply(look.opacity as f32), look.width as f32).dashed(look.dash);
+        match look.outline {
+            Outline::Dark => pen,
+            Outline::Faint => pen.faint(),
+            Outline::None => pen.bare(),
+        }
+    }
+
+    /// In another colour, as opaque as before.
+    #[must_use]
+    pub fn coloured(self, colour: Color32) -> Self {
+        Self { colour: colour.gamma_multiply(f32::from(self.colour.a()) / 255.0), ..self }
+    }
+
     /// Strokes and gaps.
     #[must_use]
-    pub const fn dashed(self, dash: &'static [f32]) -> Self {
+    pub const fn dashed(self, dash: &'static [f64]) -> Self {
         Self { dash, ..self }
     }
 
@@ -69,11 +88,12 @@ pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
     }
 }
 
-fn dashes(points: &[Pos2], dash: &[f32], stroke: Stroke) -> Shape {
+fn dashes(points: &[Pos2], dash: &[f64], stroke: Stroke) -> Shape {
     if dash.len() < 2 {
         return Shape::line(points.to_vec(), stroke);
     }
-    let (strokes, gaps): (Vec<f32>, Vec<f32>) = dash.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
+    let (strokes, gaps): (Vec<f32>, Vec<f32>) =
+        dash.chunks_exact(2).map(|pair| (pair[0] as f32, pair[1] as f32)).unzip();
     Shape::Vec(Shape::dashed_line_with_offset(points, stroke, &strokes, &gaps, 0.0))
 }
 

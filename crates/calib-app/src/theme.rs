@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::Kind;
+use calib_draw::{KindLook, Rgb};
 use egui::{Color32, CornerRadius, FontData, FontFamily, FontId, Stroke, TextStyle, Theme, Visuals};
 
 /// The colours of the chrome; lines on images have one colour in both themes.
@@ -44,6 +45,21 @@ pub struct Palette {
 
 const fn hex(rgb: u32) -> Color32 {
     Color32::from_rgb((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
+}
+
+/// A colour of what is drawn, as the screen has it.
+#[must_use]
+pub const fn colour(Rgb([red, green, blue]): Rgb) -> Color32 {
+    Color32::from_rgb(red, green, blue)
+}
+
+/// The same so far opaque, from 0 to 255.
+const fn over(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
+    const fn share(value: u8, alpha: u8) -> u8 {
+        ((value as u32 * alpha as u32 + 127) / 255) as u8
+    }
+    let [red, green, blue] = rgb;
+    Color32::from_rgba_premultiplied(share(red, alpha), share(green, alpha), share(blue, alpha), alpha)
 }
 
 /// The dark theme.
@@ -88,24 +104,25 @@ pub const LIGHT: Palette = Palette {
 
 /// On every image, whatever the theme.
 pub mod on_image {
+    use calib_draw::Rgb;
     use egui::Color32;
 
-    use super::hex;
+    use super::{colour, over};
 
     /// Control points, marks, links, grid, horizon.
-    pub const WHITE: Color32 = Color32::WHITE;
+    pub const WHITE: Color32 = colour(Rgb::WHITE);
     /// A link that waits for another view, and its epipolar line.
-    pub const WAITING: Color32 = hex(0xF2DF4A);
+    pub const WAITING: Color32 = colour(Rgb::WAITING);
     /// What is not known yet.
-    pub const DOUBT: Color32 = hex(0xFFB020);
+    pub const DOUBT: Color32 = colour(Rgb::DOUBT);
     /// A suspected line.
-    pub const BAD: Color32 = hex(0xFF5470);
+    pub const BAD: Color32 = colour(Rgb::BAD);
     /// What is held or in focus.
-    pub const ACCENT: Color32 = hex(0x8E9BFF);
+    pub const ACCENT: Color32 = colour(Rgb::ACCENT);
     /// Under every line, 1 px to each side.
-    pub const OUTLINE: Color32 = Color32::from_rgba_premultiplied(4, 5, 7, 153);
+    pub const OUTLINE: Color32 = over(Rgb::OUTLINE, 153);
     /// Behind tags.
-    pub const TAG: Color32 = Color32::from_rgba_premultiplied(11, 12, 15, 209);
+    pub const TAG: Color32 = over(Rgb::TAG, 209);
 }
 
 /// Drawn radius of a handle, and the radius within which it is hit, in points.
@@ -116,47 +133,20 @@ pub const HIT: f32 = 8.0;
 /// The colour of lines of a kind on images.
 #[must_use]
 pub fn kind(kind: Kind) -> Color32 {
-    const COLOURS: [Color32; 7] = [
-        hex(0x5BB8F5),
-        hex(0xFFB020),
-        hex(0x38D391),
-        hex(0xF48FC3),
-        hex(0xF2DF4A),
-        hex(0xEEF1F4),
-        hex(0xFF7F57),
-    ];
-    COLOURS[kind as usize]
+    colour(KindLook::of(kind).colour)
 }
 
 /// The colour of a kind's icon in the panels.
 #[must_use]
-pub fn kind_icon(kind_of: Kind, dark: bool) -> Color32 {
-    const LIGHT_ICONS: [Color32; 7] = [
-        hex(0x0B76B8),
-        hex(0xA86B00),
-        hex(0x0B8A55),
-        hex(0xB83A80),
-        hex(0x857300),
-        hex(0x3C444C),
-        hex(0xC4401B),
-    ];
-    if dark { kind(kind_of) } else { LIGHT_ICONS[kind_of as usize] }
+pub fn kind_icon(kind: Kind, dark: bool) -> Color32 {
+    let look = KindLook::of(kind);
+    colour(if dark { look.colour } else { look.on_light })
 }
 
 /// The colour of a camera; after eight they start again, the letters go on.
 #[must_use]
 pub fn camera(index: usize) -> Color32 {
-    const COLOURS: [Color32; 8] = [
-        hex(0xFF9D7A),
-        hex(0x6FE0D2),
-        hex(0xC3A6FF),
-        hex(0xE6DC6A),
-        hex(0x8DB7FF),
-        hex(0xF7A1C4),
-        hex(0xA9D66B),
-        hex(0xD9B38C),
-    ];
-    COLOURS[index % COLOURS.len()]
+    colour(Rgb::camera(index))
 }
 
 /// The letter that always goes with a camera's colour: A to Z, then AA, AB and so on.

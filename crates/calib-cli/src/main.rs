@@ -3,7 +3,6 @@
 //! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
-mod agreement;
 mod archive;
 mod args;
 mod calibrations;
@@ -12,10 +11,9 @@ mod demo;
 mod export;
 mod files;
 mod import;
-mod lens_grid;
+mod lens;
 mod mapping;
 mod overlay;
-mod overlay_links;
 mod part;
 mod plan_quality;
 mod plan_view;

@@ -1,10 +1,10 @@
 //! What the plan shows of how well a site is known: where each camera may stand, and how far cameras
 //! put links and marks from where they are.
 
-use calib_core::{Camera, FloorPoint, Site, position_ellipse};
+use calib_core::{FloorPoint, Site};
+use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, Scene as _, Sighted, on_plan};
 
-use crate::agreement::{Element, elements};
-use crate::style::{self, BAD_ON_LIGHT, INK};
+use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
 /// How many times its size an error of a link is drawn.
@@ -13,91 +13,64 @@ const ERRORS: f64 = 10.0;
 const SIGMAS: f64 = 2.0;
 /// Corners of the ellipse of the legend.
 const CORNERS: usize = 48;
-/// Corners of an ellipse, in plan pixels.
-type Corners = Vec<[f64; 2]>;
+/// From the floor to the pixels of the plan.
+type OnPlan<'a> = &'a dyn Fn(FloorPoint) -> [f64; 2];
 /// A rectangle: left, top, right, bottom.
 type Rectangle = [f64; 4];
 
 /// What is drawn of the quality of a site, ready to be laid on its plan.
-pub(crate) struct PlanQuality<'a> {
-    elements: Vec<Element<'a>>,
-    /// With the index of the camera.
-    ellipses: Vec<(usize, Corners)>,
+pub(crate) struct PlanQuality {
+    sightings: Vec<Item<FloorPoint>>,
+    pub(crate) ellipses: Vec<Item<FloorPoint>>,
     /// How many times their size the ellipses are.
     magnified: f64,
 }
 
-impl<'a> PlanQuality<'a> {
+impl PlanQuality {
     /// `scale` is that of the drawing, as in [`Svg::scale`].
-    pub(crate) fn new(site: &'a Site, scale: f64, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> Self {
-        let cameras = || {
-            let placed = site.cameras.iter().enumerate().filter(|(_, entry)| entry.is_placed());
-            placed.filter_map(|(index, entry)| Some((index, entry.camera()?)))
-        };
+    pub(crate) fn new(site: &Site, scale: f64, to_plan: OnPlan<'_>) -> Self {
+        let view = PlanView::new(site).of_placed();
+        let ellipses = |times: f64| on_plan(&view, &[PlanLayer::PositionEllipses(times * SIGMAS)]);
         // The largest must show beside the dot of its camera; the others are drawn alike, to be compared.
         let least = 16.0 * scale;
-        let reach = |camera: &Camera, times: f64| {
-            let [x, y] = on_plan(camera.position.on_floor());
-            let corners = ellipse(camera, times, on_plan).unwrap_or_default();
-            corners.iter().map(|p| (p[0] - x).hypot(p[1] - y)).fold(0.0, f64::max)
-        };
-        let is_seen = |times: f64| cameras().any(|(_, camera)| reach(&camera, times) > least);
-        let magnified =
-            [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|&times| is_seen(times)).unwrap_or(100.0);
-        let ellipses = cameras()
-            .filter_map(|(index, camera)| Some((index, ellipse(&camera, magnified, on_plan)?)))
-            .collect();
-        Self { elements: elements(site), ellipses, magnified }
-    }
-
-    /// Ellipses about the cameras; what lies over them hides no more than their middle.
-    pub(crate) fn draw_ellipses(&self, svg: &mut Svg) {
-        for (index, corners) in &self.ellipses {
-            svg.fill(corners, style::camera(*index), 0.35);
-            let stroke = Stroke::new(style::camera_on_light(*index), 1.25).dashed(&[4.0, 3.0]);
-            svg.line(corners, true, Stroke { outlined: false, ..stroke });
-        }
+        let is_seen = |times: &f64| ellipses(*times).iter().any(|item| reach(site, item, to_plan) > least);
+        let magnified = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(is_seen).unwrap_or(100.0);
+        let sightings = on_plan(&view, &[PlanLayer::Sightings]);
+        Self { sightings, ellipses: ellipses(magnified), magnified }
     }
 
     /// Links and marks with what every camera is off, and their names where `taken` leaves room.
     pub(crate) fn draw_elements(
         &self,
         svg: &mut Svg,
-        on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
+        to_plan: OnPlan<'_>,
         size: [f64; 2],
         taken: &mut Vec<Rectangle>,
     ) {
-        for element in self.elements.iter().filter(|element| !element.is_off) {
-            draw_line(svg, element, on_plan);
-            for (view, seen) in element.views.iter().flat_map(|v| v.sightings.iter().map(move |s| (v, s))) {
-                let Some(put) = seen.put else { continue };
-                let (at, put) = (on_plan(seen.at), on_plan(put));
-                if element.is_aside {
-                    // A gross error needs no magnifying.
-                    aside(svg, put, at);
-                    taken.extend(pieces(svg, put, at));
-                } else {
-                    let tail = [0, 1].map(|k| at[k] + ERRORS * (put[k] - at[k]));
-                    arrow(svg, tail, at, style::camera_on_light(view.index));
-                    taken.extend(pieces(svg, tail, at));
-                }
+        for item in &self.sightings {
+            if let Geometry::Polyline(points) = &item.geometry {
+                let points: Vec<[f64; 2]> = points.iter().map(|&point| to_plan(point)).collect();
+                taken.extend(draw_sighting(svg, item.meaning, &points));
             }
         }
-        let places: Vec<(&Element, [f64; 2])> = self
-            .elements
+        let places: Vec<(&str, Rgb, [f64; 2])> = self
+            .sightings
             .iter()
-            .filter(|element| !element.is_off && !element.views.is_empty())
-            .map(|element| (element, on_plan(element.found.at_m.on_floor())))
+            .filter_map(|item| match &item.geometry {
+                Geometry::Label(at, id) => {
+                    Some((id.as_str(), Look::on_light(item.meaning).colour, to_plan(*at)))
+                }
+                _ => None,
+            })
             .collect();
         // Hundreds of dots must not hide what they stand on.
         let radius = if places.len() > 300 { 1.5 } else { 2.5 };
         let half = 1.5 * radius * svg.scale;
-        taken.extend(places.iter().map(|(_, [x, y])| [x - half, y - half, x + half, y + half]));
-        for (element, at) in places {
-            let colour = if element.is_aside { BAD_ON_LIGHT } else { INK };
+        taken.extend(places.iter().map(|(.., [x, y])| [x - half, y - half, x + half, y + half]));
+        for (id, colour, at) in places {
             svg.dot(at, radius, colour);
-            if let Some(corner) = room(svg, at, &element.id, size, taken) {
-                svg.ink(corner, &element.id, colour, Anchor::Start);
+            if let Some(corner) = room(svg, at, id, size, taken) {
+                svg.ink(corner, id, colour, Anchor::Start);
             }
         }
     }
@@ -112,8 +85,12 @@ impl<'a> PlanQuality<'a> {
             };
             rows.push((Sample::Ellipse, format!("where a camera stands, {SIGMAS} sigma{times}")));
         }
-        let shown = || self.elements.iter().filter(|element| !element.is_off && !element.views.is_empty());
-        if shown().any(Element::is_used) {
+        let is_shown = |is_aside: bool| {
+            let is_of = |meaning| matches!(meaning, Meaning::Solved(of) if of.is_aside == is_aside);
+            let points = self.sightings.iter().filter(|item| matches!(item.geometry, Geometry::Point(_)));
+            points.into_iter().any(|item| is_of(item.meaning))
+        };
+        if is_shown(false) {
             rows.push((
                 Sample::Arrow,
                 format!(
@@ -121,7 +98,7 @@ impl<'a> PlanQuality<'a> {
                 ),
             ));
         }
-        if shown().any(|element| element.is_aside) {
+        if is_shown(true) {
             rows.push((Sample::Aside, "set aside, in its true size".into()));
         }
         rows
@@ -142,49 +119,62 @@ impl Sample {
         let half = 11.0 * svg.scale;
         match self {
             Self::Ellipse => {
-                let corners: Corners = (0..CORNERS)
+                let corners: Vec<[f64; 2]> = (0..CORNERS)
                     .map(|i| {
                         let (sin, cos) = (std::f64::consts::TAU * i as f64 / CORNERS as f64).sin_cos();
                         [x + half * cos, y + 0.55 * half * sin]
                     })
                     .collect();
-                svg.fill(&corners, style::camera(0), 0.35);
-                let stroke = Stroke::new(style::camera_on_light(0), 1.25).dashed(&[4.0, 3.0]);
-                svg.line(&corners, true, Stroke { outlined: false, ..stroke });
+                let meaning = Meaning::PositionEllipse(0);
+                svg.fill(&corners, Look::of(meaning).colour, 0.35);
+                svg.line(&corners, true, Stroke::of(Look::on_light(meaning)));
             }
-            Self::Arrow => {
-                arrow(svg, [x - half, y], [x + half, y], style::camera_on_light(0));
-                svg.dot([x + half, y], 2.5, INK);
-            }
-            Self::Aside => {
-                aside(svg, [x - half, y], [x + half, y]);
-                svg.dot([x + half, y], 2.5, BAD_ON_LIGHT);
+            Self::Arrow | Self::Aside => {
+                let of = |camera| Sighted { camera, is_aside: matches!(self, Self::Aside), is_off: false };
+                let ends = [[x - half, y], [x + half, y]];
+                draw_error(svg, Meaning::Seen(of(Some(0))), ends);
+                svg.dot(ends[1], 2.5, Look::on_light(Meaning::Solved(of(None))).colour);
             }
         }
     }
 }
 
-/// Where a camera stands, `SIGMAS` standard deviations about it, in plan pixels; `None` where its
-/// position was not estimated.
-fn ellipse(camera: &Camera, times: f64, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> Option<Corners> {
-    Some(position_ellipse(camera, times * SIGMAS)?.into_iter().map(on_plan).collect())
+/// How far from its camera an ellipse reaches, in plan pixels.
+fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
+    let (Meaning::PositionEllipse(camera), Geometry::Polygon(corners)) = (item.meaning, &item.geometry)
+    else {
+        return 0.0;
+    };
+    let Some(pose) = site.pose(camera) else { return 0.0 };
+    let [x, y] = to_plan(pose.position.on_floor());
+    let corners = corners.iter().map(|&corner| to_plan(corner));
+    corners.map(|p| (p[0] - x).hypot(p[1] - y)).fold(0.0, f64::max)
 }
 
-/// The piece of a line of the floor that the cameras show.
-fn draw_line(svg: &mut Svg, element: &Element, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) {
-    let Some(turn) = element.found.turn_deg.filter(|_| element.is_long) else { return };
-    let (sin, cos) = turn.to_radians().sin_cos();
-    let mut points: Vec<FloorPoint> =
-        element.views.iter().flat_map(|view| view.sightings.iter().map(|seen| seen.at)).collect();
-    points.sort_by(|a, b| (a.x * cos + a.y * sin).total_cmp(&(b.x * cos + b.y * sin)));
-    let points: Vec<[f64; 2]> = points.into_iter().map(on_plan).collect();
-    let colour = if element.is_aside { BAD_ON_LIGHT } else { INK };
-    svg.line(&points, false, Stroke { outlined: false, ..Stroke::new(colour, 1.25) });
+/// Draws the line that a link is, or how far a camera is off; gives the rectangles that an error takes.
+fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Rectangle> {
+    match (meaning, points) {
+        (Meaning::Seen(of), &[put, at]) => {
+            // A gross error needs no magnifying.
+            let times = if of.is_aside { 1.0 } else { ERRORS };
+            let tail = [0, 1].map(|k| at[k] + times * (put[k] - at[k]));
+            draw_error(svg, meaning, [tail, at]);
+            pieces(svg, tail, at)
+        }
+        _ => {
+            svg.line(points, false, Stroke::of(Look::on_light(meaning)));
+            Vec::new()
+        }
+    }
 }
 
-fn aside(svg: &mut Svg, from: [f64; 2], to: [f64; 2]) {
-    let stroke = Stroke::new(BAD_ON_LIGHT, 1.25).dashed(&[4.0, 3.0]);
-    svg.line(&[from, to], false, Stroke { outlined: false, ..stroke });
+/// An arrow to where a thing is; what was set aside is no more than a line.
+fn draw_error(svg: &mut Svg, meaning: Meaning, [tail, tip]: [[f64; 2]; 2]) {
+    let stroke = Stroke::of(Look::on_light(meaning));
+    svg.line(&[tail, tip], false, stroke);
+    if !matches!(meaning, Meaning::Seen(of) if of.is_aside) {
+        arrow_head(svg, tail, tip, stroke.colour);
+    }
 }
 
 /// The rectangles that a line takes, piece by piece.
@@ -203,11 +193,10 @@ fn pieces(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
         .collect()
 }
 
-/// A line with a head at its end; a short one is the line alone.
-fn arrow(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: &str) {
+/// The head at the end of a line; a short line has none.
+fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
     let (dx, dy) = (tip[0] - tail[0], tip[1] - tail[1]);
     let length = dx.hypot(dy);
-    svg.line(&[tail, tip], false, Stroke { outlined: false, ..Stroke::new(colour, 1.5) });
     let head = 6.0 * svg.scale;
     // The dot of the element covers the tip: the head stands before it.
     let before = 3.5 * svg.scale;

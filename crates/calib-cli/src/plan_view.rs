@@ -1,16 +1,19 @@
 //! What `calib render --plan` draws: every camera with its EFOV on the floor plan.
 
-use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera, Solution, Stage};
-use image::{Rgb, RgbImage};
+use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera};
+use calib_draw::{
+    Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
+};
+use image::RgbImage;
 
-use crate::overlay::{grid_step, metres};
+use crate::overlay::grid_step;
 use crate::plan_quality::{PlanQuality, Sample};
-use crate::style::{self, INK};
+use crate::style;
 use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 
 /// Longest side of a picture of a site without a plan, in pixels.
 const LONGEST: f64 = 1600.0;
-const GROUND: Rgb<u8> = Rgb([247, 248, 249]);
+const GROUND: image::Rgb<u8> = image::Rgb([247, 248, 249]);
 
 /// The ground and the drawing of a site seen from above.
 pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg) {
@@ -26,25 +29,19 @@ pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg)
     let ground = with_strip(ground, legend.height);
     let whole = [f64::from(ground.width()), f64::from(ground.height())];
     let mut svg = Svg::new(whole, draw_scale);
+    let view = PlanView::new(site).of_placed();
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
-        draw_grid(&mut svg, &scale, size);
+        draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
     }
     // Many fields that overlap must not add up to mud.
     let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
-    for (index, camera) in site.cameras.iter().enumerate() {
-        draw_efov(&mut svg, camera, index, cover, &on_plan);
-    }
-    quality.draw_ellipses(&mut svg);
-    for mark in site.marks.iter().filter(|mark| !mark.off) {
-        for line in mark.shape().polylines() {
-            let points: Vec<[f64; 2]> = line.iter().map(|point| on_plan(point.on_floor())).collect();
-            svg.line(&points, false, Stroke::new(INK, 1.5).faint(0.8));
-        }
-    }
-    let cameras = site.cameras.iter().enumerate();
-    let room = room_of_figures(site, &on_plan) / svg.scale;
+    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);
+    draw_items(&mut svg, &quality.ellipses, 0.35, &on_plan);
+    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Marks]), 0.0, &on_plan);
+    let cameras = items_on_plan(&view, &[PlanLayer::Cameras]);
+    let room = room_of_figures(&cameras, &on_plan) / svg.scale;
     let figures: Vec<Figure> =
-        cameras.filter_map(|(index, entry)| Figure::new(&svg, index, entry, room, size, &on_plan)).collect();
+        cameras.iter().filter_map(|item| Figure::new(&svg, site, item, room, size, &on_plan)).collect();
     let mut taken: Vec<[f64; 4]> = figures.iter().flat_map(|figure| figure.covers(&svg)).collect();
     taken.push([0.0, size[1] - 56.0 * svg.scale, 0.25 * size[0], size[1]]);
     quality.draw_elements(&mut svg, &on_plan, size, &mut taken);
@@ -88,44 +85,42 @@ fn blank(site: &Site, x_axis: f64) -> (RgbImage, PlanScale) {
     (ground, PlanScale { metres_per_px, origin, x_axis })
 }
 
-fn draw_grid(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
+/// The grid over all of the plan.
+fn grid(scale: &PlanScale, [w, h]: [f64; 2]) -> PlanLayer {
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|p| scale.floor_from_plan(p.into()));
-    let step = grid_step(&corners);
-    for line in calib_core::floor_grid(&corners, step) {
-        let points: Vec<[f64; 2]> = line.iter().map(|p| scale.plan_from_floor(p.on_floor()).into()).collect();
-        svg.line(&points, false, Stroke::new(INK, 1.0).faint(0.14));
-    }
+    PlanLayer::Grid(corners, grid_step(&corners))
 }
 
-/// The solution of a camera that stands somewhere.
-fn placed(entry: &SiteCamera) -> Option<&Solution> {
-    entry.solution.as_ref().filter(|solution| solution.stage >= Stage::Placed)
-}
-
-fn draw_efov(
+/// Lines as their meanings look on a light plan, areas filled with the colour of their camera.
+fn draw_items(
     svg: &mut Svg,
-    entry: &SiteCamera,
-    index: usize,
+    items: &[Item<FloorPoint>],
     cover: f64,
     on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
 ) {
-    let Some(solution) = placed(entry) else { return };
-    let polygon: Vec<[f64; 2]> = solution.efov_m.iter().map(|&point| on_plan(point)).collect();
-    let colour = style::camera(index);
-    svg.fill(&polygon, colour, cover);
-    svg.line(
-        &polygon,
-        true,
-        Stroke { outlined: false, ..Stroke::new(style::camera_on_light(index), style::FIELD) },
-    );
+    for item in items {
+        let stroke = Stroke::of(Look::on_light(item.meaning));
+        let path = |points: &[FloorPoint]| points.iter().map(|&point| on_plan(point)).collect::<Vec<_>>();
+        match &item.geometry {
+            Geometry::Polyline(points) => svg.line(&path(points), false, stroke),
+            Geometry::Polygon(points) => {
+                let points = path(points);
+                svg.fill(&points, Look::of(item.meaning).colour, cover);
+                svg.line(&points, true, stroke);
+            }
+            _ => {}
+        }
+    }
 }
 
 /// How far apart the cameras stand on the drawing: half of them have their neighbour farther away.
-fn room_of_figures(site: &Site, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
-    let feet: Vec<[f64; 2]> = site
-        .cameras
+fn room_of_figures(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
+    let feet: Vec<[f64; 2]> = cameras
         .iter()
-        .filter_map(|entry| Some(on_plan(placed(entry)?.position_m?.on_floor())))
+        .filter_map(|item| match item.geometry {
+            Geometry::Cone { foot, .. } => Some(on_plan(foot)),
+            _ => None,
+        })
         .collect();
     let nearest = |i: usize| {
         let [x, y] = feet[i];
@@ -150,33 +145,38 @@ struct Figure {
 impl Figure {
     fn new(
         svg: &Svg,
-        index: usize,
-        entry: &SiteCamera,
+        site: &Site,
+        item: &Item<FloorPoint>,
         room: f64,
         [w, h]: [f64; 2],
         on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
     ) -> Option<Self> {
         // Where cameras stand close, a figure is small and says no more than a name.
         let is_close = room < 90.0;
-        let camera = placed(entry)?.camera()?;
-        let foot = camera.position.on_floor();
-        let [x, y] = on_plan(foot);
-        let half = 0.5 * camera.field_of_view(entry.size())[0];
-        let ahead = on_plan(FloorPoint { x: foot.x - camera.yaw.sin(), y: foot.y + camera.yaw.cos() });
-        let angle = (ahead[1] - y).atan2(ahead[0] - x);
-        let length = svg.scale * if is_close { (0.4 * room).clamp(9.0, 34.0) } else { 34.0 };
-        let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
-        let text = if is_close {
-            entry.id.clone()
-        } else {
-            format!("{}  {:.2} m", entry.name.as_deref().unwrap_or(&entry.id), camera.position.z)
+        let Item { meaning: Meaning::Camera(index), geometry: Geometry::Cone { foot, ahead, half_angle } } =
+            *item
+        else {
+            return None;
         };
+        let entry = site.cameras.get(index)?;
+        let ([x, y], ahead) = (on_plan(foot), on_plan(ahead));
+        let length = svg.scale * if is_close { (0.4 * room).clamp(9.0, 34.0) } else { 34.0 };
+        let cone = cone_corners([x, y], ahead, half_angle, length);
+        let text = Self::name(entry, is_close);
         let size = style::TEXT * svg.scale;
         let width = svg.text_width(&text) + size;
-        let shift = if angle.sin() > 0.0 { -2.4 * size } else { 0.8 * size };
+        let shift = if ahead[1] > y { -2.4 * size } else { 0.8 * size };
         let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
         let corner = [inside(x - 0.5 * width, w - width), inside(y + shift, h - 1.6 * size)];
-        Some(Self { index, cone: [[x, y], tip(-half), tip(half)], corner, text })
+        Some(Self { index, cone, corner, text })
+    }
+
+    fn name(entry: &SiteCamera, is_close: bool) -> String {
+        let height = entry.solution.as_ref().and_then(|solution| solution.position_m).map(|at| at.z);
+        match height.filter(|_| !is_close) {
+            Some(height) => format!("{}  {height:.2} m", entry.name.as_deref().unwrap_or(&entry.id)),
+            None => entry.id.clone(),
+        }
     }
 
     /// The rectangles of the plan that are not free: tag and cone.
@@ -195,10 +195,10 @@ impl Figure {
     }
 
     fn draw(&self, svg: &mut Svg) {
-        svg.fill(&self.cone, style::camera(self.index), 0.85);
-        svg.line(&self.cone, true, Stroke { outlined: false, ..Stroke::new(INK, 1.25) });
-        svg.dot(self.cone[0], 4.5, style::WHITE);
-        svg.tag(self.corner, &self.text, style::camera(self.index));
+        svg.fill(&self.cone, Rgb::camera(self.index), 0.85);
+        svg.line(&self.cone, true, Stroke::of(Look::on_light(Meaning::Camera(self.index))));
+        svg.dot(self.cone[0], 4.5, Rgb::WHITE);
+        svg.tag(self.corner, &self.text, Rgb::camera(self.index));
     }
 }
 
@@ -227,11 +227,16 @@ impl Legend {
 
     fn draw(self, svg: &mut Svg, [w, h]: [f64; 2]) {
         if self.height > 0.0 {
-            svg.line(&[[0.0, h], [w, h]], false, Stroke::new(INK, 1.0).faint(0.25));
+            svg.line(&[[0.0, h], [w, h]], false, Stroke::new(Rgb::INK, 1.0).faint(0.25));
         }
         for ([x, y], sample, text) in self.rows {
             sample.draw(svg, [x + 12.0 * svg.scale, y]);
-            svg.ink([x + 34.0 * svg.scale, y + 0.35 * style::TEXT * svg.scale], &text, INK, Anchor::Start);
+            svg.ink(
+                [x + 34.0 * svg.scale, y + 0.35 * style::TEXT * svg.scale],
+                &text,
+                Rgb::INK,
+                Anchor::Start,
+            );
         }
     }
 }
@@ -258,9 +263,9 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
         let (sin, cos) = angle.sin_cos();
         [centre[0] + reach * (along * cos - across * sin), centre[1] - reach * (along * sin + across * cos)]
     };
-    svg.fill(&[at(1.0, 0.0), at(-0.7, 0.5), at(-0.35, 0.0), at(-0.7, -0.5)], INK, 0.9);
+    svg.fill(&[at(1.0, 0.0), at(-0.7, 0.5), at(-0.35, 0.0), at(-0.7, -0.5)], Rgb::INK, 0.9);
     let [x, y] = at(1.5, 0.0);
-    svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, INK, Anchor::Middle);
+    svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, Rgb::INK, Anchor::Middle);
 }
 
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
@@ -269,7 +274,12 @@ fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
     let (x, y, tick) = (24.0 * svg.scale, h - 24.0 * svg.scale, 6.0 * svg.scale);
     let end = x + length / scale.metres_per_px;
     let bar = [[x, y - tick], [x, y], [end, y], [end, y - tick]];
-    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(style::WHITE, 5.0) });
-    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(INK, 2.0) });
-    svg.ink([0.5 * (x + end), y - 8.0 * svg.scale], &format!("{} m", metres(length)), INK, Anchor::Middle);
+    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::WHITE, 5.0) });
+    svg.line(&bar, false, Stroke { outlined: false, ..Stroke::new(Rgb::INK, 2.0) });
+    svg.ink(
+        [0.5 * (x + end), y - 8.0 * svg.scale],
+        &format!("{} m", metres(length)),
+        Rgb::INK,
+        Anchor::Middle,
+    );
 }

@@ -5,7 +5,7 @@ use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files::SiteFile;
-use crate::lens_grid::is_fitted;
+use crate::lens::is_fitted;
 use crate::overlay::overlay;
 use crate::plan_view::plan_view;
 use crate::sigma_map;

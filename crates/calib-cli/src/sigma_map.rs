@@ -1,9 +1,9 @@
 //! The floor shaded by its predicted error, with a legend.
 
 use calib_core::{Camera, Pixel, SiteCamera};
-use image::{Rgb, RgbImage};
+use calib_draw::Rgb;
+use image::RgbImage;
 
-use crate::style;
 use crate::svg::{Anchor, Svg};
 
 /// Pixels per side of a shaded cell.
@@ -13,14 +13,14 @@ const COVER: f64 = 0.55;
 /// Errors of the legend, in centimetres: from better than a foot to lost.
 const STEPS: [f64; 6] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
 /// From good to bad, light to dark, told apart by colour-blind eyes (after viridis, reversed).
-const COLOURS: [[u8; 3]; 7] = [
-    [253, 231, 37],
-    [159, 218, 58],
-    [74, 193, 109],
-    [31, 161, 135],
-    [39, 127, 142],
-    [54, 92, 141],
-    [70, 50, 126],
+const COLOURS: [Rgb; 7] = [
+    Rgb([253, 231, 37]),
+    Rgb([159, 218, 58]),
+    Rgb([74, 193, 109]),
+    Rgb([31, 161, 135]),
+    Rgb([39, 127, 142]),
+    Rgb([54, 92, 141]),
+    Rgb([70, 50, 126]),
 ];
 
 /// Shades the floor of an image by the standard deviation of its points in their worst direction, for
@@ -32,13 +32,13 @@ pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, cam
         for x in (0..width).step_by(CELL as usize) {
             let centre = Pixel { u: f64::from(x + CELL / 2), v: f64::from(y + CELL / 2) };
             let Some(covariance) = camera.floor_covariance(centre, sigma) else { continue };
-            let colour = colour(100.0 * covariance.worst_sigma());
+            let Rgb(colour) = colour(100.0 * covariance.worst_sigma());
             for v in y..(y + CELL).min(height) {
                 for u in x..(x + CELL).min(width) {
-                    let Rgb(below) = *image.get_pixel(u, v);
+                    let image::Rgb(below) = *image.get_pixel(u, v);
                     let mix =
                         |i: usize| (f64::from(below[i]) * (1.0 - COVER) + f64::from(colour[i]) * COVER) as u8;
-                    image.put_pixel(u, v, Rgb([mix(0), mix(1), mix(2)]));
+                    image.put_pixel(u, v, image::Rgb([mix(0), mix(1), mix(2)]));
                 }
             }
         }
@@ -46,7 +46,7 @@ pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, cam
     legend(svg, [f64::from(width), f64::from(height)], sigma);
 }
 
-fn colour(centimetres: f64) -> [u8; 3] {
+fn colour(centimetres: f64) -> Rgb {
     COLOURS[STEPS.iter().take_while(|&&step| centimetres > step).count()]
 }
 
@@ -54,19 +54,18 @@ fn legend(svg: &mut Svg, [w, h]: [f64; 2], sigma: f64) {
     let (cell, tall) = (52.0 * svg.scale, 16.0 * svg.scale);
     let left = w - cell * COLOURS.len() as f64 - 20.0 * svg.scale;
     let top = h - 46.0 * svg.scale;
-    for (index, [r, g, b]) in COLOURS.iter().enumerate() {
+    for (index, &colour) in COLOURS.iter().enumerate() {
         let x = left + cell * index as f64;
-        let colour = format!("#{r:02X}{g:02X}{b:02X}");
-        svg.fill(&[[x, top], [x + cell, top], [x + cell, top + tall], [x, top + tall]], &colour, 1.0);
+        svg.fill(&[[x, top], [x + cell, top], [x + cell, top + tall], [x, top + tall]], colour, 1.0);
         if let Some(step) = STEPS.get(index) {
             svg.text(
                 [x + cell, top + tall + 15.0 * svg.scale],
                 &format!("{step}"),
-                style::WHITE,
+                Rgb::WHITE,
                 Anchor::Middle,
             );
         }
     }
     let title = format!("error on the floor, cm (one sigma, pixel \u{b1} {sigma} px)");
-    svg.text([left, top - 7.0 * svg.scale], &title, style::WHITE, Anchor::Start);
+    svg.text([left, top - 7.0 * svg.scale], &title, Rgb::WHITE, Anchor::Start);
 }

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use calib_core::{Overlap, Site};
 
-use crate::agreement::{Element, elements};
 use crate::site_summary::{kinds, together, worst_first};
 use crate::svg::escape;
 use crate::words::centimetres;
+use calib_draw::{Element, elements};
 
 /// Rows that are shown at once; the others unfold.
 const PAIRS: usize = 30;

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use calib_core::{Code, Overlap, Scale, Site, SiteSolution, Warning};
 
-use crate::agreement::{Element, View, elements};
 use crate::words::{centimetres, distance, few};
+use calib_draw::{Element, View, elements};
 
 /// Rows of each table: the worst, whatever the size of the site.
 const ROWS: usize = 5;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use calib_draw::{Look, Outline, Rgb};
 use image::RgbImage;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
@@ -16,7 +17,7 @@ pub(crate) const TAG_LETTER: f64 = 0.49;
 /// How a line looks.
 #[derive(Clone, Copy)]
 pub(crate) struct Stroke<'a> {
-    pub(crate) colour: &'a str,
+    pub(crate) colour: Rgb,
     pub(crate) width: f64,
     pub(crate) opacity: f64,
     /// Lengths of dashes and gaps; empty for a full line.
@@ -26,12 +27,14 @@ pub(crate) struct Stroke<'a> {
 }
 
 impl<'a> Stroke<'a> {
-    pub(crate) const fn new(colour: &'a str, width: f64) -> Self {
+    pub(crate) const fn new(colour: Rgb, width: f64) -> Self {
         Self { colour, width, opacity: 1.0, dash: &[], outlined: true }
     }
 
-    pub(crate) const fn dashed(self, dash: &'a [f64]) -> Self {
-        Self { dash, ..self }
+    /// As a meaning looks.
+    pub(crate) fn of(look: Look) -> Self {
+        let Look { colour, width, dash, opacity, outline } = look;
+        Self { colour, width, opacity, dash, outlined: outline == Outline::Dark }
     }
 
     pub(crate) const fn faint(self, opacity: f64) -> Self {
@@ -81,7 +84,7 @@ impl Svg {
             let _ = writeln!(
                 self.body,
                 r#"<path d="{path}" fill="none" stroke="{}" stroke-width="{wide:.2}" stroke-opacity="{:.2}" stroke-linecap="round" stroke-linejoin="round"/>"#,
-                style::OUTLINE,
+                Rgb::OUTLINE,
                 0.6 * opacity,
             );
         }
@@ -97,18 +100,18 @@ impl Svg {
         );
     }
 
-    pub(crate) fn fill(&mut self, points: &[[f64; 2]], colour: &str, opacity: f64) {
+    pub(crate) fn fill(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
         let path = self.path(points, true);
         let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
     }
 
     /// A dot with a dark rim.
-    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: &str) {
+    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
         let (radius, rim) = (radius * self.scale, self.scale);
         let _ = writeln!(
             self.body,
             r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="{colour}" stroke="{}" stroke-opacity="0.6" stroke-width="{rim:.2}"/>"#,
-            style::OUTLINE
+            Rgb::OUTLINE
         );
     }
 
@@ -121,7 +124,7 @@ impl Svg {
             let _ = writeln!(
                 self.body,
                 r#"<circle cx="{x:.2}" cy="{y:.2}" r="{radius:.2}" fill="none" stroke="{}" stroke-width="{wide:.2}" stroke-opacity="{:.2}"/>"#,
-                style::OUTLINE,
+                Rgb::OUTLINE,
                 0.6 * opacity,
             );
         }
@@ -132,20 +135,20 @@ impl Svg {
     }
 
     /// A text with a dark halo.
-    pub(crate) fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: &str, anchor: Anchor) {
+    pub(crate) fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
         let _ = writeln!(
             self.body,
             r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" text-anchor="{anchor}" fill="{colour}" stroke="{}" stroke-opacity="0.85" stroke-width="{:.1}" stroke-linejoin="round" paint-order="stroke">{}</text>"#,
-            style::OUTLINE,
+            Rgb::OUTLINE,
             3.0 * self.scale,
             escape(text)
         );
     }
 
     /// A text on a light ground, in a dark colour without a halo.
-    pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str, colour: &str, anchor: Anchor) {
+    pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
         let _ = writeln!(
@@ -161,7 +164,7 @@ impl Svg {
     }
 
     /// A text on a dark ground, its upper left corner at this pixel.
-    pub(crate) fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: &str) {
+    pub(crate) fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
         let size = style::TEXT * self.scale;
         let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
         let _ = writeln!(
@@ -169,7 +172,7 @@ impl Svg {
             r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{:.1}" rx="{:.1}" fill="{}" fill-opacity="0.82"/><text x="{:.1}" y="{:.1}" font-size="{size:.1}" fill="{colour}">{}</text>"#,
             1.6 * size,
             0.25 * size,
-            style::TAG,
+            Rgb::TAG,
             x + 0.5 * size,
             y + 1.15 * size,
             escape(text)

@@ -6,7 +6,7 @@ use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
-use crate::lens_grid::lens_of;
+use crate::lens::lens_of;
 use crate::stop::Stop;
 
 /// Which part of the undistorted plane to show.

@@ -1,13 +1,15 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
-use calib_core::{Camera, FloorPoint, Kind, SiteCamera, ellipse};
+use calib_core::{Camera, FloorPoint, SiteCamera, ellipse};
+use calib_draw::KindLook;
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::command::{self, Command};
-use crate::floor::{SIGMAS, lay, paint_grid};
+use crate::floor::{SIGMAS, paint_grid};
 use crate::icons::{self, Icon, Look};
+use crate::mesh::lay;
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
 use crate::session::corners_of;
@@ -99,9 +101,7 @@ pub fn paint(
     let mut outline = field.clone();
     outline.extend(field.first().copied());
     line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.25).dashed(&[5.0, 4.0]).faint());
-    let flat =
-        |kind| matches!(kind, Kind::Parallel | Kind::Perpendicular | Kind::EqualLength | Kind::KnownLength);
-    for drawn in entry.annotations.iter().filter(|drawn| flat(drawn.kind) && !drawn.off) {
+    for drawn in entry.annotations.iter().filter(|drawn| KindLook::of(drawn.kind).is_level && !drawn.off) {
         for pixels in drawn.polylines() {
             let points: Vec<FloorPoint> = pixels.iter().filter_map(|&pixel| on_floor(pixel)).collect();
             line(painter, &path(&points), Pen::new(theme::kind(drawn.kind), 1.75));

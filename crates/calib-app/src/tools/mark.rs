@@ -22,20 +22,6 @@ fn usual_size(kind: MarkKind) -> Vec<f64> {
     }
 }
 
-/// The names of a mark's points, as its kind has them.
-#[must_use]
-fn point_names(kind: MarkKind) -> &'static [&'static str] {
-    match kind {
-        MarkKind::Cross => &["centre", "x", "-x", "y", "-y"],
-        MarkKind::Post => &["base", "top"],
-        MarkKind::Box => &["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
-        MarkKind::Cylinder => &["centre", "top"],
-        MarkKind::Circle => &["centre"],
-        MarkKind::Person => &["foot", "head"],
-        MarkKind::Grid => &["0,0", "4,0", "4,4", "0,4"],
-    }
-}
-
 fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
     site.marks.push(Mark {
         id: Some(edit::free_id(site, 'M')),
@@ -53,16 +39,16 @@ fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
     site.marks.len() - 1
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 enum What {
     /// The mark slides under the pointer.
     Slide { offset: [f64; 2] },
     /// Its picture is pinned: the camera moves.
-    Pin { camera: usize, point: &'static str, own: Placement },
+    Pin { camera: usize, point: String, own: Placement },
 }
 
 /// A mark in the hand.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct MarkDrag {
     mark: usize,
     height: f64,
@@ -89,10 +75,10 @@ impl MarkDrag {
             }
             let pose = session.solved.pose(camera)?;
             let shape = drawn.shape();
-            let shown = |name: &&str| Some(pose.world_to_pixel(shape.point(name)?)?.distance(started));
-            let names = point_names(drawn.kind).iter().filter_map(|name| Some((*name, shown(name)?)));
-            let (point, _) = names.min_by(|a, b| a.1.total_cmp(&b.1))?;
-            let own = session.placement(camera)?;
+            let shown = |name: &str| Some(pose.world_to_pixel(shape.point(name)?)?.distance(started));
+            let names = shape.point_names().filter_map(|name| Some((shown(&name)?, name)));
+            let (_, point) = names.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            let (point, own) = (point.into_owned(), session.placement(camera)?);
             return Some(Self { mark, height: at.z, what: What::Pin { camera, point, own }, started });
         }
         let under = pointer.floor(session, at.z)?;
@@ -105,10 +91,10 @@ impl MarkDrag {
             return self;
         }
         session.revert();
-        match self.what {
-            What::Slide { offset } => self.slide(session, pointer, offset),
-            What::Pin { camera, point, own } if pointer.pane == Pane::Image(camera) => {
-                self.pin(session, camera, point, own, pointer.at.into());
+        match &self.what {
+            What::Slide { offset } => self.slide(session, pointer, *offset),
+            What::Pin { camera, point, own } if pointer.pane == Pane::Image(*camera) => {
+                self.pin(session, *camera, point, *own, pointer.at.into());
             }
             What::Pin { .. } => {}
         }
@@ -165,11 +151,11 @@ impl MarkDrag {
     }
 
     pub(super) fn finish(self, session: &mut Session) {
-        if let What::Pin { camera, point, own } = self.what
+        if let What::Pin { camera, point, own } = &self.what
             && session.history.is_at(&session.site)
         {
             // A click with Alt pins it where it is.
-            self.pin(session, camera, point, own, self.started);
+            self.pin(session, *camera, point, *own, self.started);
         }
         let name = session.part_name(Part::Mark(self.mark));
         match self.what {
@@ -199,7 +185,7 @@ pub(super) struct Marking {
 
 impl Tool for Marking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
-        match (self.held, pointer.phase) {
+        match (&self.held, pointer.phase) {
             (None, Phase::Press) => {
                 if let Some((camera, _)) = pointer.pixel() {
                     session.choose(camera);
@@ -215,8 +201,8 @@ impl Tool for Marking {
                 self.held = Some(MarkDrag { mark, height: 0.0, what, started: pointer.at.into() });
             }
             (Some(drag), Phase::Release) => {
-                self.held = None;
                 let name = session.part_name(Part::Mark(drag.mark));
+                self.held = None;
                 session.commit(format!("add {name}"));
             }
             (Some(drag), _) if pointer.moved => {
@@ -236,7 +222,7 @@ impl Tool for Marking {
     }
 
     fn hint(&self, _: &Session) -> String {
-        match self.held {
+        match &self.held {
             None => "Click the floor, in any view or on the plan, to set a mark.".into(),
             Some(_) => "Release to set the mark here.".into(),
         }

@@ -1,6 +1,8 @@
 //! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D
 //! polylines, and their way onto an image.
 
+use std::borrow::Cow;
+
 use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint};
 
 /// Straight pieces from point to point, in the base system.
@@ -75,6 +77,24 @@ impl Shape3 {
     fn place(&self, [x, y, z]: [f64; 3]) -> WorldPoint {
         let (sin, cos) = self.turn.sin_cos();
         WorldPoint { x: self.at.x + cos * x - sin * y, y: self.at.y + sin * x + cos * y, z: self.at.z + z }
+    }
+
+    /// The names of its points: of a grid every crossing of its lines, "column,row".
+    pub fn point_names(&self) -> impl Iterator<Item = Cow<'static, str>> {
+        let names: &[&str] = match self.kind {
+            MarkKind::Cross => &["centre", "x", "-x", "y", "-y"],
+            MarkKind::Post => &["base", "top"],
+            MarkKind::Box => &["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
+            MarkKind::Cylinder => &["centre", "top"],
+            MarkKind::Circle => &["centre"],
+            MarkKind::Person => &["foot", "head"],
+            MarkKind::Grid => &[],
+        };
+        let cells = (self.kind == MarkKind::Grid).then(|| cells(self.size(1), self.size(2)));
+        let crossings = cells.into_iter().flat_map(|[columns, rows]| {
+            (0..=rows).flat_map(move |j| (0..=columns).map(move |i| Cow::from(format!("{i},{j}"))))
+        });
+        names.iter().copied().map(Cow::from).chain(crossings)
     }
 
     /// A named point of the element, as the site file's `seen` refers to it.
@@ -182,9 +202,13 @@ fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
 }
 
+/// Columns and rows of a net: more than these are a grey area, and a hostile file's way to fill memory.
+fn cells(columns: f64, rows: f64) -> [usize; 2] {
+    [columns, rows].map(|count| count.clamp(0.0, 1000.0) as usize)
+}
+
 fn net(cell: f64, columns: f64, rows: f64) -> Vec<Vec<[f64; 3]>> {
-    // A drawing of more lines than this is a grey area, and a hostile file's way to fill memory.
-    let (columns, rows) = (columns.clamp(0.0, 1000.0) as usize, rows.clamp(0.0, 1000.0) as usize);
+    let [columns, rows] = cells(columns, rows);
     let (x, y) = (cell * columns as f64, cell * rows as f64);
     let along_y = (0..=columns).map(|i| vec![[cell * i as f64, 0.0, 0.0], [cell * i as f64, y, 0.0]]);
     let along_x = (0..=rows).map(|j| vec![[0.0, cell * j as f64, 0.0], [x, cell * j as f64, 0.0]]);
@@ -378,24 +402,31 @@ mod tests {
 
     #[test]
     fn every_kind_of_mark_draws_its_named_points() {
-        let names = |kind| match kind {
-            MarkKind::Cross => vec!["centre", "x", "-x", "y", "-y"],
-            MarkKind::Post => vec!["base", "top"],
-            MarkKind::Box => vec!["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
-            MarkKind::Cylinder => vec!["centre", "top"],
-            MarkKind::Circle => vec!["centre"],
-            MarkKind::Person => vec!["foot", "head"],
-            MarkKind::Grid => vec!["0,0", "2,3"],
-        };
         for kind in MarkKind::ALL {
             let size = vec![1.0, 2.0, 3.0][..kind.size_names().len()].to_vec();
             let mark = Shape3 { kind, at: WorldPoint::new(1.0, 2.0, 0.5), turn: 0.3, size };
             assert!(!mark.polylines().is_empty());
-            for name in names(kind) {
-                let point = mark.point(name).unwrap_or_else(|| panic!("{kind:?} has no {name}"));
+            assert!(mark.point_names().count() > 0);
+            for name in mark.point_names() {
+                let point = mark.point(&name).unwrap_or_else(|| panic!("{kind:?} has no {name}"));
                 assert!(point.is_finite() && point.z >= 0.5);
             }
             assert_eq!(mark.point("elbow"), None);
+        }
+    }
+
+    #[test]
+    fn a_grid_names_every_crossing_whatever_its_columns_and_rows() {
+        let at = WorldPoint::new(1.0, 2.0, 0.0);
+        for [columns, rows] in [[1, 1], [4, 4], [6, 3], [2, 9]] {
+            let size = vec![0.5, f64::from(columns), f64::from(rows)];
+            let mark = Shape3 { kind: MarkKind::Grid, at, turn: 0.3, size };
+            let points: Vec<WorldPoint> = mark.point_names().filter_map(|name| mark.point(&name)).collect();
+            assert_eq!(points.len(), (columns + 1) as usize * (rows + 1) as usize);
+            for end in mark.polylines().into_iter().flatten() {
+                assert!(points.iter().any(|point| point.distance(end) < 1e-9), "no name for {end:?}");
+            }
+            assert_eq!(mark.point(&format!("{},0", columns + 1)), None);
         }
     }
 

@@ -7,61 +7,72 @@ use calib_core::{
 };
 
 /// A link or a mark that has a place, and what the cameras make of it.
-pub(crate) struct Element<'a> {
+#[derive(Clone, Debug)]
+pub struct Element<'a> {
     /// "link" or "mark".
-    pub(crate) what: &'static str,
+    pub what: &'static str,
     /// As residuals and warnings name it.
-    pub(crate) id: String,
-    pub(crate) found: &'a ElementSolution,
+    pub id: String,
+    /// Where it is.
+    pub found: &'a ElementSolution,
     /// Contradicts the others, and took no part.
-    pub(crate) is_aside: bool,
+    pub is_aside: bool,
     /// Took no part because the operator says so.
-    pub(crate) is_off: bool,
+    pub is_off: bool,
     /// A post or a line: the points of a view are ends of one thing.
-    pub(crate) is_long: bool,
+    pub is_long: bool,
     /// Camera by camera.
-    pub(crate) views: Vec<View<'a>>,
+    pub views: Vec<View<'a>>,
 }
 
 /// One camera's sightings of an element.
-pub(crate) struct View<'a> {
-    pub(crate) entry: &'a SiteCamera,
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// The camera.
+    pub entry: &'a SiteCamera,
     /// Index of the camera in its site.
-    pub(crate) index: usize,
-    pub(crate) sightings: Vec<Sighting>,
+    pub index: usize,
+    /// What it shows of it, point by point.
+    pub sightings: Vec<Sighting>,
 }
 
 /// A pixel that was drawn, and the point of the scene that it shows.
-pub(crate) struct Sighting {
-    pub(crate) drawn: Pixel,
+#[derive(Clone, Debug)]
+pub struct Sighting {
+    /// Where the operator drew it.
+    pub drawn: Pixel,
     /// Where the camera shows the point.
-    pub(crate) shown: Pixel,
+    pub shown: Pixel,
     /// The point, seen from above.
-    pub(crate) at: FloorPoint,
+    pub at: FloorPoint,
     /// Where the camera puts the pixel, at the height of the point.
-    pub(crate) put: Option<FloorPoint>,
+    pub put: Option<FloorPoint>,
 }
 
 impl View<'_> {
     /// Root mean square distance in the image, in pixels.
-    pub(crate) fn px(&self) -> f64 {
+    #[must_use]
+    pub fn px(&self) -> f64 {
         rms(self.sightings.iter().map(|seen| seen.drawn.distance(seen.shown))).unwrap_or(0.0)
     }
 
     /// Root mean square distance on the floor, in metres.
-    pub(crate) fn floor_m(&self) -> Option<f64> {
+    #[must_use]
+    pub fn floor_m(&self) -> Option<f64> {
         rms(self.sightings.iter().filter_map(|seen| Some(seen.put?.distance(seen.at))))
     }
 }
 
 impl Element<'_> {
     /// Whether it says something of the site.
-    pub(crate) fn is_used(&self) -> bool {
+    #[must_use]
+    pub fn is_used(&self) -> bool {
         !self.is_aside && !self.is_off
     }
 
     /// The largest error of a camera, in pixels.
-    pub(crate) fn worst_px(&self) -> f64 {
+    #[must_use]
+    pub fn worst_px(&self) -> f64 {
         self.views.iter().map(View::px).fold(0.0, f64::max)
     }
 }
@@ -72,7 +83,8 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Every link and mark that was solved, as far as cameras that stand somewhere show it.
-pub(crate) fn elements(site: &Site) -> Vec<Element<'_>> {
+#[must_use]
+pub fn elements(site: &Site) -> Vec<Element<'_>> {
     let mut cameras: HashMap<&str, (usize, Camera)> = HashMap::new();
     for (index, entry) in site.cameras.iter().enumerate() {
         let stands = entry.is_placed();

@@ -1,9 +1,10 @@
 //! The undistorted grid bent over the raw image: every line of it is straight in the scene.
 
-use calib_core::{Distortion, Lens, Method, Pixel, SiteCamera, Solution, UndistortedPixel};
+use calib_core::{Lens, Pixel, Solution, UndistortedPixel};
 
-use crate::style;
-use crate::svg::{Stroke, Svg};
+use crate::image::ImageView;
+use crate::item::Item;
+use crate::meaning::Meaning;
 
 /// Columns of cells across the middle of the image.
 const COLUMNS: f64 = 12.0;
@@ -13,26 +14,17 @@ const LARGEST: f64 = 1.0 / 8.0;
 /// How far the undistorted plane is followed from the principal point, in widths of the image.
 const FAR: f64 = 1.5;
 
-/// The lens of a camera, which may be known where its pose is not.
-pub(crate) fn lens_of(entry: &SiteCamera) -> Lens {
-    entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
-}
-
-/// Whether the lens of a camera was found from what is drawn on its image, or on that of its like.
-pub(crate) fn is_fitted(entry: &SiteCamera) -> bool {
-    let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
-    solved && lens_of(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
-}
-
-/// Draws the grid, quieter than anything else.
-pub(crate) fn draw(svg: &mut Svg, lens: &Lens, size: [f64; 2]) {
-    for line in lines(lens, size) {
-        svg.line(&line, false, Stroke { opacity: 0.45, ..Stroke::new(style::LENS, style::GRID) });
-    }
+pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
+    let Some(entry) = view.entry() else { return Vec::new() };
+    // A lens may be known where the pose is not.
+    let solution = view.scene.solution(view.camera);
+    let lens = solution.map_or_else(|| entry.lens(), Solution::lens);
+    let lines = lines(&lens, entry.size()).into_iter();
+    lines.map(|line| Item::polyline(Meaning::LensGrid, line)).collect()
 }
 
 /// The lines of the grid in raw pixels, cut where they leave the image or the lens.
-fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
+fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let [w, h] = size;
     let centre = lens.principal_point;
     let share = |i: i32| f64::from(i) / 32.0;
@@ -57,14 +49,13 @@ fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 
 }
 
 /// The parts on the image of a line that is given from -1 to 1.
-fn pieces([w, h]: [f64; 2], line: impl Fn(f64) -> Option<Pixel>) -> Vec<Vec<[f64; 2]>> {
+fn pieces([w, h]: [f64; 2], line: impl Fn(f64) -> Option<Pixel>) -> Vec<Vec<Pixel>> {
     const SAMPLES: i32 = 400;
     // A little beyond the image, so that lines reach its border.
     let margin = 0.05 * w;
     let shown = |p: &Pixel| p.u > -margin && p.v > -margin && p.u < w + margin && p.v < h + margin;
-    let points: Vec<Option<[f64; 2]>> = (-SAMPLES..=SAMPLES)
-        .map(|i| line(f64::from(i) / f64::from(SAMPLES)).filter(shown).map(<[f64; 2]>::from))
-        .collect();
+    let points: Vec<Option<Pixel>> =
+        (-SAMPLES..=SAMPLES).map(|i| line(f64::from(i) / f64::from(SAMPLES)).filter(shown)).collect();
     let pieces = points.split(Option::is_none).map(|piece| piece.iter().flatten().copied().collect());
-    pieces.filter(|piece: &Vec<[f64; 2]>| piece.len() > 1).collect()
+    pieces.filter(|piece: &Vec<Pixel>| piece.len() > 1).collect()
 }

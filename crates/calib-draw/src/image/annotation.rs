@@ -1,0 +1,100 @@
+//! Drawn lines: what they are, what the solution says of them, where they lead, which should come next.
+
+use calib_core::{Annotation, Camera, Kind, Pixel, Residual, Shape, UndistortedPixel, line_name};
+
+use crate::image::ImageView;
+use crate::item::{Geometry, Item};
+use crate::kind::KindLook;
+use crate::meaning::{Line, Meaning};
+use crate::sign::{SQUARE, SQUARE_BESIDE, Sign};
+
+/// Which signs lines have beside their colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signs {
+    /// Those of their kinds.
+    OfKinds,
+    /// Where every line has its name, its letter tells its kind: only what is at right angles to the first
+    /// line of its annotation is marked.
+    RightAngles,
+}
+
+pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
+    let Some(entry) = view.entry() else { return Vec::new() };
+    let mut items = Vec::new();
+    for (index, drawn) in entry.annotations.iter().enumerate() {
+        for (segment, points) in drawn.polylines().enumerate() {
+            let meaning = Meaning::Annotation(line(view, drawn, index, segment));
+            let ends = points.first().copied().zip(points.last().copied());
+            let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
+            items.push(Item::polyline(meaning, points));
+            if let Some((a, b)) = ends {
+                let signs = signs.of(drawn, segment);
+                items.extend(signs.map(|sign| Item::new(meaning, Geometry::Sign(sign, [a, b]))));
+            }
+            items.extend(dots);
+            if let (Some((first, _)), Some(_)) = (ends, view.letters) {
+                items.push(Item::label(meaning, first, line_name(&entry.annotations, index, segment)));
+            }
+        }
+    }
+    items
+}
+
+impl Signs {
+    fn of(self, drawn: &Annotation, segment: usize) -> impl Iterator<Item = Sign> {
+        let of_kind = KindLook::of(drawn.kind).sign;
+        let of_kind = match self {
+            Self::OfKinds => Some(of_kind),
+            Self::RightAngles => Some(of_kind).filter(|&sign| sign == SQUARE && segment > 0),
+        };
+        // A second direction at right angles to a parallel group carries the square too.
+        let is_second = drawn.at_right_angles_to.is_some() && segment == 0 && self == Self::OfKinds;
+        of_kind.into_iter().chain(is_second.then_some(SQUARE_BESIDE))
+    }
+}
+
+fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> Line {
+    let residuals = view.scene.solution(view.camera).map_or(&[][..], |solution| &solution.residuals);
+    let is_of = |r: &&Residual| r.annotation == Some(annotation) && r.segment == Some(segment);
+    let residual = residuals.iter().find(is_of);
+    let sigma = view.entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
+    Line {
+        kind: drawn.kind,
+        annotation,
+        segment,
+        is_off: drawn.off,
+        is_outlier: residual.is_some_and(|residual| residual.outlier),
+        residual_px: residual.map(|residual| residual.px),
+        over_sigma: residual.map(|residual| residual.px.abs() / sigma),
+    }
+}
+
+/// A drawn line beyond its ends, towards its vanishing point, as the lens bends it: once from each end. None
+/// of a polyline, which follows an edge as it is.
+#[must_use]
+pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixel>> {
+    const STEPS: i32 = 60;
+    const REACH: f64 = 8.0;
+    if kind.row().shape == Shape::Polyline {
+        return Vec::new();
+    }
+    let ends = points.first().zip(points.last());
+    let ends = ends.and_then(|(&a, &b)| camera.undistort(a).zip(camera.undistort(b)));
+    let Some((a, b)) = ends else { return Vec::new() };
+    let at = |t: f64| camera.distort(UndistortedPixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v)));
+    let side = |from: f64, to: f64| {
+        let points = (0..=STEPS).map_while(|i| at(from + (to - from) * f64::from(i) / f64::from(STEPS)));
+        Item::polyline(Meaning::Extension(kind), points.collect())
+    };
+    vec![side(0.0, -REACH), side(1.0, 1.0 + REACH)]
+}
+
+pub(super) fn suggestion(view: &ImageView) -> Vec<Item<Pixel>> {
+    let next = view.scene.solution(view.camera).and_then(|solution| solution.draw_next.as_ref());
+    let Some(next) = next else { return Vec::new() };
+    let meaning = Meaning::Suggestion(next.kind);
+    let of = |&[a, b]: &[Pixel; 2]| {
+        [Item::polyline(meaning, vec![a, b]), Item::point(meaning, a), Item::point(meaning, b)]
+    };
+    next.segments_px.iter().flat_map(of).collect()
+}

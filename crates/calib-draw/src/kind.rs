@@ -1,0 +1,62 @@
+//! How lines of every kind look: beside `calib_core::KINDS` the one place that a new kind needs.
+
+use calib_core::Kind;
+
+use crate::colour::Rgb;
+use crate::sign::{self, SQUARE, Sign};
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct KindLook {
+    /// Which kind.
+    pub kind: Kind,
+    /// On images, and on dark grounds.
+    pub colour: Rgb,
+    /// The same hue on a light ground.
+    pub on_light: Rgb,
+    /// Lengths of strokes and gaps; solid if empty.
+    pub dash: &'static [f64],
+    /// What tells the kind without its colour.
+    pub sign: Sign,
+    /// Whether its lines lie level, so that a view from above shows them in their true shape.
+    pub is_level: bool,
+}
+
+/// The look of every kind, in the order of `calib_core::KINDS`.
+pub const KIND_LOOKS: [KindLook; calib_core::KINDS.len()] = {
+    const fn row(kind: Kind, [colour, on_light]: [u32; 2], (sign, is_level): (Sign, bool)) -> KindLook {
+        KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign, is_level }
+    }
+    [
+        row(Kind::Vertical, [0x5BB8F5, 0x0B76B8], (sign::ARROW, false)),
+        row(Kind::Parallel, [0xFFB020, 0xA86B00], (sign::CHEVRONS, true)),
+        row(Kind::Perpendicular, [0x38D391, 0x0B8A55], (SQUARE, true)),
+        row(Kind::EqualLength, [0xF48FC3, 0xB83A80], (sign::TICKS, true)),
+        row(Kind::KnownLength, [0xF2DF4A, 0x857300], (sign::ENDS, true)),
+        row(Kind::Straight, [0xEEF1F4, 0x3C444C], (sign::NONE, false)),
+        row(Kind::Upright, [0xFF7F57, 0xC4401B], (sign::FOOT_AND_HEAD, false)),
+    ]
+};
+
+impl KindLook {
+    /// The row of a kind.
+    #[must_use]
+    pub fn of(kind: Kind) -> &'static Self {
+        &KIND_LOOKS[kind as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_its_row_and_a_colour_of_its_own() {
+        let mut colours = std::collections::HashSet::new();
+        for row in &calib_core::KINDS {
+            let look = KindLook::of(row.kind);
+            assert_eq!(look.kind, row.kind);
+            assert!(colours.insert(look.colour), "{} looks like another kind", row.name);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! How every meaning looks: colour, width, dash. Painters turn it into theirs.
+
+use crate::colour::Rgb;
+use crate::kind::KindLook;
+use crate::meaning::{Line, Meaning, Sighted};
+
+/// What lies under a line, so that it is legible on any ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outline {
+    /// A dark line.
+    Dark,
+    /// A dark line that is hardly seen; a still picture does without.
+    Faint,
+    /// Nothing.
+    None,
+}
+
+/// How a line looks. Lengths are those of a screen; larger pictures scale them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Its colour.
+    pub colour: Rgb,
+    /// Its width.
+    pub width: f64,
+    /// Lengths of strokes and gaps; solid if empty.
+    pub dash: &'static [f64],
+    /// From 0, invisible, to 1.
+    pub opacity: f64,
+    /// What lies under it.
+    pub outline: Outline,
+}
+
+/// Width of what was drawn.
+pub const LINE: f64 = 2.0;
+const DRAWN_OFF: &[f64] = &[3.0, 6.0];
+const FIELD: &[f64] = &[10.0, 5.0];
+
+impl Look {
+    const fn new(colour: Rgb, width: f64) -> Self {
+        Self { colour, width, dash: &[], opacity: 1.0, outline: Outline::Dark }
+    }
+
+    const fn dashed(self, dash: &'static [f64]) -> Self {
+        Self { dash, ..self }
+    }
+
+    const fn at(self, opacity: f64) -> Self {
+        Self { opacity, ..self }
+    }
+
+    const fn on(self, outline: Outline) -> Self {
+        Self { outline, ..self }
+    }
+
+    /// On images, and on a dark floor.
+    #[must_use]
+    pub fn of(meaning: Meaning) -> Self {
+        const WHITE: Rgb = Rgb::WHITE;
+        match meaning {
+            Meaning::LensGrid => Self::new(Rgb::LENS, 1.0).at(0.45),
+            Meaning::Grid => Self::new(WHITE, 1.0).at(0.42).on(Outline::Faint),
+            Meaning::Horizon => Self::new(WHITE, 1.5).dashed(&[14.0, 5.0, 3.0, 5.0]),
+            Meaning::Efov(camera) => Self::new(Rgb::camera(camera), LINE).dashed(FIELD),
+            Meaning::OtherEfov(camera) => {
+                Self::new(Rgb::camera(camera), 1.25).dashed(&[5.0, 5.0]).on(Outline::Faint)
+            }
+            Meaning::Prism(camera) => Self::new(Rgb::camera(camera), 1.25),
+            Meaning::Guide => Self::new(WHITE, 1.25).at(0.78),
+            Meaning::Mark(_) => Self::new(WHITE, LINE),
+            Meaning::Annotation(line) => of_line(&line),
+            Meaning::Extension(kind) => {
+                Self::new(KindLook::of(kind).colour, 1.25).dashed(&[2.0, 5.0]).on(Outline::None)
+            }
+            Meaning::Suggestion(kind) => Self::new(KindLook::of(kind).colour, 2.25).dashed(DRAWN_OFF),
+            Meaning::ControlPoint { is_off: true, .. } => Self::new(Rgb::hex(0x808080), LINE),
+            Meaning::ControlPoint { .. } => Self::new(WHITE, LINE),
+            Meaning::MarkSeen(_) => Self::new(Rgb::ACCENT, LINE),
+            Meaning::Residual { .. } => Self::new(Rgb::BAD, LINE),
+            Meaning::Link { waits, .. } => Self::new(if waits { Rgb::WAITING } else { WHITE }, LINE),
+            Meaning::LinkPut { camera, .. } => Self::new(camera.map_or(Rgb::WAITING, Rgb::camera), 1.25),
+            Meaning::Epipolar => Self::new(Rgb::WAITING, 1.75).dashed(&[5.0, 4.0]),
+            Meaning::Seen(of) | Meaning::Solved(of) => {
+                Self::new(if of.is_aside { Rgb::BAD } else { WHITE }, 1.25).at(if of.is_off {
+                    0.5
+                } else {
+                    1.0
+                })
+            }
+            Meaning::PositionEllipse(camera) => Self::new(Rgb::camera(camera), 1.25).on(Outline::None),
+            Meaning::Camera(camera) => Self::new(Rgb::camera(camera), 1.5).on(Outline::None),
+        }
+    }
+
+    /// On a light plan: lines are dark, and nothing lies under them.
+    #[must_use]
+    pub fn on_light(meaning: Meaning) -> Self {
+        let look = match meaning {
+            Meaning::Grid => Self::new(Rgb::INK, 1.0).at(0.14),
+            Meaning::Efov(camera) => Self::new(Rgb::camera_on_light(camera), LINE),
+            Meaning::PositionEllipse(camera) => {
+                Self::new(Rgb::camera_on_light(camera), 1.25).dashed(&[4.0, 3.0])
+            }
+            Meaning::Mark(_) => Self::new(Rgb::INK, 1.5).at(0.8),
+            Meaning::Camera(_) => Self::new(Rgb::INK, 1.25),
+            Meaning::Seen(of) | Meaning::Solved(of) if of.is_aside => {
+                let look = Self::new(Rgb::BAD_ON_LIGHT, 1.25);
+                if of.camera.is_some() { look.dashed(&[4.0, 3.0]) } else { look }
+            }
+            Meaning::Seen(Sighted { camera: Some(camera), .. }) => {
+                Self::new(Rgb::camera_on_light(camera), 1.5)
+            }
+            Meaning::Seen(_) | Meaning::Solved(_) => Self::new(Rgb::INK, 1.25),
+            other => Self::of(other),
+        };
+        look.on(Outline::None)
+    }
+}
+
+impl Line {
+    /// The colour of its points and its name: what would be set aside says so even where the line is off.
+    #[must_use]
+    pub fn colour(&self) -> Rgb {
+        if self.is_outlier { Rgb::BAD } else { KindLook::of(self.kind).colour }
+    }
+}
+
+fn of_line(line: &Line) -> Look {
+    let kind = KindLook::of(line.kind);
+    match (line.is_off, line.is_outlier) {
+        (true, _) => Look::new(kind.colour, LINE).dashed(DRAWN_OFF).at(0.5).on(Outline::Faint),
+        (false, true) => Look::new(Rgb::BAD, LINE + 1.0).dashed(&[6.0, 4.0]),
+        (false, false) => Look::new(kind.colour, LINE).dashed(kind.dash),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::KINDS;
+
+    use super::*;
+
+    fn line(kind: calib_core::Kind) -> Line {
+        Line {
+            kind,
+            annotation: 0,
+            segment: 0,
+            is_off: false,
+            is_outlier: false,
+            residual_px: None,
+            over_sigma: None,
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_off_or_set_aside_looks_so_whatever_its_kind() {
+        for row in &KINDS {
+            let used = of_line(&line(row.kind));
+            let off = of_line(&Line { is_off: true, ..line(row.kind) });
+            let aside = of_line(&Line { is_outlier: true, ..line(row.kind) });
+            assert!(used.opacity == 1.0 && used.dash != off.dash && used.dash != aside.dash);
+            assert!(off.opacity < 1.0 && off.colour == used.colour);
+            assert!(aside.colour == Rgb::BAD, "{}", row.name);
+            let both = Line { is_off: true, is_outlier: true, ..line(row.kind) };
+            assert_eq!((of_line(&both), both.colour()), (off, Rgb::BAD));
+        }
+    }
+
+    #[test]
+    fn what_is_drawn_on_a_light_plan_is_dark() {
+        let luminance = |Rgb([r, g, b]): Rgb| 0.3 * f64::from(r) + 0.6 * f64::from(g) + 0.1 * f64::from(b);
+        let seen = Sighted { camera: Some(2), is_aside: false, is_off: false };
+        for camera in 0..8 {
+            for meaning in [
+                Meaning::Grid,
+                Meaning::Efov(camera),
+                Meaning::PositionEllipse(camera),
+                Meaning::Mark(camera),
+                Meaning::Camera(camera),
+                Meaning::Seen(Sighted { camera: Some(camera), ..seen }),
+                Meaning::Solved(Sighted { camera: None, is_aside: true, ..seen }),
+            ] {
+                let look = Look::on_light(meaning);
+                assert!(luminance(look.colour) < 140.0, "{meaning:?}");
+                assert_eq!(look.outline, Outline::None);
+            }
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! What is drawn on the floor seen from above, in metres.
+
+use calib_core::{Camera, FloorPoint, floor_grid, position_ellipse};
+
+use crate::agreement::{Element, elements};
+use crate::item::{Geometry, Item};
+use crate::meaning::{Meaning, Sighted};
+use crate::scene::Scene;
+
+/// What can be drawn on a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlanLayer {
+    /// The metre grid inside four corners, with lines so many metres apart.
+    Grid([FloorPoint; 4], f64),
+    /// The EFOV of every camera.
+    Efovs,
+    /// So many standard deviations of where every camera stands.
+    PositionEllipses(f64),
+    /// Virtual elements.
+    Marks,
+    /// Where every view puts the links it shows, apart by as much as the views disagree.
+    Links,
+    /// Links and marks that were solved, and where every camera puts what it shows of them.
+    Sightings,
+    /// Control points, and where their cameras put them.
+    ControlPoints,
+    /// Every camera.
+    Cameras,
+}
+
+/// A plan to be drawn on.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanView<'a> {
+    scene: &'a dyn Scene,
+    first: Option<usize>,
+    is_placed: bool,
+}
+
+impl<'a> PlanView<'a> {
+    /// The floor of a site, with every camera that is solved.
+    #[must_use]
+    pub fn new(scene: &'a dyn Scene) -> Self {
+        Self { scene, first: None, is_placed: false }
+    }
+
+    /// Only with cameras that stand where they belong in the site.
+    #[must_use]
+    pub fn of_placed(self) -> Self {
+        Self { is_placed: true, ..self }
+    }
+
+    /// With one camera over all others.
+    #[must_use]
+    pub fn with_uppermost(self, camera: usize) -> Self {
+        Self { first: Some(camera), ..self }
+    }
+
+    /// The cameras that are drawn, from the lowest up.
+    fn cameras(&self) -> impl Iterator<Item = (usize, Camera)> {
+        let count = self.scene.site().cameras.len();
+        let uppermost = self.first.filter(|&camera| camera < count);
+        let below = (0..count).filter(move |&camera| Some(camera) != uppermost);
+        below.chain(uppermost).filter_map(|camera| {
+            let solution =
+                if self.is_placed { self.scene.placed(camera) } else { self.scene.solution(camera) };
+            Some((camera, solution.and_then(|_| self.scene.pose(camera))?))
+        })
+    }
+}
+
+impl PlanLayer {
+    fn items(self, view: &PlanView) -> Vec<Item<FloorPoint>> {
+        match self {
+            Self::Grid(corners, step) => grid(&corners, step),
+            Self::Efovs => view.cameras().filter_map(|(camera, _)| efov(view, camera)).collect(),
+            Self::PositionEllipses(sigmas) => {
+                let ellipse = |(camera, pose): (usize, Camera)| {
+                    let corners = position_ellipse(&pose, sigmas)?;
+                    Some(Item::polygon(Meaning::PositionEllipse(camera), corners))
+                };
+                view.cameras().filter_map(ellipse).collect()
+            }
+            Self::Marks => marks(view),
+            Self::Links => links(view),
+            Self::Sightings => sightings(view),
+            Self::ControlPoints => control_points(view),
+            Self::Cameras => view.cameras().map(|(camera, pose)| cone(view, camera, &pose)).collect(),
+        }
+    }
+}
+
+/// What is drawn on a plan, layer by layer from the lowest.
+#[must_use]
+pub fn on_plan(view: &PlanView, layers: &[PlanLayer]) -> Vec<Item<FloorPoint>> {
+    layers.iter().flat_map(|layer| layer.items(view)).collect()
+}
+
+fn grid(corners: &[FloorPoint], step: f64) -> Vec<Item<FloorPoint>> {
+    let lines = floor_grid(corners, step).into_iter();
+    let on_floor = lines.map(|line| line.iter().map(|point| point.on_floor()).collect());
+    on_floor.map(|line| Item::polyline(Meaning::Grid, line)).collect()
+}
+
+fn efov(view: &PlanView, camera: usize) -> Option<Item<FloorPoint>> {
+    let solution = view.scene.solution(camera)?;
+    Some(Item::polygon(Meaning::Efov(camera), solution.efov_m.clone()))
+}
+
+fn cone(view: &PlanView, camera: usize, pose: &Camera) -> Item<FloorPoint> {
+    let foot = pose.position.on_floor();
+    let ahead = FloorPoint { x: foot.x - pose.yaw.sin(), y: foot.y + pose.yaw.cos() };
+    let size = view.scene.site().cameras[camera].size();
+    let half_angle = 0.5 * pose.field_of_view(size)[0];
+    Item::new(Meaning::Camera(camera), Geometry::Cone { foot, ahead, half_angle })
+}
+
+fn marks(view: &PlanView) -> Vec<Item<FloorPoint>> {
+    let mut items = Vec::new();
+    for (index, mark) in view.scene.site().marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
+        let (shape, meaning) = (mark.shape(), Meaning::Mark(index));
+        for line in shape.polylines() {
+            items.push(Item::polyline(meaning, line.iter().map(|point| point.on_floor()).collect()));
+        }
+        let at = shape.at.on_floor();
+        items.push(Item::point(meaning, at));
+        let name = mark.name.as_ref().or(mark.id.as_ref());
+        items.extend(name.map(|name| Item::label(meaning, at, name.clone())));
+    }
+    items
+}
+
+fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
+    let mut items = Vec::new();
+    for (index, link) in view.scene.site().links.iter().enumerate() {
+        let height = link.height_m.unwrap_or(0.0);
+        let put = link.seen.iter().filter_map(|seen| {
+            let camera = view.scene.index(&seen.camera)?;
+            view.scene.placed(camera)?;
+            Some((camera, view.scene.pose(camera)?.pixel_to_floor(seen.px.or(seen.foot)?, height)?))
+        });
+        let put: Vec<(usize, FloorPoint)> = put.collect();
+        let meaning = |camera| Meaning::LinkPut { index, camera };
+        items.extend(put.windows(2).map(|pair| Item::polyline(meaning(None), vec![pair[0].1, pair[1].1])));
+        items.extend(put.iter().map(|&(camera, at)| Item::point(meaning(Some(camera)), at)));
+        let named = link.id.as_ref().zip(put.first());
+        items.extend(named.map(|(id, &(_, at))| Item::label(meaning(None), at, id.clone())));
+    }
+    items
+}
+
+/// First what lies beneath, then the links and marks themselves.
+fn sightings(view: &PlanView) -> Vec<Item<FloorPoint>> {
+    let elements: Vec<Element> =
+        elements(view.scene.site()).into_iter().filter(|element| !element.is_off).collect();
+    let mut items: Vec<Item<FloorPoint>> = elements.iter().flat_map(put).collect();
+    for element in elements.iter().filter(|element| !element.views.is_empty()) {
+        let (at, meaning) = (element.found.at_m.on_floor(), Meaning::Solved(sighted(element, None)));
+        items.push(Item::point(meaning, at));
+        items.push(Item::label(meaning, at, element.id.clone()));
+    }
+    items
+}
+
+fn sighted(element: &Element, camera: Option<usize>) -> Sighted {
+    Sighted { camera, is_aside: element.is_aside, is_off: element.is_off }
+}
+
+/// The line that a link is, and from where every camera puts a point of it to where it is.
+fn put(element: &Element) -> Vec<Item<FloorPoint>> {
+    let mut items: Vec<Item<FloorPoint>> = line(element).into_iter().collect();
+    for view in &element.views {
+        let meaning = Meaning::Seen(sighted(element, Some(view.index)));
+        let pairs = view.sightings.iter().filter_map(|seen| Some(vec![seen.put?, seen.at]));
+        items.extend(pairs.map(|pair| Item::polyline(meaning, pair)));
+    }
+    items
+}
+
+/// The piece of a line of the floor that the cameras show.
+fn line(element: &Element) -> Option<Item<FloorPoint>> {
+    let turn = element.found.turn_deg.filter(|_| element.is_long)?;
+    let (sin, cos) = turn.to_radians().sin_cos();
+    let mut points: Vec<FloorPoint> =
+        element.views.iter().flat_map(|view| view.sightings.iter().map(|seen| seen.at)).collect();
+    points.sort_by(|a, b| (a.x * cos + a.y * sin).total_cmp(&(b.x * cos + b.y * sin)));
+    Some(Item::polyline(Meaning::Solved(sighted(element, None)), points))
+}
+
+fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
+    let site = view.scene.site();
+    let mut items = Vec::new();
+    for (camera, entry) in site.cameras.iter().enumerate() {
+        for (index, point) in entry.control_points.iter().enumerate().filter(|(_, point)| !point.off) {
+            let Some(control) = point.control_point(site.plan.as_ref()) else { continue };
+            let at = control.world.on_floor();
+            items.push(Item::point(Meaning::ControlPoint { camera, index, is_off: false }, at));
+            let put = view.scene.pose(camera).and_then(|pose| pose.pixel_to_floor(point.px, control.world.z));
+            let residual = Meaning::Residual { is_off: false };
+            items.extend(put.map(|put| Item::polyline(residual, vec![at, put])));
+        }
+    }
+    items
+}
+
+/// The cone of a camera on a drawing: where it stands, and the ends of its sides of this length.
+#[must_use]
+pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f64) -> [[f64; 2]; 3] {
+    let [x, y] = foot;
+    let angle = (ahead[1] - y).atan2(ahead[0] - x);
+    let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
+    [foot, tip(-half_angle), tip(half_angle)]
+}

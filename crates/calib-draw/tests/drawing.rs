@@ -1,0 +1,308 @@
+//! What is drawn of the demonstration site, and of sites that have what it lacks.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::sync::OnceLock;
+
+use calib_core::{FloorPoint, KINDS, MarkKind, Options, Pixel, Shape, Site, WorldPoint};
+use calib_draw::{
+    Geometry, ImageLayer, ImageView, Item, Meaning, PlanLayer, PlanView, Scene as _, Signs, cone_corners,
+    extension, on_image, on_plan,
+};
+
+/// The demonstration, solved.
+fn solved() -> &'static Site {
+    static SITE: OnceLock<Site> = OnceLock::new();
+    SITE.get_or_init(|| {
+        let site = calib_demo::demo_site().site;
+        site.calibrate(&Options::default()).write_into(&site)
+    })
+}
+
+fn polylines<P: Clone>(items: &[Item<P>]) -> Vec<(Meaning, Vec<P>)> {
+    let of = |item: &Item<P>| match &item.geometry {
+        Geometry::Polyline(points) => Some((item.meaning, points.clone())),
+        _ => None,
+    };
+    items.iter().filter_map(of).collect()
+}
+
+fn labels<P: Copy>(items: &[Item<P>]) -> Vec<(P, &str)> {
+    let mut found = Vec::new();
+    for item in items {
+        if let Geometry::Label(at, text) = &item.geometry {
+            found.push((*at, text.as_str()));
+        }
+    }
+    found
+}
+
+/// How far points are from the straight line through the first and the last.
+fn bend(points: &[[f64; 2]]) -> f64 {
+    let ([ax, ay], [bx, by]) = (points[0], points[points.len() - 1]);
+    let length = (bx - ax).hypot(by - ay).max(1e-9);
+    let off = |[x, y]: [f64; 2]| ((bx - ax) * (y - ay) - (by - ay) * (x - ax)).abs() / length;
+    points.iter().copied().map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_drawn_line_is_there_once_as_it_was_drawn() {
+    let site = solved();
+    for (camera, entry) in site.cameras.iter().enumerate() {
+        let view = ImageView::new(site, camera);
+        let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
+        let drawn: Vec<Vec<Pixel>> = entry.annotations.iter().flat_map(|a| a.polylines()).collect();
+        let lines = polylines(&items);
+        assert_eq!(lines.iter().map(|(_, points)| points.clone()).collect::<Vec<_>>(), drawn);
+        for (meaning, points) in lines {
+            let Meaning::Annotation(line) = meaning else { panic!("{meaning:?} among drawn lines") };
+            let annotation = &entry.annotations[line.annotation];
+            assert_eq!((line.kind, line.is_off), (annotation.kind, annotation.off));
+            assert_eq!(annotation.polylines().nth(line.segment), Some(points));
+        }
+        assert!(labels(&items).is_empty(), "names are for those who ask");
+        let named = on_image(&view.with_letters(1.0), &[ImageLayer::Annotations(Signs::OfKinds)]);
+        assert_eq!(labels(&named).len(), drawn.len());
+    }
+}
+
+#[test]
+fn a_layer_has_its_own_meanings_and_no_others() {
+    let site = solved();
+    let is_of = |layer: ImageLayer, meaning: Meaning| match layer {
+        ImageLayer::LensGrid => matches!(meaning, Meaning::LensGrid),
+        ImageLayer::Grid(_) => matches!(meaning, Meaning::Grid),
+        ImageLayer::DrawnEfov => matches!(meaning, Meaning::Efov(_)),
+        ImageLayer::DrawnPrism => matches!(meaning, Meaning::Prism(_)),
+        ImageLayer::SolvedEfov => matches!(meaning, Meaning::Efov(_) | Meaning::Prism(_)),
+        ImageLayer::OtherEfovs => matches!(meaning, Meaning::OtherEfov(_)),
+        ImageLayer::Horizon => matches!(meaning, Meaning::Horizon),
+        ImageLayer::Marks => matches!(meaning, Meaning::Mark(_)),
+        ImageLayer::Pins => matches!(meaning, Meaning::MarkSeen(_) | Meaning::Residual { .. }),
+        ImageLayer::Annotations(_) => matches!(meaning, Meaning::Annotation(_)),
+        ImageLayer::ControlPoints => {
+            matches!(meaning, Meaning::ControlPoint { .. } | Meaning::Residual { .. })
+        }
+        ImageLayer::Links { .. } => matches!(meaning, Meaning::Link { .. }),
+        ImageLayer::Sightings => matches!(meaning, Meaning::Seen(_) | Meaning::Solved(_)),
+        ImageLayer::Suggestion => matches!(meaning, Meaning::Suggestion(_)),
+    };
+    let layers = [
+        ImageLayer::LensGrid,
+        ImageLayer::Grid(1.0),
+        ImageLayer::DrawnEfov,
+        ImageLayer::DrawnPrism,
+        ImageLayer::SolvedEfov,
+        ImageLayer::OtherEfovs,
+        ImageLayer::Horizon,
+        ImageLayer::Marks,
+        ImageLayer::Pins,
+        ImageLayer::Annotations(Signs::RightAngles),
+        ImageLayer::ControlPoints,
+        ImageLayer::Links { begun: None },
+        ImageLayer::Sightings,
+        ImageLayer::Suggestion,
+    ];
+    for camera in 0..site.cameras.len() {
+        let view = ImageView::new(site, camera).with_letters(1.0);
+        let apart: Vec<Item<Pixel>> = layers.iter().flat_map(|&layer| on_image(&view, &[layer])).collect();
+        assert_eq!(on_image(&view, &layers), apart, "layers lie on each other in the order asked for");
+        for layer in layers {
+            assert!(on_image(&view, &[layer]).iter().all(|item| is_of(layer, item.meaning)), "{layer:?}");
+        }
+    }
+}
+
+#[test]
+fn a_line_of_the_grid_shows_whole_metres_of_the_floor() {
+    let site = solved();
+    for camera in 0..site.cameras.len() {
+        let pose = site.pose(camera).unwrap();
+        let lines = polylines(&on_image(&ImageView::new(site, camera), &[ImageLayer::Grid(2.0)]));
+        assert!(!lines.is_empty());
+        for (_, points) in lines {
+            let [w, h] = site.cameras[camera].size();
+            let inside = |p: &&Pixel| (0.0..w).contains(&p.u) && (0.0..h).contains(&p.v);
+            let floor: Vec<FloorPoint> =
+                points.iter().filter(inside).filter_map(|&p| pose.pixel_to_floor(p, 0.0)).collect();
+            let off = |value: f64| (value / 2.0 - (value / 2.0).round()).abs();
+            let along = |value: fn(&FloorPoint) -> f64| floor.iter().map(value).map(off).fold(0.0, f64::max);
+            assert!(along(|p| p.x) < 1e-3 || along(|p| p.y) < 1e-3, "camera {camera}");
+        }
+    }
+}
+
+#[test]
+fn words_on_the_grid_and_the_horizon_stand_in_the_image() {
+    let site = solved();
+    for (camera, entry) in site.cameras.iter().enumerate() {
+        let [w, h] = entry.size();
+        for scale in [0.5, 1.0, 3.0] {
+            let view = ImageView::new(site, camera).with_letters(scale);
+            let items = on_image(&view, &[ImageLayer::Grid(1.0), ImageLayer::Horizon]);
+            for (at, text) in labels(&items) {
+                assert!((0.0..w).contains(&at.u) && (0.0..h).contains(&at.v), "{text} at {at:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_grid_of_a_lens_is_straight_in_the_scene_and_ends_at_the_image() {
+    let site = solved();
+    for (camera, entry) in site.cameras.iter().enumerate() {
+        let lens = entry.solution.as_ref().unwrap().lens();
+        let [w, h] = entry.size();
+        for (_, points) in polylines(&on_image(&ImageView::new(site, camera), &[ImageLayer::LensGrid])) {
+            let inside = |p: &&Pixel| (0.0..w).contains(&p.u) && (0.0..h).contains(&p.v);
+            let flat: Vec<[f64; 2]> =
+                points.iter().filter(inside).filter_map(|&p| lens.undistort(p)).map(|p| [p.u, p.v]).collect();
+            assert!(flat.len() < 2 || bend(&flat) < 1e-2, "camera {camera}: {}", bend(&flat));
+            let margin = 0.05 * w;
+            let is_near =
+                |p: &Pixel| (-margin..w + margin).contains(&p.u) && (-margin..h + margin).contains(&p.v);
+            assert!(points.iter().all(is_near));
+        }
+    }
+}
+
+#[test]
+fn what_stands_behind_a_camera_is_not_on_its_image() {
+    let mut site = solved().clone();
+    let pose = site.pose(0).unwrap();
+    let mark = site.marks.first().cloned();
+    let mut mark = mark.unwrap_or_else(|| any_mark(MarkKind::Cross));
+    let ahead = [-pose.yaw.sin(), pose.yaw.cos()];
+    let at =
+        |far: f64| WorldPoint::new(pose.position.x + far * ahead[0], pose.position.y + far * ahead[1], 0.0);
+    mark.off = false;
+    for (far, is_seen) in [(-30.0, false), (2.0 * pose.position.z, true)] {
+        mark.at_m = at(far);
+        site.marks = vec![mark.clone()];
+        let items = on_image(&ImageView::new(&site, 0), &[ImageLayer::Marks]);
+        assert_eq!(!items.is_empty(), is_seen, "{far} m ahead");
+    }
+    mark.off = true;
+    site.marks = vec![mark];
+    assert!(on_image(&ImageView::new(&site, 0), &[ImageLayer::Marks, ImageLayer::Pins]).is_empty());
+    assert!(on_plan(&PlanView::new(&site), &[PlanLayer::Marks]).is_empty());
+}
+
+fn any_mark(kind: MarkKind) -> calib_core::Mark {
+    calib_core::Mark {
+        id: None,
+        name: None,
+        off: false,
+        keep: false,
+        kind,
+        at_m: WorldPoint::new(0.0, 0.0, 0.0),
+        turn_deg: 0.0,
+        size_m: vec![1.0; kind.size_names().len()],
+        fixed: false,
+        seen: Vec::new(),
+        solution: None,
+    }
+}
+
+#[test]
+fn a_mark_of_every_kind_is_drawn_and_one_of_an_unknown_kind_cannot_be() {
+    let text = |kind: &str| {
+        format!(
+            r#"{{"format": "calib-site", "version": 1, "marks": [{{"kind": {kind}, "at_m": [0, 0, 0], "size_m": [1]}}]}}"#
+        )
+    };
+    assert!(Site::from_json(&text(r#""cross""#)).is_ok());
+    assert!(Site::from_json(&text(r#""teapot""#)).is_err());
+    for kind in MarkKind::ALL {
+        let mut site = solved().clone();
+        site.marks = vec![any_mark(kind)];
+        let items = on_plan(&PlanView::new(&site), &[PlanLayer::Marks]);
+        assert_eq!(polylines(&items).len(), site.marks[0].shape().polylines().len(), "{kind:?}");
+        assert!(items.iter().all(|item| item.meaning == Meaning::Mark(0)));
+    }
+}
+
+#[test]
+fn a_line_leads_on_straight_as_the_lens_bends_it_and_an_edge_does_not_lead_on() {
+    let pose = solved().pose(0).unwrap();
+    let points = [Pixel::new(700.0, 400.0), Pixel::new(900.0, 500.0)];
+    for row in &KINDS {
+        let items = extension(&pose, row.kind, &points);
+        assert_eq!(items.is_empty(), row.shape == Shape::Polyline, "{}", row.name);
+        for (meaning, line) in polylines(&items) {
+            assert_eq!(meaning, Meaning::Extension(row.kind));
+            let both = line.iter().chain(&points).filter_map(|&p| pose.undistort(p));
+            let flat: Vec<[f64; 2]> = both.map(|p| [p.u, p.v]).collect();
+            assert!(bend(&flat) < 1e-3, "{}", bend(&flat));
+        }
+    }
+}
+
+#[test]
+fn links_lie_on_the_plan_where_their_views_put_them() {
+    let site = solved();
+    let items = on_plan(&PlanView::new(site), &[PlanLayer::Links]);
+    let mut count = 0;
+    for item in &items {
+        let (Geometry::Point(at), Meaning::LinkPut { index, camera: Some(camera) }) =
+            (&item.geometry, item.meaning)
+        else {
+            continue;
+        };
+        let (link, pose) = (&site.links[index], site.pose(camera).unwrap());
+        let seen = link.seen.iter().find(|seen| seen.camera == site.cameras[camera].id).unwrap();
+        let height = link.height_m.unwrap_or(0.0);
+        let pixel = pose.world_to_pixel(at.at_height(height)).unwrap();
+        assert!(pixel.distance(seen.px.or(seen.foot).unwrap()) < 1e-3);
+        count += 1;
+    }
+    assert!(count > 4, "{count} points of links");
+}
+
+#[test]
+fn a_solved_link_is_on_the_image_where_it_was_drawn() {
+    let site = solved();
+    let mut count = 0;
+    for camera in 0..site.cameras.len() {
+        let items = on_image(&ImageView::new(site, camera), &[ImageLayer::Sightings]);
+        for (meaning, points) in polylines(&items) {
+            let Meaning::Seen(of) = meaning else { continue };
+            assert_eq!(of.camera, Some(camera));
+            assert!(of.is_aside || points[0].distance(points[1]) < 5.0, "as well as they agree");
+            count += 1;
+        }
+    }
+    assert!(count > 4, "{count} sightings");
+}
+
+#[test]
+fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
+    let mut site = solved().clone();
+    let of = |site: &Site, view: PlanView| -> Vec<usize> {
+        assert!(site.cameras.len() > 2);
+        let items = on_plan(&view, &[PlanLayer::Cameras]);
+        let of = items.iter().map(|item| match item.meaning {
+            Meaning::Camera(index) => index,
+            other => panic!("{other:?} among cameras"),
+        });
+        of.collect()
+    };
+    let all: Vec<usize> = (0..site.cameras.len()).collect();
+    assert_eq!(of(&site, PlanView::new(&site)), all);
+    assert_eq!(of(&site, PlanView::new(&site).with_uppermost(1)).last(), Some(&1));
+    site.cameras[0].solution.as_mut().unwrap().stage = calib_core::Stage::Partial;
+    assert_eq!(of(&site, PlanView::new(&site).of_placed()), all[1..]);
+    site.cameras[1].solution = None;
+    assert_eq!(of(&site, PlanView::new(&site)).len(), all.len() - 1);
+}
+
+#[test]
+fn a_cone_opens_about_the_way_its_camera_looks() {
+    let [foot, left, right] = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
+    let way = [0.6, -0.8];
+    for [x, y] in [left, right] {
+        let along = (x - foot[0]) * way[0] + (y - foot[1]) * way[1];
+        assert!((along - 44.0 * 0.4_f64.cos()).abs() < 1e-9);
+        assert!(((x - foot[0]).hypot(y - foot[1]) - 44.0).abs() < 1e-9);
+    }
+}
