@@ -2,7 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, SVD};
 
-use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint, camera_from_world};
+use crate::camera::{
+    Camera, Covariance, FloorPoint, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint,
+    camera_from_world, times,
+};
 
 /// Height of the camera in stage 1, in metres, by the paper's convention.
 pub const STAGE_1_HEIGHT: f64 = 3.0;

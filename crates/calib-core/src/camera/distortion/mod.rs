@@ -180,6 +180,14 @@ impl Distortion {
         self.model().map_or(&[], |model| model.row().coefficients)
     }
 
+    /// Whether it bends no line: none, or coefficients of zero in a model that is a pinhole then.
+    #[must_use]
+    pub fn is_pinhole(&self) -> bool {
+        const POINT: [f64; 2] = [0.5, 0.25];
+        let is_plain = |model: DistortionModel| model.row().zero.distort(POINT) == Some(POINT);
+        self.coefficients() == [0.0; Self::MOST] && self.model().is_none_or(is_plain)
+    }
+
     /// Radius of the largest disc of undistorted, focal-normalised coordinates on which the model grows
     /// in every direction; infinite where it always does. Beyond it the model is not a lens.
     #[must_use]
