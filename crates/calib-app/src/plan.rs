@@ -23,7 +23,7 @@ pub(crate) struct Planning {
 
 /// World files, among the formats that are read.
 fn format() -> Option<&'static Format> {
-    FORMATS.iter().find(|format| format.name == "worldfile")
+    FORMATS.iter().find(|format| format.is_of_plan)
 }
 
 /// Endings of world files.

@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         file.camera(id)?;
     }
     let mut options = options(args, format, &file)?;
-    let is_parquet = format.name == "table" && options.extension.take_if(|asked| asked == PARQUET).is_some();
+    let is_parquet = format.is_table && options.extension.take_if(|asked| asked == PARQUET).is_some();
     let mut export = calib_formats::export(format, &file.site, &options).map_err(|error| {
         let nothing = file.site.cameras.iter().all(|camera| camera.camera().is_none());
         if nothing { Stop::Unsolved(error.to_string()) } else { Stop::Usage(error.to_string()) }
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 
 fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, Stop> {
     let of_path = extension(&args.output).filter(|found| is_type(format, found));
-    let plan = if matches!(format.name, "nvidia" | "svg") { file.plan_image()? } else { None };
+    let plan = if format.shows_plan { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
         Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: files::png(&image)? })
     });
@@ -117,7 +117,7 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
 
 /// Whether a format is written as files that end so.
 fn is_type(format: &Format, extension: &str) -> bool {
-    format.extensions.contains(&extension) || format.name == "table" && extension == PARQUET
+    format.extensions.contains(&extension) || format.is_table && extension == PARQUET
 }
 
 fn extension(path: &str) -> Option<String> {

@@ -62,15 +62,12 @@ fn read(path: &Path, name: String) -> Result<File, Stop> {
     Ok(File { name, bytes })
 }
 
-/// COLMAP's model is two files: one of them brings the other.
+/// Of a model in several files one brings the others.
 fn beside(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), Stop> {
-    if format.name != "colmap" {
-        return Ok(());
-    }
-    for name in ["cameras.txt", "images.txt"] {
+    for name in format.companions {
         let other = path.with_file_name(name);
         if !path.ends_with(name) && other.exists() {
-            found.push(read(&other, name.to_owned())?);
+            found.push(read(&other, (*name).to_owned())?);
         }
     }
     Ok(())

@@ -111,8 +111,9 @@ mod bundle;
 mod site;
 
 pub use camera::{
-    BrownConrady, Camera, Covariance, Distortion, FloorCovariance, FloorPoint, Lens, Pixel, PlanPixel,
-    PlanScale, Ray, UndistortedPixel, WorldPoint, angles_from_rotation, camera_from_world,
+    BrownConrady, Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance, FloorPoint,
+    Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Ray, UndistortedPixel, WorldPoint,
+    angles_from_rotation, camera_from_world,
 };
 pub use finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 pub use floor::{
@@ -129,8 +130,8 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
-    ElementSolution, Format, Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES,
-    MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Options, Overlap, PlacementEntry,
-    Plan, Report, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage,
+    Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, ElementSolution, Format,
+    Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS,
+    MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Options, Overlap, PlacementEntry, Plan, Report, Scale,
+    SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage,
 };

@@ -23,7 +23,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let number = index + 1;
         let [fx, fy] = view.focal();
         let [cx, cy] = view.centre();
-        let (model, more) = model(export.terms(view, true));
+        let (model, more) = model(export.terms(view, scene.lenses));
         let params = [vec![fx, fy, cx, cy], more].concat();
         let [width, height] = view.size;
         let _ = writeln!(cameras, "{number} {model} {width} {height} {}", joined(&params, " "));

@@ -1,6 +1,6 @@
 //! What an export gives: files, and what the format could not hold.
 
-use calib_core::Site;
+use calib_core::{DistortionModel, Site};
 
 use crate::file::File;
 use crate::view::{ExportOptions, Terms, View};
@@ -44,6 +44,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) options: &'a ExportOptions,
     /// The chosen one of the format's extensions.
     pub(crate) extension: &'a str,
+    /// The lens models that the format holds.
+    pub(crate) lenses: &'static [DistortionModel],
 }
 
 /// Pixels by which a lens in other terms may be off without a word.
@@ -74,9 +76,9 @@ impl Export {
         }
     }
 
-    /// The lens as a format with Brown-Conrady terms has it, and perhaps with a fisheye.
-    pub(crate) fn terms(&mut self, view: &View, has_fisheye: bool) -> Terms {
-        let terms = view.terms(has_fisheye);
+    /// The lens as a format with Brown-Conrady terms has it, or with those of another model that it holds.
+    pub(crate) fn terms(&mut self, view: &View, lenses: &[DistortionModel]) -> Terms {
+        let terms = view.terms(lenses);
         let Terms::Fitted(brown, off) = terms else { return terms };
         if off.is_finite() && off <= UNSEEN {
             self.notes.push(format!(

@@ -38,7 +38,7 @@ mod worldfile;
 
 use std::collections::HashSet;
 
-use calib_core::Site;
+use calib_core::{DistortionModel, Site};
 
 use crate::export::Scene;
 
@@ -64,11 +64,43 @@ pub struct Format {
     pub holds: &'static str,
     /// What it has no place for.
     pub lacks: &'static str,
+    /// The lens models it holds as they are; others are fitted by the nearest Brown-Conrady terms, or lost.
+    pub lenses: &'static [DistortionModel],
+    /// Whether its readers take from it where cameras stand, so that one that nobody placed misleads.
+    pub holds_place: bool,
+    /// Whether it tells the periods of a camera apart.
+    pub holds_periods: bool,
+    /// Whether it shows the plan, and [`ExportOptions::plan`] is asked for.
+    pub shows_plan: bool,
+    /// Whether it is a table whose JSON a program that can may write as Parquet.
+    pub is_table: bool,
+    /// Whether what it says is how the plan lies, and not a camera.
+    pub is_of_plan: bool,
+    /// Names of files of which one brings the others that lie beside it.
+    pub companions: &'static [&'static str],
     write: Option<Write>,
     read: Option<Read>,
 }
 
 impl Format {
+    /// What rows of [`FORMATS`] are unless they say otherwise: poses without lenses, neither written nor read.
+    const PLAIN: Self = Self {
+        name: "",
+        about: "",
+        extensions: &[],
+        holds: "",
+        lacks: NOT_SIGMAS,
+        lenses: &[],
+        holds_place: true,
+        holds_periods: false,
+        shows_plan: false,
+        is_table: false,
+        is_of_plan: false,
+        companions: &[],
+        write: None,
+        read: None,
+    };
+
     /// Whether it can be written.
     #[must_use]
     pub const fn exports(&self) -> bool {
@@ -83,6 +115,9 @@ impl Format {
 }
 
 const NOT_SIGMAS: &str = "standard deviations, EFOV";
+/// The models of most programs.
+const RADIAL_OR_FISHEYE: &[DistortionModel] =
+    &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
 
 /// The list is the registry.
 pub const FORMATS: &[Format] = &[
@@ -91,9 +126,10 @@ pub const FORMATS: &[Format] = &[
         about: "OpenCV FileStorage, one file a camera",
         extensions: &["json", "yml", "yaml", "xml"],
         holds: "lens (Brown-Conrady or fisheye), pose",
-        lacks: NOT_SIGMAS,
+        lenses: RADIAL_OR_FISHEYE,
         write: Some(opencv::write),
         read: Some(opencv::read),
+        ..Format::PLAIN
     },
     Format {
         name: "ros",
@@ -101,26 +137,31 @@ pub const FORMATS: &[Format] = &[
         extensions: &["yaml", "yml"],
         holds: "lens (plumb_bob or equidistant)",
         lacks: "pose, standard deviations, EFOV",
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
         write: Some(ros::write),
         read: Some(ros::read),
+        ..Format::PLAIN
     },
     Format {
         name: "colmap",
         about: "COLMAP text model: cameras.txt, images.txt, points3D.txt",
         extensions: &["txt"],
         holds: "lens (Brown-Conrady or fisheye), pose",
-        lacks: NOT_SIGMAS,
+        lenses: RADIAL_OR_FISHEYE,
+        companions: &["cameras.txt", "images.txt"],
         write: Some(colmap::write),
         read: Some(colmap::read),
+        ..Format::PLAIN
     },
     Format {
         name: "nerfstudio",
         about: "nerfstudio transforms.json",
         extensions: &["json"],
         holds: "lens (Brown-Conrady or fisheye), pose",
-        lacks: NOT_SIGMAS,
+        lenses: RADIAL_OR_FISHEYE,
         write: Some(nerfstudio::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "nvidia",
@@ -128,17 +169,19 @@ pub const FORMATS: &[Format] = &[
         extensions: &["json", "yml"],
         holds: "pinhole, pose, EFOV, plan",
         lacks: "distortion, standard deviations",
+        shows_plan: true,
         write: Some(nvidia::write),
         read: Some(nvidia::read),
+        ..Format::PLAIN
     },
     Format {
         name: "scenescape",
         about: "Intel SceneScape cameras (JSON)",
         extensions: &["json"],
         holds: "lens (Brown-Conrady), pose",
-        lacks: NOT_SIGMAS,
+        lenses: &[DistortionModel::BrownConrady],
         write: Some(scenescape::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "wildtrack",
@@ -148,6 +191,7 @@ pub const FORMATS: &[Format] = &[
         lacks: "distortion, standard deviations, EFOV",
         write: Some(wildtrack::write),
         read: Some(wildtrack::read),
+        ..Format::PLAIN
     },
     Format {
         name: "table",
@@ -155,8 +199,11 @@ pub const FORMATS: &[Format] = &[
         extensions: &["json", "csv"],
         holds: "everything but standard deviations",
         lacks: "standard deviations",
+        lenses: &[DistortionModel::BrownConrady, DistortionModel::Division, DistortionModel::KannalaBrandt],
+        holds_periods: true,
+        is_table: true,
         write: Some(table::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "sql",
@@ -164,8 +211,10 @@ pub const FORMATS: &[Format] = &[
         extensions: &["sql"],
         holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
         lacks: "EFOV, heights above the floor, standard deviations",
+        lenses: &[DistortionModel::Division],
+        holds_periods: true,
         write: Some(sql::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "geojson",
@@ -174,7 +223,7 @@ pub const FORMATS: &[Format] = &[
         holds: "position, heading, EFOV",
         lacks: "lens, orientation, standard deviations",
         write: Some(geojson::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "svg",
@@ -182,8 +231,9 @@ pub const FORMATS: &[Format] = &[
         extensions: &["svg"],
         holds: "position, heading, EFOV",
         lacks: "lens, orientation, standard deviations",
+        shows_plan: true,
         write: Some(svg::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "frigate",
@@ -191,8 +241,9 @@ pub const FORMATS: &[Format] = &[
         extensions: &["yml", "yaml"],
         holds: "EFOV",
         lacks: "lens, pose, standard deviations",
+        holds_place: false,
         write: Some(frigate::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "nvdsanalytics",
@@ -200,8 +251,9 @@ pub const FORMATS: &[Format] = &[
         extensions: &["txt", "ini"],
         holds: "EFOV",
         lacks: "lens, pose, standard deviations",
+        holds_place: false,
         write: Some(nvdsanalytics::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "blender",
@@ -210,7 +262,7 @@ pub const FORMATS: &[Format] = &[
         holds: "pinhole, pose",
         lacks: "distortion, standard deviations, EFOV",
         write: Some(blender::write),
-        read: None,
+        ..Format::PLAIN
     },
     Format {
         name: "kalibr",
@@ -218,8 +270,10 @@ pub const FORMATS: &[Format] = &[
         extensions: &["yaml", "yml"],
         holds: "lens (radtan or equidistant)",
         lacks: "pose",
-        write: None,
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
         read: Some(kalibr::read),
+        ..Format::PLAIN
     },
     Format {
         name: "caliscope",
@@ -227,8 +281,10 @@ pub const FORMATS: &[Format] = &[
         extensions: &["toml"],
         holds: "lens (Brown-Conrady or fisheye)",
         lacks: "pose",
-        write: None,
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
         read: Some(caliscope::read),
+        ..Format::PLAIN
     },
     Format {
         name: "fspy",
@@ -236,8 +292,8 @@ pub const FORMATS: &[Format] = &[
         extensions: &["fspy"],
         holds: "pinhole, pose",
         lacks: "distortion",
-        write: None,
         read: Some(fspy::read),
+        ..Format::PLAIN
     },
     Format {
         name: "worldfile",
@@ -245,13 +301,11 @@ pub const FORMATS: &[Format] = &[
         extensions: &["pgw", "jgw", "wld", "pngw", "jpgw"],
         holds: "plan",
         lacks: "cameras",
-        write: None,
+        is_of_plan: true,
         read: Some(worldfile::read),
+        ..Format::PLAIN
     },
 ];
-
-/// The formats that tell the periods of a camera apart.
-const PERIODS: [&str; 2] = ["table", "sql"];
 
 /// The format of a name.
 #[must_use]
@@ -274,7 +328,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     if views.is_empty() {
         return Err(FormatError::new("the site", "has no calibrated camera to export"));
     }
-    if !PERIODS.contains(&format.name) {
+    if !format.holds_periods {
         let mut seen = HashSet::new();
         if let Some(view) = views.iter().find(|view| !seen.insert(&view.id)) {
             return Err(FormatError::new(
@@ -284,7 +338,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
         }
     }
     let mut export = Export { unsolved, ..Export::default() };
-    if !format.lacks.contains("pose") {
+    if format.holds_place {
         views.iter().filter(|view| !view.is_placed).for_each(|view| export.lose_place(site, view));
     }
     if options.rectified {
@@ -292,7 +346,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
             remap::write(view, &mut export);
         }
     }
-    write(&Scene { site, views, options, extension }, &mut export);
+    write(&Scene { site, views, options, extension, lenses: format.lenses }, &mut export);
     Ok(export)
 }
 

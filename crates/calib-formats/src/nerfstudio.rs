@@ -12,7 +12,7 @@ use crate::view::{Terms, View};
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut frames = Vec::new();
     for view in &scene.views {
-        let terms = export.terms(view, true);
+        let terms = export.terms(view, scene.lenses);
         frames.push(frame(view, terms));
         if view.image.is_none() {
             export

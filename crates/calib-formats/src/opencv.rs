@@ -25,7 +25,7 @@ enum Entry {
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
-        let terms = export.terms(view, true);
+        let terms = export.terms(view, scene.lenses);
         let entries = entries(view, terms);
         let text = match scene.extension {
             "json" => as_json(&entries),

@@ -12,7 +12,7 @@ use crate::view::{Terms, View};
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
-        let terms = export.terms(view, true);
+        let terms = export.terms(view, scene.lenses);
         export.push(format!("{}.{}", view.file, scene.extension), camera_info(view, terms));
     }
 }

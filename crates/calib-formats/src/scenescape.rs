@@ -13,7 +13,7 @@ use crate::view::{Terms, View};
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut cameras = Vec::new();
     for view in &scene.views {
-        let terms = export.terms(view, false);
+        let terms = export.terms(view, scene.lenses);
         cameras.push(camera(view, terms));
     }
     export.notes.push(

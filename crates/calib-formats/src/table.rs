@@ -4,7 +4,7 @@
 //! Pixels count from the corner, as ours. A pixel shows the floor only where the third coordinate of
 //! `floor_from_undistorted_px` is positive: elsewhere it is above the horizon.
 
-use calib_core::{Distortion, Pixel};
+use calib_core::{Coefficient, Pixel};
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};
@@ -28,12 +28,7 @@ fn row(view: &View) -> Map<String, Value> {
     let p = view.projection(view.centre());
     let on_floor = p.map(|[a, b, _, d]| [a, b, d]);
     let lens = &view.camera.lens;
-    let model = match lens.distortion {
-        Distortion::None => "none",
-        Distortion::BrownConrady(_) => "brown-conrady",
-        Distortion::Division { .. } => "division",
-        Distortion::KannalaBrandt { .. } => "kannala-brandt",
-    };
+    let model = lens.distortion.model().map_or("none", |model| model.row().name);
     let names = lens.distortion.names();
     let focal = view.scale.map(|scale| scale * if names.is_empty() { view.camera.focal } else { lens.focal });
     let mut row = Map::new();
@@ -50,9 +45,9 @@ fn row(view: &View) -> Map<String, Value> {
     put("distortion_model", json!(model));
     put("distortion_focal_px", json!(focal));
     put("principal_point_px", json!(view.centre()));
-    for key in ["k1", "k2", "k3", "k4", "p1", "p2", "lambda"] {
-        let index = names.iter().position(|name| *name == key);
-        put(key, json!(index.map_or(0.0, |index| lens.distortion.coefficients()[index])));
+    for which in Coefficient::ALL {
+        let index = names.iter().position(|&name| name == which);
+        put(which.name(), json!(index.map_or(0.0, |index| lens.distortion.coefficients()[index])));
     }
     put("valid_polygon_px", json!(polygon));
     put("valid_polygon_m", json!(floor));

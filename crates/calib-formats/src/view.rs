@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, FloorPoint, Lens, Pixel, Site, SiteCamera, UndistortedPixel, WorldPoint,
+    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Site, SiteCamera,
+    UndistortedPixel, WorldPoint,
 };
 
 use crate::file::file_name;
@@ -165,8 +166,7 @@ impl View {
     }
 
     pub(crate) fn is_distorted(&self) -> bool {
-        self.camera.lens.distortion.coefficients() != [0.0; Distortion::MOST]
-            || matches!(self.camera.lens.distortion, Distortion::KannalaBrandt { .. })
+        !self.camera.lens.distortion.is_pinhole()
     }
 
     /// The lens for coordinates divided by the camera's focal; `None` where that cannot be.
@@ -175,14 +175,16 @@ impl View {
         lens.distortion.rescaled(self.camera.focal / lens.focal)
     }
 
-    /// The lens as most formats have it; a fisheye only where they have one.
-    pub(crate) fn terms(&self, has_fisheye: bool) -> Terms {
+    /// The lens as most formats have it; a fisheye only where they hold one.
+    pub(crate) fn terms(&self, lenses: &[DistortionModel]) -> Terms {
         if !self.is_distorted() {
             return Terms::None;
         }
         match self.distortion() {
             Some(Distortion::BrownConrady(brown)) => Terms::BrownConrady(brown),
-            Some(Distortion::KannalaBrandt { k }) if has_fisheye => Terms::Fisheye(k),
+            Some(Distortion::KannalaBrandt { k }) if lenses.contains(&DistortionModel::KannalaBrandt) => {
+                Terms::Fisheye(k)
+            }
             _ => {
                 let (brown, off) = self.fitted();
                 Terms::Fitted(brown, off)

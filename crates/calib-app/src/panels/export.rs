@@ -94,7 +94,7 @@ pub fn show(app: &mut App, ctx: &Context) {
 fn make(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.export.format) else { return };
     let plan = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let plan = plan.filter(|_| matches!(format.name, "nvidia" | "svg"));
+    let plan = plan.filter(|_| format.shows_plan);
     if plan.is_some() {
         app.ask_for_plan(ctx);
     }

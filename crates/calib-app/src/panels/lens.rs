@@ -145,17 +145,9 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
     let Some(mut entry) = lens.and_then(|lens| lens.distortion.clone()) else { return };
     let mut changed = false;
     ui.horizontal_wrapped(|ui| {
-        let values: [(&str, &mut Option<f64>); 6] = [
-            ("k1", &mut entry.k1),
-            ("k2", &mut entry.k2),
-            ("k3", &mut entry.k3),
-            ("k4", &mut entry.k4),
-            ("p1", &mut entry.p1),
-            ("p2", &mut entry.p2),
-        ];
-        let lambda = ("\u{3bb}", &mut entry.lambda);
-        for (title, value) in values.into_iter().chain([lambda]) {
-            let Some(value) = value else { continue };
+        for which in Coefficient::ALL {
+            let Some(value) = entry.coefficient_mut(which) else { continue };
+            let title = which.title();
             let label = ui.label(RichText::new(title).color(palette.text2));
             let field = DragValue::new(value).speed(0.001).max_decimals(6).update_while_editing(false);
             changed |= ui.add(field).labelled_by(label.id).changed();

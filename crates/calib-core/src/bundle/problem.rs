@@ -11,7 +11,7 @@ use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PA
 use crate::optimize::{BlockStructure, Dual, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{
     Annotation, Constraints, Edge, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State,
-    straightness,
+    straightness_with_slopes,
 };
 
 /// A camera with what was drawn on it.
@@ -349,15 +349,7 @@ impl<'a> BundleProblem<'a> {
         let free: Vec<usize> =
             (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some()).collect();
         for edge in &this.edges {
-            let distances = straightness(&camera.lens, &edge.points)?;
-            let columns: Vec<Vec<f64>> = free
-                .iter()
-                .map(|&k| {
-                    let at = |by: f64| straightness(&camera.nudged(POSE_PARAMS + k, by).lens, &edge.points);
-                    let (ahead, behind) = (at(STEP)?, at(-STEP)?);
-                    Some(ahead.iter().zip(behind).map(|(a, b)| (a - b) / (2.0 * STEP)).collect())
-                })
-                .collect::<Option<_>>()?;
+            let (distances, columns) = straightness_with_slopes(&camera.lens, &edge.points, &free)?;
             for (i, distance) in distances.iter().enumerate() {
                 let mut by = [0.0; CAMERA_PARAMS];
                 for (&k, column) in free.iter().zip(&columns) {

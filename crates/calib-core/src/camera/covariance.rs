@@ -1,6 +1,6 @@
 //! How well a camera is known, and how that carries over to what is computed from it.
 
-use crate::camera::lens::Distortion;
+use crate::camera::distortion::Distortion;
 
 /// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels) and the coefficients
 /// of the distortion, for the focal that the lens normalises with; rows and columns of zeros for what

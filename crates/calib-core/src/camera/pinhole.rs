@@ -26,30 +26,6 @@ pub struct Camera {
     pub covariance: Covariance,
 }
 
-/// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FloorCovariance {
-    /// From the noise of the pixel: independent from detection to detection.
-    pub pixel: [[f64; 2]; 2],
-    /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
-    pub calibration: [[f64; 2]; 2],
-}
-
-impl FloorCovariance {
-    /// Both parts together.
-    #[must_use]
-    pub fn total(&self) -> [[f64; 2]; 2] {
-        std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + self.calibration[i][j]))
-    }
-
-    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in metres.
-    #[must_use]
-    pub fn worst_sigma(&self) -> f64 {
-        let [[a, b], [_, d]] = self.total();
-        (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt()
-    }
-}
-
 /// A half line of the base system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
@@ -217,66 +193,6 @@ impl Camera {
         ]
     }
 
-    /// How uncertain the point of the floor is that the camera shows at `pixel`, for a standard
-    /// deviation of `pixel_sigma` pixels of each coordinate.
-    ///
-    /// `None` where there is no floor point.
-    #[must_use]
-    pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
-        self.plane_covariance(pixel, pixel_sigma, 0.0)
-    }
-
-    /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
-    pub(crate) fn plane_covariance(
-        &self,
-        pixel: Pixel,
-        pixel_sigma: f64,
-        height: f64,
-    ) -> Option<FloorCovariance> {
-        /// Of a pixel: small against what bends, large against rounding.
-        const STEP: f64 = 1e-4;
-        let difference = |ahead: Option<FloorPoint>, behind: Option<FloorPoint>, step: f64| {
-            let (a, b) = (ahead?, behind?);
-            Some([(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)])
-        };
-        let by_pixel = |du: f64, dv: f64| {
-            let at = |sign: f64| {
-                let nudged = Pixel { u: pixel.u + sign * STEP * du, v: pixel.v + sign * STEP * dv };
-                self.pixel_to_floor(nudged, height)
-            };
-            difference(at(1.0), at(-1.0), STEP)
-        };
-        let columns = [by_pixel(1.0, 0.0)?, by_pixel(0.0, 1.0)?];
-        let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
-        let pixel_part =
-            std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
-        let jacobian = self.plane_jacobian(pixel, height)?;
-        Some(FloorCovariance { pixel: pixel_part, calibration: self.covariance.carried(&jacobian) })
-    }
-
-    /// Derivatives of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
-    ///
-    /// `None` where there is no floor point.
-    #[must_use]
-    pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
-        self.plane_jacobian(pixel, 0.0)
-    }
-
-    fn plane_jacobian(&self, pixel: Pixel, height: f64) -> Option<[[f64; 2]; Covariance::SIZE]> {
-        /// Of a metre, of a radian, of the focal's share: small against what bends, large against rounding.
-        const STEP: f64 = 1e-4;
-        let mut jacobian = [[0.0; 2]; Covariance::SIZE];
-        for (index, slope) in jacobian.iter_mut().enumerate() {
-            if self.covariance.0[index][index] > 0.0 {
-                let step = if index == Covariance::FOCAL { STEP * self.focal } else { STEP };
-                let at = |sign: f64| self.nudged(index, sign * step).pixel_to_floor(pixel, height);
-                let (a, b) = (at(1.0)?, at(-1.0)?);
-                *slope = [(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)];
-            }
-        }
-        Some(jacobian)
-    }
-
     /// The camera with one of the unknowns of [`Covariance`] changed.
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
@@ -319,7 +235,7 @@ pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::camera::lens::{BrownConrady, Distortion};
+    use crate::camera::distortion::{BrownConrady, Distortion};
     use proptest::prelude::*;
 
     pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
@@ -401,29 +317,6 @@ pub(crate) mod tests {
                 prop_assert!(h[2] > 0.0, "the floor lies in front");
                 prop_assert!((h[0] / h[2] - x).hypot(h[1] / h[2] - y) < 1e-6 * (1.0 + camera.position.distance(point).powi(2)));
             }
-        }
-
-        #[test]
-        fn a_floor_point_is_as_uncertain_as_its_pixel_times_the_map(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
-            let pixel = Pixel { u, v };
-            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
-            prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
-            prop_assert_eq!(covariance.calibration, [[0.0; 2]; 2]);
-            // A nudge of half a pixel moves the floor point by no more than its worst direction says.
-            for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
-                let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
-                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma()));
-            }
-        }
-
-        #[test]
-        fn a_height_that_is_uncertain_scales_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
-            let mut camera = camera;
-            camera.covariance.0[Covariance::Z][Covariance::Z] = 0.01_f64.powi(2);
-            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };
-            let range = floor.distance(camera.position.on_floor());
-            prop_assume!(range < 50.0);
-            prop_assert!((covariance.worst_sigma() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
         }
 
         #[test]

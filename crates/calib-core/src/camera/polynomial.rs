@@ -11,10 +11,17 @@ impl OddPolynomial {
         r * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     }
 
-    fn slope(&self, r: f64) -> f64 {
+    pub(crate) fn slope(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
+    }
+
+    /// The second derivative.
+    pub(crate) fn curvature(&self, r: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0;
+        let s = r * r;
+        r * (6.0 * k1 + s * (20.0 * k2 + s * (42.0 * k3 + s * 72.0 * k4)))
     }
 
     /// No more than the derivative anywhere up to this radius: of what only takes from it. Where that leaves some,

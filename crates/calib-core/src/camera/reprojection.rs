@@ -3,7 +3,8 @@
 //! Everything is in undistorted pixels relative to the principal point; what was drawn is brought there
 //! through the lens, with the derivative that turns a distance there into raw pixels.
 
-use crate::camera::lens::{Distortion, Lens};
+use crate::camera::distortion::Distortion;
+use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::space::{Pixel, WorldPoint};
 
@@ -48,14 +49,13 @@ pub(crate) struct ReprojectedLine {
 impl ObservedPixel {
     /// `None` outside the lens. The derivatives by coefficients are those of the flagged ones.
     pub(crate) fn new(pixel: Pixel, lens: &Lens, fitted: [bool; Distortion::MOST]) -> Option<Self> {
-        const STEP: f64 = 1e-6;
         let (straight, jacobian) = lens.undistort_with_jacobian(pixel)?;
         let mut d_lens = [[0.0; Distortion::MOST]; 2];
-        for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
-            let (ahead, behind) =
-                (lens.nudged(k, STEP).undistort(pixel)?, lens.nudged(k, -STEP).undistort(pixel)?);
-            d_lens[0][k] = (ahead.u - behind.u) / (2.0 * STEP);
-            d_lens[1][k] = (ahead.v - behind.v) / (2.0 * STEP);
+        if fitted.contains(&true) {
+            let by = lens.undistort_by_coefficients(pixel, straight);
+            for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
+                [d_lens[0][k], d_lens[1][k]] = by[k].at;
+            }
         }
         let Pixel { u: cu, v: cv } = lens.principal_point;
         Some(Self { at: [straight.u - cu, straight.v - cv], jacobian, d_lens })

@@ -2,7 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, SVD};
 
-use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint, camera_from_world};
+use crate::camera::{
+    Camera, Covariance, FloorPoint, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint,
+    camera_from_world, times,
+};
 
 /// Height of the camera in stage 1, in metres, by the paper's convention.
 pub const STAGE_1_HEIGHT: f64 = 3.0;
@@ -204,17 +207,27 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
     Camera { covariance, ..*camera }
 }
 
-/// Derivatives of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 where a nudge
-/// moves a point out of sight.
+/// Derivatives of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 of a point that it
+/// does not show.
 fn pixel_slopes(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
-    const STEP: f64 = 1e-5;
-    let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
-    let (ahead, behind) = (camera.nudged(index, step), camera.nudged(index, -step));
-    let slope = |point: &ControlPoint| {
-        let (a, b) = (ahead.world_to_pixel(point.world)?, behind.world_to_pixel(point.world)?);
-        Some([(a.u - b.u) / (2.0 * step), (a.v - b.v) / (2.0 * step)])
-    };
-    points.iter().flat_map(|point| slope(point).unwrap_or_default()).collect()
+    let pose = PosedCamera::new(*camera);
+    points.iter().flat_map(|point| pixel_slope(&pose, point.world, index).unwrap_or_default()).collect()
+}
+
+/// Through the lens `d raw = (d raw / d undistorted) d undistorted`; a coefficient moves the raw pixel alone.
+fn pixel_slope(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
+    let Reprojection { at: [u, v], d_camera, .. } = pose.reproject(world)?;
+    let lens = &pose.camera.lens;
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    let straight = UndistortedPixel { u: cu + u, v: cv + v };
+    lens.distort(straight)?;
+    let (jacobian, by_lens) = lens.distort_derivatives(straight);
+    if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
+        return by_lens.get(coefficient).copied();
+    }
+    // The derivative is by the log of the focal.
+    let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
+    Some(times(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
 /// Gauss-Newton on position and yaw with the step halved until it helps: never worse than its start.

@@ -246,7 +246,7 @@ fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &
     for _ in 0..ROUNDS {
         for i in 0..LANES {
             let point = [x[i], y[i]];
-            let bent = brown.distort(point);
+            let bent = brown.distort_anywhere(point);
             let [a, b, d] = brown.jacobian(point);
             let scale = (a * d - b * b).recip();
             let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);

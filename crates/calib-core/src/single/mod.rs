@@ -32,4 +32,4 @@ pub(crate) use likelihood::{Problem, State, predictable, residuals_at};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::straightness;
+pub(crate) use straightness::straightness_with_slopes;

@@ -7,65 +7,59 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::camera::{BrownConrady, Distortion, Lens, Pixel};
+use crate::camera::{BrownConrady, Distortion, DistortionModel, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
-use crate::single::straightness::{Edge, best_line, sagitta, straightness};
+use crate::single::straightness::{Edge, best_line, sagitta, straightness, straightness_with_slopes};
 
 /// Which coefficients are fitted, of which model.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fitted {
-    /// Any of k1, k2, k3, p1, p2, in this order.
-    BrownConrady([bool; 5]),
-    /// lambda.
-    Division,
-    /// k1 to this one.
-    KannalaBrandt(usize),
+pub struct Fitted {
+    /// The model.
+    pub model: DistortionModel,
+    /// Which of its coefficients, in the order of [`Distortion::coefficients`].
+    pub which: [bool; Distortion::MOST],
 }
 
 impl Fitted {
+    /// The first coefficients of a model.
+    #[must_use]
+    pub fn first(model: DistortionModel, count: usize) -> Self {
+        Self { model, which: std::array::from_fn(|k| k < count) }
+    }
+
     fn len(&self) -> usize {
-        match self {
-            Self::BrownConrady(which) => which.iter().filter(|&&is| is).count(),
-            Self::Division => 1,
-            Self::KannalaBrandt(count) => *count,
-        }
+        self.which.iter().filter(|&&is| is).count()
     }
 
     /// Indices of what is fitted among the coefficients of the model.
     pub(crate) fn indices(&self) -> Vec<usize> {
-        match self {
-            Self::BrownConrady(which) => (0..Distortion::MOST).filter(|&k| which[k]).collect(),
-            Self::Division => vec![0],
-            Self::KannalaBrandt(count) => (0..*count).collect(),
-        }
+        (0..Distortion::MOST).filter(|&k| self.which[k]).collect()
+    }
+
+    /// Whether the coefficients refer to a focal that must be known beforehand.
+    pub(crate) fn has_own_focal(&self) -> bool {
+        self.model.row().powers.is_none()
     }
 
     /// The distortion with these values of what is fitted.
     fn distortion(&self, values: &[f64]) -> Distortion {
-        match self {
-            Self::BrownConrady(which) => {
-                let mut left = values.iter();
-                let [k1, k2, k3, p1, p2] =
-                    which.map(|is| if is { left.next().copied().unwrap_or(0.0) } else { 0.0 });
-                Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })
-            }
-            Self::Division => Distortion::Division { lambda: values.first().copied().unwrap_or(0.0) },
-            Self::KannalaBrandt(_) => Distortion::KannalaBrandt {
-                k: std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0)),
-            },
+        let mut full = [0.0; Distortion::MOST];
+        for (&value, k) in values.iter().zip(self.indices()) {
+            full[k] = value;
         }
+        self.model.row().zero.with_coefficients(full)
     }
 }
 
-/// The models tried, one after the other, when the data are to choose.
-const LADDER: [[bool; 5]; 3] =
-    [[true, false, false, false, false], [true, true, false, false, false], [true, true, true, false, false]];
+/// How many of k1, k2, k3 are tried, one after the other, when the data are to choose.
+const LADDER: [usize; 3] = [1, 2, 3];
 
 /// What polylines say about a lens.
 #[derive(Clone, Debug)]
 pub struct LensFit {
-    /// The lens; its coefficients refer to half the diagonal of the image (Kannala-Brandt: to the focal).
+    /// The lens; its coefficients refer to half the diagonal of the image, or to the focal where the model has
+    /// one of its own.
     pub lens: Lens,
     /// What was fitted; `None` when the data support no distortion.
     pub fitted: Option<Fitted>,
@@ -97,7 +91,7 @@ pub struct LensOptions {
     pub size: [f64; 2],
     /// What to fit; chosen by the data if absent.
     pub fitted: Option<Fitted>,
-    /// The focal that Kannala-Brandt coefficients refer to, in pixels.
+    /// The focal that the coefficients refer to, of a model that has one of its own, in pixels.
     pub focal: Option<f64>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub sigma: f64,
@@ -141,31 +135,28 @@ impl Problem<'_> {
         self.edges.iter().map(move |edge| crookedness(&lens, edge))
     }
 
-    /// Central differences of the residuals, each with its own best line.
-    fn jacobian(&self, values: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
-        const STEP: f64 = 1e-6;
-        let mut jacobian = DMatrix::zeros(residuals.len(), values.len());
-        for index in 0..values.len() {
-            let nudged = |by: f64| {
-                let mut values = values.to_vec();
-                values[index] += by;
-                self.residuals(&values)
-            };
-            // At the border of what can be inverted one side is enough.
-            let column = match (nudged(STEP), nudged(-STEP)) {
-                (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * STEP),
-                (Some(ahead), None) => (ahead - residuals) / STEP,
-                (None, Some(behind)) => (residuals - behind) / STEP,
-                (None, None) => continue,
-            };
-            jacobian.set_column(index, &column);
+    /// Residuals and their derivatives by what is fitted, each with its own best line.
+    fn linear(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let lens = self.lens(values);
+        let indices = &self.fitted.indices()[..values.len()];
+        if !lens.shows_image(self.size) {
+            return None;
         }
-        jacobian
+        let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
+            .edges
+            .iter()
+            .map(|edge| straightness_with_slopes(&lens, &edge.points, indices))
+            .collect::<Option<_>>()?;
+        let residuals = edges.iter().flat_map(|(distances, _)| distances.iter().copied()).collect();
+        let column = |k: usize| edges.iter().flat_map(move |(_, slopes)| slopes[k].iter().copied());
+        let count: usize = edges.iter().map(|(distances, _)| distances.len()).sum();
+        let jacobian = DMatrix::from_iterator(count, values.len(), (0..values.len()).flat_map(column));
+        Some((DVector::from_vec(residuals), jacobian))
     }
 
     /// Of what is fitted, for points with a standard deviation of one pixel.
     fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
-        let jacobian = self.jacobian(values, &self.residuals(values)?);
+        let (_, jacobian) = self.linear(values)?;
         jacobian.tr_mul(&jacobian).try_inverse()
     }
 
@@ -212,8 +203,7 @@ impl LeastSquares for Problem<'_> {
     type Normal = Normal;
 
     fn linearize(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
-        let residuals = self.residuals(values)?;
-        let jacobian = self.jacobian(values, &residuals);
+        let (residuals, jacobian) = self.linear(values)?;
         let cost = residuals.norm_squared();
         let normal = Normal { square: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residuals) };
         cost.is_finite().then_some((cost, normal))
@@ -256,13 +246,12 @@ impl LensFit {
             return None;
         }
         let problem = |fitted: Fitted| {
-            let kannala = matches!(fitted, Fitted::KannalaBrandt(_));
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
-            let unit = options.focal.filter(|_| kannala).unwrap_or(half_diagonal);
+            let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, .. } = *options;
             Problem { edges: edges.clone(), fitted, principal_point, unit, size }
         };
-        let straight = Choice::straight(problem(Fitted::BrownConrady([false; 5])))?;
+        let straight = Choice::straight(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let before = straight.cost;
         let choice = match &options.fitted {
             Some(fitted) => {
@@ -331,9 +320,8 @@ fn climb<'a>(
     let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
     let mut lowest = criterion(straight.cost, 0);
     let mut best = straight;
-    for which in LADDER {
-        let next = problem(Fitted::BrownConrady(which));
-        let count = next.fitted.len();
+    for count in LADDER {
+        let next = problem(Fitted::first(DistortionModel::BrownConrady, count));
         if spare <= count as i64 {
             continue;
         }
@@ -374,23 +362,16 @@ fn map_error(
     doubt: Option<&(Lens, f64)>,
     options: &LensOptions,
 ) -> [f64; 3] {
-    const STEP: f64 = 1e-6;
     let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
+    let lens = problem.lens(values);
     let [w, h] = options.size;
     let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
     let variance = |place: [f64; 2]| {
         let place = Pixel::from(place);
-        let at = |index: usize, by: f64| {
-            let mut values = values.to_vec();
-            values[index] += by;
-            problem.lens(&values).undistort(place)
-        };
-        let mut jacobian = Vec::new();
-        for index in 0..values.len() {
-            let (a, b) = (at(index, STEP)?, at(index, -STEP)?);
-            jacobian.push([(a.u - b.u) / (2.0 * STEP), (a.v - b.v) / (2.0 * STEP)]);
-        }
+        let straight = lens.undistort(place)?;
+        let by = lens.undistort_by_coefficients(place, straight);
+        let jacobian: Vec<[f64; 2]> = problem.fitted.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
         for i in 0..values.len() {
             for j in 0..values.len() {
@@ -400,7 +381,7 @@ fn map_error(
         }
         let doubt = match doubt {
             Some((other, probability)) => {
-                let apart = problem.lens(values).undistort(place)?.distance(other.undistort(place)?);
+                let apart = straight.distance(other.undistort(place)?);
                 probability * apart * apart
             }
             None => 0.0,

@@ -1,6 +1,6 @@
 //! How straight a polyline is once a lens is taken out.
 
-use crate::camera::{Lens, Pixel};
+use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
 use crate::single::constraints::Source;
 
 /// A polyline and where it was drawn.
@@ -15,28 +15,111 @@ pub struct Edge {
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
 /// pixels; `None` where the lens shows nothing.
 pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    let mut straight = Vec::with_capacity(points.len());
-    let mut jacobian = Vec::with_capacity(points.len());
-    for &point in points {
-        let (at, gradient) = lens.undistort_with_jacobian(point)?;
-        straight.push([at.u, at.v]);
-        jacobian.push(gradient);
-    }
-    // The weights hang on the line's direction: twice is enough, for they change slowly with it.
-    let mut weights = vec![1.0; points.len()];
-    for _ in 0..2 {
-        let ([x, y], _) = best_line(&straight, &weights);
-        for (weight, [[a, b], [c, d]]) in weights.iter_mut().zip(&jacobian) {
-            *weight = ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip();
+    Straightened::new(lens, points).map(|straightened| straightened.distances())
+}
+
+/// [`straightness`], and of every coefficient its derivatives.
+pub(crate) fn straightness_with_slopes(
+    lens: &Lens,
+    points: &[Pixel],
+    coefficients: &[usize],
+) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
+    let straightened = Straightened::new(lens, points)?;
+    let distances = straightened.distances();
+    let by: Vec<ByCoefficients> = points
+        .iter()
+        .zip(&straightened.points)
+        .map(|(&raw, &straight)| lens.undistort_by_coefficients(raw, straight.into()))
+        .collect();
+    let slopes = coefficients.iter().map(|&k| straightened.slopes(|i| by[i][k])).collect();
+    Some((distances, slopes))
+}
+
+/// A polyline without its lens, with the line fitted to it in three steps.
+///
+/// The weights `w = 1 / |J' n|^2` of the points hang on the line's direction: twice is enough, for they
+/// change slowly with it.
+struct Straightened {
+    points: Vec<[f64; 2]>,
+    /// `d undistorted / d raw` of every point.
+    jacobians: Vec<Matrix2>,
+    /// Unit normal and offset of every step's line.
+    lines: [([f64; 2], f64); 3],
+    /// Weights with which every step's line was fitted.
+    weights: [Vec<f64>; 3],
+    /// The side of the line that counts as positive.
+    sign: f64,
+}
+
+impl Straightened {
+    fn new(lens: &Lens, raw: &[Pixel]) -> Option<Self> {
+        let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
+        let mut jacobians = Vec::with_capacity(raw.len());
+        for &point in raw {
+            let (at, jacobian) = lens.undistort_with_jacobian(point)?;
+            points.push(at.into());
+            jacobians.push(jacobian);
         }
+        let weigh = |([x, y], _): &([f64; 2], f64)| -> Vec<f64> {
+            let weight = |[[a, b], [c, d]]: &Matrix2| {
+                ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip()
+            };
+            jacobians.iter().map(weight).collect()
+        };
+        let even = vec![1.0; points.len()];
+        let first = best_line(&points, &even);
+        let once = weigh(&first);
+        let second = best_line(&points, &once);
+        let twice = weigh(&second);
+        let third = best_line(&points, &twice);
+        // The side must not jump with the coefficients: the left of the way from the first point to the last.
+        let ([x, y], (start, end)) = (third.0, (points.first()?, points.last()?));
+        let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
+        let (lines, weights) = ([first, second, third], [even, once, twice]);
+        Some(Self { points, jacobians, lines, weights, sign })
     }
-    let ([x, y], c) = best_line(&straight, &weights);
-    let distance = |([u, v], weight): (&[f64; 2], &f64)| (x * u + y * v - c) * weight.sqrt();
-    // The side of the line that counts as positive must not jump with the coefficients: the left of
-    // the way from the first point to the last.
-    let (first, last) = (straight.first()?, straight.last()?);
-    let sign = if x * (first[1] - last[1]) + y * (last[0] - first[0]) < 0.0 { -1.0 } else { 1.0 };
-    Some(straight.iter().zip(&weights).map(|pair| sign * distance(pair)).collect())
+
+    /// `(n . u - c) sqrt(w)` of every point.
+    fn distances(&self) -> Vec<f64> {
+        let ([x, y], c) = self.lines[2];
+        let distance = |([u, v], weight): (&[f64; 2], &f64)| self.sign * (x * u + y * v - c) * weight.sqrt();
+        self.points.iter().zip(&self.weights[2]).map(distance).collect()
+    }
+
+    /// Derivatives of the distances where points and Jacobians change so: the three steps, derived one after
+    /// the other.
+    fn slopes(&self, by: impl Fn(usize) -> ByCoefficient) -> Vec<f64> {
+        let changes: Vec<ByCoefficient> = (0..self.points.len()).map(by).collect();
+        let mut d_weights = vec![0.0; self.points.len()];
+        let mut d_line = ([0.0; 2], 0.0);
+        for step in 0..3 {
+            if step > 0 {
+                d_weights = self.d_weights(step, &changes, d_line.0);
+            }
+            d_line = best_line_slopes(&self.points, &self.weights[step], &changes, &d_weights);
+        }
+        let (([x, y], c), ([dx, dy], dc)) = (self.lines[2], d_line);
+        let slope = |i: usize| {
+            let ([u, v], [du, dv], weight) = (self.points[i], changes[i].at, self.weights[2][i]);
+            let off = x * u + y * v - c;
+            let d_off = dx * u + dy * v + x * du + y * dv - dc;
+            self.sign * weight.sqrt() * (d_off + 0.5 * off * d_weights[i] / weight)
+        };
+        (0..self.points.len()).map(slope).collect()
+    }
+
+    /// `d w = -2 w^2 (J' n) . d(J' n)` of the weights of a step, with the change of the line before it.
+    fn d_weights(&self, step: usize, changes: &[ByCoefficient], [dx, dy]: [f64; 2]) -> Vec<f64> {
+        let ([x, y], _) = self.lines[step - 1];
+        let change = |i: usize| {
+            let ([[a, b], [c, d]], [[da, db], [dc, dd]]) = (self.jacobians[i], changes[i].jacobian);
+            let normal = [a * x + c * y, b * x + d * y];
+            let d_normal = [da * x + dc * y + a * dx + c * dy, db * x + dd * y + b * dx + d * dy];
+            let weight = self.weights[step][i];
+            -2.0 * weight * weight * (normal[0] * d_normal[0] + normal[1] * d_normal[1])
+        };
+        (0..self.points.len()).map(change).collect()
+    }
 }
 
 /// Unit normal and offset of the line with the least weighted sum of squared distances.
@@ -53,6 +136,38 @@ pub(crate) fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64)
     let along = 0.5 * (2.0 * uv).atan2(uu - vv);
     let normal = [-along.sin(), along.cos()];
     (normal, normal[0] * mu + normal[1] * mv)
+}
+
+/// How [`best_line`] changes with its points and weights: with the moments S about the weighted mean m,
+/// `angle = atan2(2 S_uv, S_uu - S_vv) / 2`, and `c = n . m`.
+fn best_line_slopes(
+    points: &[[f64; 2]],
+    weights: &[f64],
+    changes: &[ByCoefficient],
+    d_weights: &[f64],
+) -> ([f64; 2], f64) {
+    let total: f64 = weights.iter().sum();
+    let mean = [0, 1].map(|k| points.iter().zip(weights).map(|(p, w)| w * p[k]).sum::<f64>() / total);
+    let each = || points.iter().zip(weights).zip(changes.iter().zip(d_weights));
+    let d_mean = [0, 1]
+        .map(|k| each().map(|((p, w), (by, dw))| dw * (p[k] - mean[k]) + w * by.at[k]).sum::<f64>() / total);
+    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean takes no part, for offsets from it sum to 0.
+    let (mut sine, mut cosine, mut d_sine, mut d_cosine) = (0.0, 0.0, 0.0, 0.0);
+    for (([u, v], w), (ByCoefficient { at: [du, dv], .. }, dw)) in each() {
+        let (u, v) = (u - mean[0], v - mean[1]);
+        sine += 2.0 * w * u * v;
+        cosine += w * (u * u - v * v);
+        d_sine += 2.0 * (dw * u * v + w * (du * v + u * dv));
+        d_cosine += dw * (u * u - v * v) + 2.0 * w * (u * du - v * dv);
+    }
+    let square = (sine * sine + cosine * cosine).max(f64::MIN_POSITIVE);
+    let d_angle = 0.5 * (cosine * d_sine - sine * d_cosine) / square;
+    let (sin, cos) = (0.5 * sine.atan2(cosine)).sin_cos();
+    let normal = [-sin, cos];
+    let d_normal = [-d_angle * cos, -d_angle * sin];
+    let d_offset =
+        d_normal[0] * mean[0] + d_normal[1] * mean[1] + normal[0] * d_mean[0] + normal[1] * d_mean[1];
+    (d_normal, d_offset)
 }
 
 /// Distances of a polyline's points from straight under a lens that is held, root mean square in raw
@@ -81,4 +196,46 @@ pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     let (low, high) =
         off.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)));
     high - low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_distortion;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn slopes_of_straightness_are_those_of_differences(
+            distortion in any_distortion(), start in [100.0..1800.0_f64, 100.0..900.0_f64],
+            way in [-1.0..1.0_f64, -1.0..1.0_f64], off in prop::collection::vec(-2.0..2.0_f64, 5),
+        ) {
+            const STEP: f64 = 1e-6;
+            let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion };
+            let length = way[0].hypot(way[1]);
+            prop_assume!(length > 0.3);
+            let point = |(i, off): (usize, &f64)| {
+                let along = 40.0 * i as f64 / length;
+                Pixel::new(start[0] + along * way[0] + off, start[1] + along * way[1] - off)
+            };
+            let points: Vec<Pixel> = off.iter().enumerate().map(point).collect();
+            let indices: Vec<usize> = (0..distortion.names().len()).collect();
+            let Some((distances, slopes)) = straightness_with_slopes(&lens, &points, &indices) else { return Ok(()) };
+            // Near the fold differences are not derivatives.
+            let regular = points.iter().all(|&p| {
+                lens.undistort_jacobian(p).is_some_and(|j| j.iter().flatten().all(|slope| slope.abs() < 5.0))
+            });
+            prop_assume!(regular);
+            prop_assert_eq!(Some(distances), straightness(&lens, &points));
+            for (k, column) in slopes.iter().enumerate() {
+                let at = |by: f64| straightness(&lens.nudged(k, by), &points);
+                let (Some(ahead), Some(behind)) = (at(STEP), at(-STEP)) else { continue };
+                let size = column.iter().fold(1.0, |most: f64, slope| most.max(slope.abs()));
+                for (i, slope) in column.iter().enumerate() {
+                    let numeric = (ahead[i] - behind[i]) / (2.0 * STEP);
+                    prop_assert!((numeric - slope).abs() < 1e-4 * size, "{k} {i}: {numeric} {slope}");
+                }
+            }
+        }
+    }
 }

@@ -4,13 +4,14 @@ use std::collections::{HashMap, HashSet};
 
 use jiff::Timestamp;
 
+use crate::camera::Coefficient;
 use crate::single::{Annotation, Kind, Shape};
 use crate::site::bounds::{
     At, Bounds, Checked, MAX_ITEMS, SiteError, count, known, name, optional, pixels, pointer_of, quoted,
 };
 use crate::site::check_elements::check_elements;
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
-use crate::site::solution::{CovarianceEntry, DistortionEntry, DistortionModel, Solution, Stage};
+use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
 
 /// Longest text of a site that is read, in bytes; `data:` images included.
 pub const MAX_BYTES: usize = 1 << 30;
@@ -204,26 +205,13 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     }
 }
 
-/// The coefficients a model has, by name.
-fn coefficients(entry: &DistortionEntry) -> [(&'static str, Option<f64>, &'static [DistortionModel]); 7] {
-    use DistortionModel::{BrownConrady, Division, KannalaBrandt};
-    [
-        ("k1", entry.k1, &[BrownConrady, KannalaBrandt]),
-        ("k2", entry.k2, &[BrownConrady, KannalaBrandt]),
-        ("k3", entry.k3, &[BrownConrady, KannalaBrandt]),
-        ("k4", entry.k4, &[KannalaBrandt]),
-        ("p1", entry.p1, &[BrownConrady]),
-        ("p2", entry.p2, &[BrownConrady]),
-        ("lambda", entry.lambda, &[Division]),
-    ]
-}
-
 fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
     let mut given = false;
-    for (key, value, models) in coefficients(entry) {
-        let Some(value) = value else { continue };
+    let own = entry.model.row().coefficients;
+    for which in Coefficient::ALL {
+        let (key, Some(value)) = (which.name(), entry.coefficient(which)) else { continue };
         given = true;
-        if !models.contains(&entry.model) {
+        if !own.contains(&which) {
             return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
         }
         Bounds::COEFFICIENT.check(&at.key(key), value)?;
@@ -234,15 +222,9 @@ fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Che
             return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
         }
         for (i, wanted) in fit.iter().enumerate() {
-            let name = serde_json::to_value(wanted).unwrap_or_default();
-            let name = name.as_str().unwrap_or_default();
-            let known =
-                coefficients(entry).iter().any(|(key, _, m)| *key == name && m.contains(&entry.model));
-            if !known || fit[..i].contains(wanted) {
-                return at
-                    .key("fit")
-                    .index(i)
-                    .expected(quoted(name), "coefficients of this model, each once");
+            if !own.contains(wanted) || fit[..i].contains(wanted) {
+                let found = quoted(wanted.name());
+                return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
             }
         }
     }

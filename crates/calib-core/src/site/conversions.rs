@@ -1,14 +1,13 @@
 //! Entries of the site file as the types of the geometry, and back.
 
 use crate::camera::{
-    BrownConrady, Camera, Covariance, Distortion, FloorPoint, Lens, Pixel, PlanScale, WorldPoint,
+    Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, PlanScale,
+    WorldPoint,
 };
 use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors};
 use crate::site::document::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
-use crate::site::solution::{
-    CovarianceEntry, DistortionEntry, DistortionModel, Method, Sigmas, Solution, Stage,
-};
+use crate::site::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 impl Plan {
     /// How the plan's picture lies in the base system.
@@ -106,14 +105,14 @@ impl DistortionEntry {
     /// The coefficients, if they are given: those left out are 0.
     #[must_use]
     pub fn distortion(&self) -> Option<Distortion> {
-        let given = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2, self.lambda];
-        given.iter().any(Option::is_some).then_some(())?;
-        let value = |coefficient: Option<f64>| coefficient.unwrap_or(0.0);
-        let [k1, k2, k3, k4, p1, p2, lambda] = given.map(value);
-        Some(match self.model {
-            DistortionModel::BrownConrady => Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }),
-            DistortionModel::Division => Distortion::Division { lambda },
-            DistortionModel::KannalaBrandt => Distortion::KannalaBrandt { k: [k1, k2, k3, k4] },
+        let given = Coefficient::ALL.iter().any(|&which| self.coefficient(which).is_some());
+        given.then(|| {
+            let row = self.model.row();
+            let mut values = [0.0; Distortion::MOST];
+            for (value, &which) in values.iter_mut().zip(row.coefficients) {
+                *value = self.coefficient(which).unwrap_or(0.0);
+            }
+            row.zero.with_coefficients(values)
         })
     }
 
@@ -126,29 +125,11 @@ impl DistortionEntry {
             Some(distortion) => (distortion, None),
             None => (lens.distortion, Some(lens.focal)),
         };
-        match distortion {
-            Distortion::None => None,
-            Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => Some(Self {
-                k1: Some(k1),
-                k2: Some(k2),
-                k3: Some(k3),
-                p1: Some(p1),
-                p2: Some(p2),
-                focal_px,
-                ..Self::new(DistortionModel::BrownConrady)
-            }),
-            Distortion::Division { lambda } => {
-                Some(Self { lambda: Some(lambda), focal_px, ..Self::new(DistortionModel::Division) })
-            }
-            Distortion::KannalaBrandt { k: [k1, k2, k3, k4] } => Some(Self {
-                k1: Some(k1),
-                k2: Some(k2),
-                k3: Some(k3),
-                k4: Some(k4),
-                focal_px,
-                ..Self::new(DistortionModel::KannalaBrandt)
-            }),
+        let mut entry = Self { focal_px, ..Self::new(distortion.model()?) };
+        for (&which, value) in distortion.names().iter().zip(distortion.coefficients()) {
+            *entry.coefficient_mut(which) = Some(value);
         }
+        Some(entry)
     }
 }
 
@@ -292,8 +273,8 @@ fn unit_in_file(index: usize) -> f64 {
 
 /// Name of an unknown in files.
 fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
-    let own = distortion.names();
-    Covariance::NAMES.get(index).or_else(|| own.get(index.checked_sub(Covariance::LENS)?)).copied()
+    let own = || distortion.names().get(index.checked_sub(Covariance::LENS)?).map(|which| which.name());
+    Covariance::NAMES.get(index).copied().or_else(own)
 }
 
 /// The coefficients in a file are those for the camera's focal and change with it; those of a

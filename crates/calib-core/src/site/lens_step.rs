@@ -1,13 +1,13 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
-use crate::camera::{Distortion, Lens};
+use crate::camera::{Coefficient, Distortion, Lens};
 use crate::finding::{Code, Warning};
 use crate::single::{
     Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, is_misfit, line_name, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
-use crate::site::solution::{Coefficient, DistortionEntry, DistortionModel};
+use crate::site::solution::DistortionEntry;
 
 /// The lens of a camera, and what its straight edges said.
 #[derive(Clone, Debug)]
@@ -24,20 +24,20 @@ fn asked(entry: &DistortionEntry) -> Option<Fitted> {
     if entry.distortion().is_some() {
         return None;
     }
-    let wants = |coefficient: Coefficient| match &entry.fit {
-        Some(list) => list.contains(&coefficient),
-        None => matches!(coefficient, Coefficient::K1 | Coefficient::K2),
+    let row = entry.model.row();
+    let wanted = |index: usize, named: &Coefficient| match &entry.fit {
+        Some(list) => list.contains(named),
+        None => index < row.usual,
     };
-    Some(match entry.model {
-        DistortionModel::BrownConrady => Fitted::BrownConrady(
-            [Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::P1, Coefficient::P2].map(wants),
-        ),
-        DistortionModel::Division => Fitted::Division,
-        DistortionModel::KannalaBrandt => {
-            let all = [Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::K4];
-            Fitted::KannalaBrandt(all.iter().rposition(|&k| wants(k)).map_or(1, |last| last + 1))
-        }
-    })
+    let mut which = [false; Distortion::MOST];
+    for (index, named) in row.coefficients.iter().enumerate() {
+        which[index] = wanted(index, named);
+    }
+    if row.in_order {
+        let last = which.iter().rposition(|&is| is).unwrap_or(0);
+        which[..=last].fill(true);
+    }
+    Some(Fitted { model: entry.model, which })
 }
 
 /// Lines of three points and more, of whatever kind, that are not switched off.
@@ -92,7 +92,7 @@ impl Site {
             principal_point: entry.principal_point(),
             size: entry.size(),
             // Of the others the coefficients do not depend on it: another focal is no other question.
-            focal: focal.filter(|_| matches!(fitted, Some(Fitted::KannalaBrandt(_)))),
+            focal: focal.filter(|_| fitted.as_ref().is_some_and(Fitted::has_own_focal)),
             fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
         };

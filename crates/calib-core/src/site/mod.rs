@@ -29,6 +29,6 @@ pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
 pub use solution::{
-    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, ElementSolution, Method,
-    Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage,
+    Alternative, CovarianceEntry, DistortionEntry, ElementSolution, Method, Overlap, Scale, SeenResidual,
+    Sigmas, SiteSolution, Solution, Stage,
 };

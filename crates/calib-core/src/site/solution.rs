@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{FloorPoint, Pixel, WorldPoint};
+use crate::camera::{Coefficient, DistortionModel, FloorPoint, Pixel, WorldPoint};
 use crate::finding::{Residual, Warning};
 use crate::single::DrawNext;
 
@@ -250,34 +250,6 @@ document! {
     }
 }
 
-/// Names of the distortion models.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum DistortionModel {
-    /// k1, k2, k3, p1, p2 in OpenCV's terms.
-    BrownConrady,
-    /// lambda.
-    Division,
-    /// k1 to k4, OpenCV's fisheye.
-    KannalaBrandt,
-}
-
-/// Names of the distortion coefficients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the names are those of the coefficients")]
-pub enum Coefficient {
-    K1,
-    K2,
-    K3,
-    K4,
-    P1,
-    P2,
-    Lambda,
-}
-
 /// How a solution came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -315,6 +287,35 @@ pub enum Scale {
     Known,
     /// The height of 3 m of the first camera stands.
     Unknown,
+}
+
+impl DistortionEntry {
+    /// The field of a coefficient.
+    #[must_use]
+    pub const fn coefficient(&self, which: Coefficient) -> Option<f64> {
+        match which {
+            Coefficient::K1 => self.k1,
+            Coefficient::K2 => self.k2,
+            Coefficient::K3 => self.k3,
+            Coefficient::K4 => self.k4,
+            Coefficient::P1 => self.p1,
+            Coefficient::P2 => self.p2,
+            Coefficient::Lambda => self.lambda,
+        }
+    }
+
+    /// The field of a coefficient, to be changed.
+    pub const fn coefficient_mut(&mut self, which: Coefficient) -> &mut Option<f64> {
+        match which {
+            Coefficient::K1 => &mut self.k1,
+            Coefficient::K2 => &mut self.k2,
+            Coefficient::K3 => &mut self.k3,
+            Coefficient::K4 => &mut self.k4,
+            Coefficient::P1 => &mut self.p1,
+            Coefficient::P2 => &mut self.p2,
+            Coefficient::Lambda => &mut self.lambda,
+        }
+    }
 }
 
 impl Solution {

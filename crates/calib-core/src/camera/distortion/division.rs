@@ -1,0 +1,94 @@
+//! One coefficient and a closed inverse: A. Fitzgibbon, "Simultaneous linear estimation of multiple view
+//! geometry and lens distortion", 2001, equation 6.
+//!
+//! With the distorted radius r: `x = x' / D`, `D = 1 + lambda r^2`. The other way, with the undistorted
+//! radius s and `q = sqrt(1 - 4 lambda s^2)`: `x' = 2 x / (1 + q)`.
+
+use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
+use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
+
+pub(super) const ROW: ModelRow = ModelRow {
+    model: DistortionModel::Division,
+    name: "division",
+    coefficients: &[Coefficient::Lambda],
+    powers: Some([2, 0, 0, 0, 0]),
+    in_order: true,
+    usual: 1,
+    zero: Distortion::Division { lambda: 0.0 },
+};
+
+/// The division model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Division {
+    pub(super) lambda: f64,
+}
+
+impl Division {
+    /// `sqrt(1 - 4 lambda s^2)` and `2 / (1 + q)`; `None` beyond the largest radius.
+    fn root_and_scale(&self, [x, y]: [f64; 2]) -> Option<(f64, f64)> {
+        let square = 1.0 - 4.0 * self.lambda * (x * x + y * y);
+        let root = (square >= 0.0).then(|| square.sqrt())?;
+        Some((root, 2.0 / (1.0 + root)))
+    }
+
+    /// `d x' / d (lambda s^2)` over x: `scale^2 / q`, infinite at the largest radius.
+    fn growth(&self, straight: [f64; 2]) -> (f64, f64) {
+        let (root, scale) = self.root_and_scale(straight).unwrap_or((0.0, f64::INFINITY));
+        (scale, scale * scale / root)
+    }
+}
+
+impl Model for Division {
+    fn max_radius(&self) -> f64 {
+        if self.lambda > 0.0 { 0.5 / self.lambda.sqrt() } else { f64::INFINITY }
+    }
+
+    fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let (_, scale) = self.root_and_scale([x, y])?;
+        Some([scale * x, scale * y])
+    }
+
+    fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let square = x * x + y * y;
+        if self.lambda > 0.0 && square > 1.0 / self.lambda {
+            return None;
+        }
+        let divisor = 1.0 + self.lambda * square;
+        let scale = (divisor > 0.0).then(|| divisor.recip())?;
+        Some([scale * x, scale * y])
+    }
+
+    fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {
+        let (scale, growth) = self.growth([x, y]);
+        let bend = 2.0 * self.lambda * growth;
+        [[scale + bend * x * x, bend * x * y], [bend * x * y, scale + bend * y * y]]
+    }
+
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+        let (_, growth) = self.growth([x, y]);
+        let along = growth * (x * x + y * y);
+        let mut by = [[0.0; 2]; Distortion::MOST];
+        by[0] = [along * x, along * y];
+        by
+    }
+
+    fn undistort_jacobian(&self, [x, y]: [f64; 2], _: [f64; 2]) -> Matrix2 {
+        let divisor = 1.0 + self.lambda * (x * x + y * y);
+        let square = divisor * divisor;
+        let cross = -2.0 * self.lambda * x * y / square;
+        let along = |c: f64| 1.0 / divisor - 2.0 * self.lambda * c * c / square;
+        [[along(x), cross], [cross, along(y)]]
+    }
+
+    fn undistort_by_coefficients(&self, [x, y]: [f64; 2], _: [f64; 2]) -> ByCoefficients {
+        let radius = x * x + y * y;
+        let divisor = 1.0 + self.lambda * radius;
+        let square = divisor * divisor;
+        // Of I / D - 2 lambda x x' / D^2.
+        let (same, outer) = (-radius / square, (4.0 * self.lambda * radius / divisor - 2.0) / square);
+        let jacobian = [[same + outer * x * x, outer * x * y], [outer * x * y, same + outer * y * y]];
+        let mut by = ByCoefficients::default();
+        by[0] = ByCoefficient { at: [-x * radius / square, -y * radius / square], jacobian };
+        by
+    }
+}

@@ -1,0 +1,116 @@
+//! The fisheye of OpenCV: J. Kannala, S. Brandt, "A generic camera model and calibration method for
+//! conventional, wide-angle, and fish-eye lenses", 2006, equation 6, without its asymmetric part.
+//!
+//! A ray at the angle theta from the axis is shown at the radius
+//! `P = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`, and by a pinhole at `tan theta`.
+//! The direction of the radius stays, so that every derivative is that of a radius; with
+//! `d tan theta = (1 + tan^2 theta) d theta`, and at a radius that stays `d theta = -theta^p / P' d k` for
+//! the coefficient of `theta^p`.
+
+use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model, radial};
+use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
+use crate::camera::polynomial::OddPolynomial;
+
+pub(super) const ROW: ModelRow = ModelRow {
+    model: DistortionModel::KannalaBrandt,
+    name: "kannala-brandt",
+    coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::K4],
+    powers: None,
+    in_order: true,
+    usual: 2,
+    zero: Distortion::KannalaBrandt { k: [0.0; 4] },
+};
+
+/// The Kannala-Brandt model: k1 to k4.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KannalaBrandt {
+    pub(super) k: [f64; 4],
+}
+
+/// Radii nearer to the axis than this have no direction.
+const AXIS: f64 = 1e-9;
+
+/// Powers of theta, one a coefficient.
+const POWERS: [i32; 4] = [3, 5, 7, 9];
+
+impl KannalaBrandt {
+    fn polynomial(&self) -> OddPolynomial {
+        OddPolynomial(self.k)
+    }
+}
+
+impl Model for KannalaBrandt {
+    fn max_radius(&self) -> f64 {
+        let theta = self.polynomial().first_turn();
+        if theta < std::f64::consts::FRAC_PI_2 { theta.tan() } else { f64::INFINITY }
+    }
+
+    fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let radius = x.hypot(y);
+        let theta = radius.atan();
+        if theta > self.polynomial().first_turn() {
+            return None;
+        }
+        let scale = if radius < AXIS { 1.0 } else { self.polynomial().value(theta) / radius };
+        Some([scale * x, scale * y])
+    }
+
+    fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let radius = x.hypot(y);
+        let theta = self.polynomial().inverse(radius)?;
+        if theta >= std::f64::consts::FRAC_PI_2 {
+            return None;
+        }
+        let scale = if radius < AXIS { 1.0 } else { theta.tan() / radius };
+        Some([scale * x, scale * y])
+    }
+
+    /// Also one from beside or behind the camera, which no pinhole sees.
+    fn reaches(&self, [x, y]: [f64; 2]) -> bool {
+        self.polynomial().inverse(x.hypot(y)).is_some()
+    }
+
+    fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {
+        let radius = x.hypot(y);
+        let theta = radius.atan();
+        let across = if radius < AXIS { 1.0 } else { self.polynomial().value(theta) / radius };
+        radial([x, y], across, self.polynomial().slope(theta) / (1.0 + radius * radius))
+    }
+
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+        let radius = x.hypot(y);
+        let mut by = [[0.0; 2]; Distortion::MOST];
+        if radius >= AXIS {
+            for (by, power) in by.iter_mut().zip(POWERS) {
+                let along = radius.atan().powi(power) / radius;
+                *by = [along * x, along * y];
+            }
+        }
+        by
+    }
+
+    fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
+        let (radius, tangent) = (bent[0].hypot(bent[1]), straight[0].hypot(straight[1]));
+        let across = if radius < AXIS { 1.0 } else { tangent / radius };
+        radial(bent, across, (1.0 + tangent * tangent) / self.polynomial().slope(tangent.atan()))
+    }
+
+    fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
+        let (radius, tangent) = (bent[0].hypot(bent[1]), straight[0].hypot(straight[1]));
+        let mut by = ByCoefficients::default();
+        if radius < AXIS {
+            return by;
+        }
+        let (theta, gain) = (tangent.atan(), 1.0 + tangent * tangent);
+        let (slope, curve) = (self.polynomial().slope(theta), self.polynomial().curvature(theta));
+        for (by, power) in by.iter_mut().zip(POWERS) {
+            let d_theta = -theta.powi(power) / slope;
+            let d_slope = curve * d_theta + f64::from(power) * theta.powi(power - 1);
+            let across = gain * d_theta / radius;
+            // Of (1 + tan^2 theta) / P'.
+            let along = gain * (2.0 * tangent * d_theta - d_slope / slope) / slope;
+            *by = ByCoefficient { at: bent.map(|c| across * c), jacobian: radial(bent, across, along) };
+        }
+        by
+    }
+}

@@ -1,0 +1,64 @@
+//! What every model of distortion says of itself.
+
+use crate::camera::distortion::Distortion;
+
+/// Rows x and y.
+pub(crate) type Matrix2 = [[f64; 2]; 2];
+
+/// How an undistorted point and its Jacobian by the distorted one, which stays, change with a coefficient.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ByCoefficient {
+    /// Of the undistorted point.
+    pub(crate) at: [f64; 2],
+    /// Of `d undistorted / d distorted`.
+    pub(crate) jacobian: Matrix2,
+}
+
+/// One for every coefficient, in the order of [`Distortion::coefficients`].
+pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MOST];
+
+/// A model of distortion: both maps and their derivatives, on coordinates divided by the focal.
+pub(crate) trait Model {
+    /// As [`Distortion::max_radius`].
+    fn max_radius(&self) -> f64;
+
+    /// As [`Distortion::distort`].
+    fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]>;
+
+    /// As [`Distortion::undistort`].
+    fn undistort(&self, bent: [f64; 2]) -> Option<[f64; 2]>;
+
+    /// Whether a ray of the scene leads to this distorted point.
+    fn reaches(&self, bent: [f64; 2]) -> bool {
+        self.undistort(bent).is_some()
+    }
+
+    /// `d distorted / d undistorted`.
+    fn distort_jacobian(&self, straight: [f64; 2]) -> Matrix2;
+
+    /// `d distorted / d coefficient`, the undistorted point staying.
+    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MOST];
+
+    /// `d undistorted / d distorted` at `bent`, which undistorts to `straight`.
+    fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2;
+
+    /// How `straight` and [`Self::undistort_jacobian`] change with every coefficient, `bent` staying.
+    fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients;
+}
+
+/// The derivative of a map along radii at `point`, from how it stretches across and along the radius:
+/// `across I + (along - across) n n'` with the radius' direction n. A change of such a derivative has the
+/// same form.
+pub(crate) fn radial([x, y]: [f64; 2], across: f64, along: f64) -> Matrix2 {
+    let square = x * x + y * y;
+    if square == 0.0 {
+        return [[along, 0.0], [0.0, along]];
+    }
+    let bend = (along - across) / square;
+    [[across + bend * x * x, bend * x * y], [bend * x * y, across + bend * y * y]]
+}
+
+/// `A x`.
+pub(crate) fn times([[a, b], [c, d]]: Matrix2, [x, y]: [f64; 2]) -> [f64; 2] {
+    [a * x + b * y, c * x + d * y]
+}

@@ -1,0 +1,227 @@
+//! How uncertain a point of the floor is: the derivatives of the map from pixels to the floor.
+//!
+//! A pixel's ray is `d = a right + b down + forward`, with `(a, b)` the undistorted pixel relative to the
+//! principal point over the focal. It meets the plane at the height h in `C + t d`, `t = (h - z0) / d_z`, so
+//! that a change of d moves the point by `t (d' - d d'_z / d_z)`, and a change of z0 by `-d / d_z`.
+
+use crate::camera::covariance::Covariance;
+use crate::camera::distortion::{Distortion, Matrix2};
+use crate::camera::pinhole::Camera;
+use crate::camera::space::Pixel;
+
+/// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorCovariance {
+    /// From the noise of the pixel: independent from detection to detection.
+    pub pixel: [[f64; 2]; 2],
+    /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
+    pub calibration: [[f64; 2]; 2],
+}
+
+impl FloorCovariance {
+    /// Both parts together.
+    #[must_use]
+    pub fn total(&self) -> [[f64; 2]; 2] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + self.calibration[i][j]))
+    }
+
+    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in metres.
+    #[must_use]
+    pub fn worst_sigma(&self) -> f64 {
+        let [[a, b], [_, d]] = self.total();
+        (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt()
+    }
+}
+
+impl Camera {
+    /// How uncertain the point of the floor is that the camera shows at `pixel`, for a standard
+    /// deviation of `pixel_sigma` pixels of each coordinate.
+    ///
+    /// `None` where there is no floor point.
+    #[must_use]
+    pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
+        self.plane_covariance(pixel, pixel_sigma, 0.0)
+    }
+
+    /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
+    pub(crate) fn plane_covariance(
+        &self,
+        pixel: Pixel,
+        pixel_sigma: f64,
+        height: f64,
+    ) -> Option<FloorCovariance> {
+        let on_plane = PlaneJacobian::new(self, pixel, height)?;
+        let columns = on_plane.by_pixel();
+        let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
+        let pixel_part =
+            std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
+        let calibration = self.covariance.carried(&on_plane.by_estimated());
+        Some(FloorCovariance { pixel: pixel_part, calibration })
+    }
+
+    /// Derivatives of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
+    ///
+    /// `None` where there is no floor point.
+    #[must_use]
+    pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
+        Some(PlaneJacobian::new(self, pixel, 0.0)?.by_estimated())
+    }
+}
+
+/// The ray of a pixel to a horizontal plane, and what changes it.
+struct PlaneJacobian<'a> {
+    camera: &'a Camera,
+    pixel: Pixel,
+    /// Undistorted, relative to the principal point, over the focal.
+    normalised: [f64; 2],
+    /// `d undistorted / d raw`.
+    undistort: Matrix2,
+    /// Rows right, down, forward.
+    axes: [[f64; 3]; 3],
+    direction: [f64; 3],
+    /// From the camera to the plane, in directions.
+    reach: f64,
+}
+
+impl<'a> PlaneJacobian<'a> {
+    /// `None` where the pixel does not show the plane.
+    fn new(camera: &'a Camera, pixel: Pixel, height: f64) -> Option<Self> {
+        let (straight, undistort) = camera.lens.undistort_with_jacobian(pixel)?;
+        camera.undistorted_to_floor(straight, height)?;
+        let Pixel { u: cu, v: cv } = camera.lens.principal_point;
+        let normalised = [(straight.u - cu) / camera.focal, (straight.v - cv) / camera.focal];
+        let axes = camera.rotation();
+        let [right, down, forward] = axes;
+        let direction =
+            std::array::from_fn(|i| normalised[0] * right[i] + normalised[1] * down[i] + forward[i]);
+        let reach = (height - camera.position.z) / direction[2];
+        Some(Self { camera, pixel, normalised, undistort, axes, direction, reach })
+    }
+
+    /// How far the point moves when the ray's direction changes so.
+    fn moved(&self, change: [f64; 3]) -> [f64; 2] {
+        [0, 1].map(|i| self.reach * (change[i] - self.direction[i] * change[2] / self.direction[2]))
+    }
+
+    /// The same of a change of the undistorted pixel.
+    fn moved_in_image(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [right, down, _] = self.axes;
+        self.moved(std::array::from_fn(|i| (u * right[i] + v * down[i]) / self.camera.focal))
+    }
+
+    /// By u and v of the raw pixel.
+    fn by_pixel(&self) -> [[f64; 2]; 2] {
+        let [[a, b], [c, d]] = self.undistort;
+        [self.moved_in_image([a, c]), self.moved_in_image([b, d])]
+    }
+
+    /// By yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the roll into
+    /// `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
+    fn by_angles(&self) -> [[f64; 2]; 3] {
+        let ([a, b], [right, down, forward]) = (self.normalised, self.axes);
+        let (sin, cos) = self.camera.roll.sin_cos();
+        let [x, y, _] = self.direction;
+        let back = -(a * sin + b * cos);
+        let pitched = std::array::from_fn(|i| back * forward[i] + sin * right[i] + cos * down[i]);
+        let rolled = std::array::from_fn(|i| a * down[i] - b * right[i]);
+        [self.moved([-y, x, 0.0]), self.moved(pitched), self.moved(rolled)]
+    }
+
+    /// By every unknown of [`Covariance`].
+    fn by_unknowns(&self) -> [[f64; 2]; Covariance::SIZE] {
+        let [x, y, z] = self.direction;
+        let [a, b] = self.normalised;
+        let mut by = [[0.0; 2]; Covariance::SIZE];
+        by[Covariance::X] = [1.0, 0.0];
+        by[Covariance::Y] = [0.0, 1.0];
+        by[Covariance::Z] = [-x / z, -y / z];
+        [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
+        by[Covariance::FOCAL] = self.moved_in_image([-a, -b]);
+        let lens = &self.camera.lens;
+        if lens.distortion != Distortion::None {
+            let [u, v] = self.normalised.map(|c| c * self.camera.focal);
+            let Pixel { u: cu, v: cv } = lens.principal_point;
+            let by_lens = lens.undistort_by_coefficients(self.pixel, [cu + u, cv + v].into());
+            for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
+                *by = self.moved_in_image(change.at);
+            }
+        }
+        by
+    }
+
+    /// The same, with zeros for what was not estimated.
+    fn by_estimated(&self) -> [[f64; 2]; Covariance::SIZE] {
+        let mut by = self.by_unknowns();
+        for (index, by) in by.iter_mut().enumerate() {
+            if self.camera.covariance.sigma(index).is_none() {
+                *by = [0.0; 2];
+            }
+        }
+        by
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn derivatives_of_the_floor_are_those_of_differences(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
+        ) {
+            /// Of a metre, of a radian, of the focal's share, of a coefficient.
+            const STEP: f64 = 1e-5;
+            let pixel = Pixel { u, v };
+            let Some(floor) = camera.pixel_to_floor(pixel, height) else { return Ok(()) };
+            prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
+            let here = PlaneJacobian::new(&camera, pixel, height).unwrap();
+            let check = |numeric: [f64; 2], analytic: [f64; 2], what: usize| {
+                for (a, b) in numeric.into_iter().zip(analytic) {
+                    prop_assert!((a - b).abs() < 1e-4 * (1.0 + b.abs()), "{what}: {numeric:?} {analytic:?}");
+                }
+                Ok(())
+            };
+            let by = here.by_unknowns();
+            for index in 0..Covariance::LENS + camera.lens.distortion.names().len() {
+                let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
+                let at = |sign: f64| camera.nudged(index, sign * step).pixel_to_floor(pixel, height);
+                let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
+                check([(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)], by[index], index)?;
+            }
+            for (k, analytic) in here.by_pixel().into_iter().enumerate() {
+                let at = |by: f64| {
+                    let moved = if k == 0 { Pixel { u: u + by, v } } else { Pixel { u, v: v + by } };
+                    camera.pixel_to_floor(moved, height)
+                };
+                let (Some(a), Some(b)) = (at(1e-3), at(-1e-3)) else { continue };
+                check([(a.x - b.x) / 2e-3, (a.y - b.y) / 2e-3], analytic, 20 + k)?;
+            }
+        }
+
+        #[test]
+        fn a_floor_point_is_as_uncertain_as_its_pixel_times_the_map(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let pixel = Pixel { u, v };
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
+            prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
+            prop_assert_eq!(covariance.calibration, [[0.0; 2]; 2]);
+            // A nudge of half a pixel moves the floor point by no more than its worst direction says.
+            for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
+                let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
+                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma()));
+            }
+        }
+
+        #[test]
+        fn a_height_that_is_uncertain_scales_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+            let mut camera = camera;
+            camera.covariance.0[Covariance::Z][Covariance::Z] = 0.01_f64.powi(2);
+            let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };
+            let range = floor.distance(camera.position.on_floor());
+            prop_assume!(range < 50.0);
+            prop_assert!((covariance.worst_sigma() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
+        }
+    }
+}
