@@ -24,4 +24,4 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
-pub(crate) use reprojection::{ObservedPixel, POSE_PARAMS, PosedCamera};
+pub(crate) use reprojection::{ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection};
