@@ -95,11 +95,6 @@
 //! `serde` (on by default): the site document. `schema`: its JSON Schema. `mint`, `nalgebra`, `cam-geom`:
 //! conversions to and from those libraries.
 
-#![cfg_attr(
-    not(feature = "serde"),
-    expect(dead_code, unused_imports, reason = "only the site document uses all of it")
-)]
-
 // A folder uses only those above it, and in a folder a file only those above it; a test holds both.
 mod camera;
 mod optimize;
@@ -110,6 +105,10 @@ mod bundle;
 #[cfg(feature = "serde")]
 mod site;
 
+pub use bundle::{
+    BundleAdjustment, BundleCamera, BundleError, BundleSummary, CameraEstimate, Component, CrossCovariance,
+    DistanceMeasurement, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate,
+};
 pub use camera::{
     BrownConrady, Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance, FloorPoint,
     Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Ray, UndistortedPixel, WorldPoint,

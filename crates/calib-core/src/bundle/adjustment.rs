@@ -1,341 +1,283 @@
-//! The joint fit as a whole: the minimum, wrong landmarks, priors, sigmas.
+//! The bundle adjustment of several cameras, from the view graph to covariances.
 
-use nalgebra::DMatrix;
+use std::collections::HashSet;
 
-use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
-use crate::bundle::parameters::CAMERA_PARAMS;
-use crate::bundle::problem::{BundleProblem, ResidualBlock, View};
-use crate::camera::{Camera, Covariance};
-use crate::optimize::{BlockCovariance, Summary, least_squares};
-use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, is_significant};
+use crate::bundle::camera::{BundleCamera, View};
+use crate::bundle::initialization::{Initialization, initialize};
+use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel};
+use crate::bundle::refinement::Refinement;
+use crate::bundle::summary::BundleSummary;
+use crate::bundle::view_graph::clusters;
+use crate::camera::Camera;
 
-/// Steps of one run; a start along a spanning tree is near.
-const ROUNDS: usize = 60;
-/// Share of the information of its own residuals that an unknown gets on top, so that what they leave
-/// open together has a large variance and not an infinite one.
-const OPEN: f64 = 1e-12;
+/// Several cameras, what they observe in common, and distances that were measured: refined together.
+///
+/// 1. The view graph is split into components; each is initialised along a spanning tree, cameras placed
+///    by what they share with cameras placed before them, and the floors of all are aligned to close loops.
+/// 2. Landmarks are triangulated.
+/// 3. Cameras, landmarks and what the annotations of every camera leave open are refined by least squares,
+///    every residual divided by its standard deviation: observations and annotations in pixels, priors and
+///    distances in their units. Outliers among landmarks and distances are rejected one by one.
+///
+/// Unlike in structure from motion, roll, pitch, focal and lens of every camera are known about right before
+/// (from [`Fit`](crate::Fit), or from elsewhere), and the floor is horizontal: only positions and yaws are
+/// sought from nothing. What nothing in the base system holds of a component is held by one camera, its
+/// [root](crate::Component::root).
+///
+/// # Example
+///
+/// Two cameras of known height, roll, pitch and focal see four points of the floor; the first stands at the
+/// origin of the base system. Where is the second, and where does it look?
+///
+/// ```
+/// use calib_core::{
+///     BundleAdjustment, BundleCamera, Camera, Covariance, InitialPose, Landmark, LandmarkModel, Lens,
+///     Observation, Pixel, WorldPoint,
+/// };
+///
+/// let camera = |x: f64, y: f64, yaw: f64| Camera {
+///     position: WorldPoint::new(x, y, 4.0),
+///     yaw,
+///     pitch: 0.6,
+///     roll: 0.02,
+///     focal: 1200.0,
+///     lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+///     covariance: Covariance::EXACT,
+/// };
+/// let truth = [camera(0.0, 0.0, 0.0), camera(3.0, 1.0, 0.5)];
+/// let landmarks = [(0.5, 5.0), (-0.5, 7.0), (1.2, 6.0), (0.0, 8.0)].map(|(x, y)| {
+///     let point = WorldPoint::new(x, y, 0.0);
+///     let seen = truth.iter().enumerate();
+///     let seen = seen.filter_map(|(view, camera)| Some(Observation::new(view, camera.world_to_pixel(point)?)));
+///     Landmark::new(LandmarkModel::Point { height: 0.0 }, seen.collect())
+/// });
+///
+/// let size = [1920.0, 1080.0];
+/// let first = BundleCamera { initial_pose: InitialPose::Fixed, ..BundleCamera::new(0, truth[0], size) };
+/// let second = BundleCamera::new(1, camera(0.0, 0.0, 0.0), size);
+/// let adjustment =
+///     BundleAdjustment { cameras: vec![first, second], landmarks: landmarks.to_vec(), distances: Vec::new() };
+/// let summary = adjustment.solve()?;
+///
+/// let second = summary.cameras[1].as_ref().expect("it is connected");
+/// assert!(second.camera.position.distance(truth[1].position) < 1e-6);
+/// assert!((second.camera.yaw - 0.5).abs() < 1e-6);
+/// assert!(second.camera.covariance.sigma(Covariance::YAW).is_some_and(|sigma| sigma < 0.01));
+/// assert!(summary.landmarks[1].position().distance(WorldPoint::new(-0.5, 7.0, 0.0)) < 1e-6);
+/// # Ok::<(), calib_core::BundleError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct BundleAdjustment<'a> {
+    /// Observations name them by their index.
+    pub cameras: Vec<BundleCamera<'a>>,
+    /// What they observe.
+    pub landmarks: Vec<Landmark>,
+    /// Distances between landmarks.
+    pub distances: Vec<DistanceMeasurement>,
+}
 
-/// Something that may be rejected.
+/// What of an adjustment names something that does not exist, or has an impossible standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum OutlierCandidate {
-    /// A landmark, by its index.
-    Landmark(usize),
-    /// A measured distance, by its index.
-    Distance(usize),
+pub enum BundleError {
+    /// The lens of this camera is that of a camera that does not exist, or has it from another itself.
+    LensOf {
+        /// Index of the camera.
+        camera: usize,
+    },
+    /// This camera has constraints and no fit they belong to.
+    MissingFit {
+        /// Index of the camera.
+        camera: usize,
+    },
+    /// An observation of a camera or a point that does not exist, or its standard deviation is not positive.
+    Observation {
+        /// Index of the landmark.
+        landmark: usize,
+        /// Index of the observation in the landmark.
+        observation: usize,
+    },
+    /// A prior on a parameter that does not exist, or its standard deviation is not positive.
+    LandmarkPrior {
+        /// Index of the landmark.
+        landmark: usize,
+    },
+    /// An end of this distance does not exist, or its standard deviation is not positive.
+    Distance {
+        /// Index of the distance.
+        distance: usize,
+    },
 }
 
-/// Where a landmark is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LandmarkEstimate {
-    pub(crate) place: [f64; LANDMARK_PARAMS],
-    /// Of the unknowns of the place; zeros for those held.
-    pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
+impl std::fmt::Display for BundleError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::LensOf { camera } => write!(f, "camera {camera} has the lens of a camera without one"),
+            Self::MissingFit { camera } => write!(f, "camera {camera} has constraints but no fit"),
+            Self::Observation { landmark, observation } => write!(
+                f,
+                "observation {observation} of landmark {landmark} is of nothing, or its sigma not positive"
+            ),
+            Self::LandmarkPrior { landmark } => {
+                write!(f, "a prior on landmark {landmark} is on nothing, or its sigma not positive")
+            }
+            Self::Distance { distance } => {
+                write!(f, "an end of distance {distance} does not exist, or its sigma is not positive")
+            }
+        }
+    }
 }
 
-/// What the joint fit found.
-#[derive(Clone, Debug)]
-pub(crate) struct Adjustment {
-    /// With the covariance of what was estimated.
-    pub(crate) cameras: Vec<Camera>,
-    /// Of landmarks that were used.
-    pub(crate) places: Vec<Option<LandmarkEstimate>>,
-    pub(crate) chi2: f64,
-    pub(crate) dof: i64,
-    /// By which the variances of what was drawn are multiplied.
-    pub(crate) inflation: f64,
-    /// Landmarks and distances that were rejected.
-    pub(crate) rejected: Vec<OutlierCandidate>,
-    /// The evidence contradicts itself, and nothing that may be rejected explains it.
-    pub(crate) misfit: bool,
-    /// Every residual in sigmas.
-    pub(crate) residuals: Vec<(ResidualBlock, f64)>,
-    /// Directions and lengths of stage 1, of every camera.
-    pub(crate) nuisance: Vec<Vec<f64>>,
-    /// Covariance of cameras that see landmarks in common, for the first and the second of a pair.
-    pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
-}
-
-/// Covariance of the unknowns of one camera with those of another, as [`Covariance`] has them.
-pub(crate) type CrossCovariance = Box<[[f64; CAMERA_PARAMS]; CAMERA_PARAMS]>;
-
-/// A state of a joint problem that is a minimum.
-struct Converged<'a> {
-    problem: BundleProblem<'a>,
-    state: Vec<f64>,
-    chi2: f64,
-    dof: i64,
-    /// Where something had to be asked of it already.
-    covariance: Option<BlockCovariance>,
-}
-
-/// Everything that is known together: cameras, lenses, landmarks and distances, and the noise.
-#[derive(Clone, Debug)]
-pub(crate) struct BundleAdjustment<'a> {
-    pub(crate) views: Vec<View<'a>>,
-    pub(crate) landmarks: Vec<Landmark>,
-    pub(crate) measurements: Vec<DistanceMeasurement>,
-    /// Whose drawing noise was given; where all of it was, a chi-square is a judgement.
-    pub(crate) noise_is_given: Vec<bool>,
-}
+impl std::error::Error for BundleError {}
 
 impl BundleAdjustment<'_> {
-    fn noise_is_known(&self) -> bool {
-        self.noise_is_given.iter().all(|&given| given)
+    /// Initialises and refines.
+    ///
+    /// # Errors
+    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: it is
+    /// listed in the summary.
+    pub fn solve(&self) -> Result<BundleSummary, BundleError> {
+        self.check()?;
+        Ok(self.solve_checked())
     }
 
-    /// The joint fit; `None` where the start is impossible.
-    pub(crate) fn adjust(&self) -> Option<Adjustment> {
-        let mut rejected = Vec::new();
-        let mut converged = self.solve_without(&rejected)?;
-        // Every wrong landmark costs a search; many wrong ones are a misfit that the operator must see.
-        let most = (self.landmarks.len() / 10).clamp(1, 20);
-        while rejected.len() < most && converged.has_outliers() {
-            let Some((candidate, without)) = self.worst_outlier(&converged, &rejected) else { break };
-            let explains = !is_misfit(without.chi2, without.dof);
-            let count = self.landmarks.len() + self.measurements.len();
-            let stark = is_significant(converged.chi2, without.chi2, without.dof, count);
-            if !(stark || explains && (self.noise_is_known() || rejected.is_empty())) {
-                break;
-            }
-            rejected.push(candidate);
-            converged = without;
-        }
-        Some(self.finish(converged, rejected))
-    }
-
-    /// Landmarks and distances with some of them rejected.
-    fn without(&self, rejected: &[OutlierCandidate]) -> (Vec<Landmark>, Vec<DistanceMeasurement>) {
-        let (mut landmarks, mut measurements) = (self.landmarks.clone(), self.measurements.clone());
-        for candidate in rejected {
-            match *candidate {
-                OutlierCandidate::Landmark(landmark) => {
-                    landmarks[landmark].off = true;
-                    measurements
-                        .iter_mut()
-                        .filter(|measurement| measurement.between.contains(&landmark))
-                        .for_each(|measurement| measurement.off = true);
-                }
-                OutlierCandidate::Distance(measurement) => measurements[measurement].off = true,
-            }
-        }
-        (landmarks, measurements)
-    }
-
-    /// The minimum without what is rejected. The weak prior about a focal enters where nothing else
-    /// tells it, links included.
-    fn solve_without(&self, rejected: &[OutlierCandidate]) -> Option<Converged<'_>> {
-        let weak_prior_used: Vec<Option<Prior>> =
-            self.views.iter().map(|view| view.stage_1.priors.weak_log_focal).collect();
-        let with = |which: &dyn Fn(usize) -> bool| {
-            let mut views = self.views.clone();
-            for (index, view) in views.iter_mut().enumerate() {
-                view.stage_1.priors.weak_log_focal = weak_prior_used[index].filter(|_| which(index));
-            }
-            let (landmarks, measurements) = self.without(rejected);
-            BundleProblem::new(views, landmarks, measurements)
+    /// As [`Self::solve`], for indices and standard deviations that are right by construction.
+    pub(crate) fn solve_checked(&self) -> BundleSummary {
+        let initial = initialize(&self.cameras, &self.landmarks, &self.distances);
+        let Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure } =
+            initial;
+        let mut summary = BundleSummary {
+            cameras: vec![None; self.cameras.len()],
+            landmark_covariances: vec![None; landmarks.len()],
+            landmarks,
+            distances,
+            components,
+            unreached,
+            unobservable,
+            loop_closure,
+            ..BundleSummary::default()
         };
-        if weak_prior_used.iter().all(Option::is_none) {
-            return converged(with(&|_| false));
+        for cluster in clusters(&self.cameras, &summary.components, &summary.unreached) {
+            self.refine(&cluster, &poses, &mut summary);
         }
-        let Some(alone) = converged(with(&|_| false)) else { return converged(with(&|_| true)) };
-        let asked: Vec<(usize, (usize, usize))> = (0..self.views.len())
-            .filter(|&view| weak_prior_used[view].is_some())
-            .filter_map(|view| Some((view, alone.problem.camera_layout(view)[Covariance::FOCAL]?)))
-            .collect();
-        let covariance = alone.covariance();
-        let mut open = vec![false; self.views.len()];
-        for (view, (block, place)) in asked {
-            let own = covariance.as_ref().map(|known| known.block(&alone.problem.blocks, block, block));
-            // A focal is as sure as the variance of its log; not a number is not sure.
-            open[view] = !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL);
+        summary
+    }
+
+    /// Refines a cluster of cameras, given by their indices in ascending order.
+    fn refine(&self, cluster: &[usize], poses: &[Camera], summary: &mut BundleSummary) {
+        let (landmarks, distances) = summary.observed_by(cluster);
+        if is_oversized(landmarks.iter().map(|&landmark| &summary.landmarks[landmark])) {
+            summary.oversized.extend(cluster);
+            return;
         }
-        if open.contains(&true) {
-            converged(with(&|view| open[view]))
+        let refinement = Refinement {
+            views: self.views(cluster, poses, summary),
+            landmarks: local_landmarks(&landmarks, cluster, summary),
+            distances: local_distances(&distances, &landmarks, summary),
+            noise_is_known: cluster.iter().map(|&camera| self.cameras[camera].noise_is_known).collect(),
+        };
+        match refinement.solve() {
+            Some(refined) => summary.take(refined, &self.cameras, [cluster, &landmarks, &distances]),
+            None => summary.unsolved.extend(cluster),
+        }
+    }
+
+    /// The cameras of a cluster: from their initial poses where they are connected, else as they came.
+    fn views(&self, cluster: &[usize], poses: &[Camera], summary: &BundleSummary) -> Vec<View<'_>> {
+        let view = |&index: &usize| {
+            let camera = &self.cameras[index];
+            let gauge = summary.component(index).map(|component| component.gauge(index));
+            let start = if gauge.is_some() { &poses[index] } else { &camera.camera };
+            let lens = cluster.binary_search(&camera.lens_of).unwrap_or(0);
+            View::new(camera, start, &self.cameras[camera.lens_of], lens, gauge)
+        };
+        cluster.iter().map(view).collect()
+    }
+
+    fn check(&self) -> Result<(), BundleError> {
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let owner = self.cameras.get(camera.lens_of);
+            if owner.is_none_or(|owner| owner.lens_of != camera.lens_of) {
+                return Err(BundleError::LensOf { camera: index });
+            }
+            if camera.fit.is_none() && !camera.constraints.is_empty() {
+                return Err(BundleError::MissingFit { camera: index });
+            }
+        }
+        for (index, landmark) in self.landmarks.iter().enumerate() {
+            self.check_landmark(index, landmark)?;
+        }
+        for (index, distance) in self.distances.iter().enumerate() {
+            let ends_exist = distance.between.iter().all(|&landmark| landmark < self.landmarks.len());
+            if !(ends_exist && distance.length.sigma > 0.0) {
+                return Err(BundleError::Distance { distance: index });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_landmark(&self, index: usize, landmark: &Landmark) -> Result<(), BundleError> {
+        let points = match &landmark.model {
+            LandmarkModel::Point { .. } | LandmarkModel::Measured => 1,
+            LandmarkModel::Post => 2,
+            LandmarkModel::Mark { points, .. } => points.len(),
+            LandmarkModel::Line { .. } => usize::MAX,
+        };
+        let is_wrong = landmark
+            .observations
+            .iter()
+            .position(|seen| !(seen.view < self.cameras.len() && seen.point < points && seen.sigma > 0.0));
+        if let Some(observation) = is_wrong {
+            return Err(BundleError::Observation { landmark: index, observation });
+        }
+        if landmark.priors.iter().all(|(k, prior)| *k < landmark.free.len() && prior.sigma > 0.0) {
+            Ok(())
         } else {
-            Some(Converged { covariance, ..alone })
+            Err(BundleError::LandmarkPrior { landmark: index })
         }
     }
+}
 
-    /// What the rest agrees best without, with the minimum there.
-    fn worst_outlier(
-        &self,
-        converged: &Converged,
-        rejected: &[OutlierCandidate],
-    ) -> Option<(OutlierCandidate, Converged<'_>)> {
-        // Exact where it is cheap; a big network has the redundancy to show it by the residual alone.
-        let most = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
-        let mut candidates = converged.candidates();
-        candidates.truncate(most);
-        let tried = candidates.into_iter().filter_map(|candidate| {
-            let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([candidate]).collect();
-            let found = self.solve_without(&without)?;
-            (found.dof >= 1).then_some((candidate, found))
-        });
-        tried.min_by(|a, b| {
-            let score = |found: &Converged| chi2_score(found.chi2, found.dof);
-            score(&a.1).total_cmp(&score(&b.1))
-        })
-    }
+/// Landmarks of a cluster, with the observations of its cameras by their indices in the cluster.
+fn local_landmarks(landmarks: &[usize], cluster: &[usize], summary: &BundleSummary) -> Vec<Landmark> {
+    let local = |&index: &usize| {
+        let mut landmark = summary.landmarks[index].clone();
+        let within = |camera: usize| cluster.binary_search(&camera).ok();
+        landmark.observations.retain_mut(|seen| within(seen.view).map(|view| seen.view = view).is_some());
+        landmark
+    };
+    landmarks.iter().map(local).collect()
+}
 
-    fn finish(&self, mut converged: Converged, rejected: Vec<OutlierCandidate>) -> Adjustment {
-        let covariance = converged.covariance.take().or_else(|| converged.covariance());
-        let Converged { problem, state, chi2, dof, .. } = converged;
-        let misfit = is_misfit(chi2, dof);
-        let inflation = if self.noise_is_known() { 1.0 } else { inflation(chi2, dof) };
-        let mut residuals = Vec::new();
-        let _ = problem.each_residual(&state, |residual, _, of| residuals.push((of, residual)));
-        let mut cameras: Vec<Camera> = (0..problem.views.len())
-            .map(|view| {
-                let camera = problem.camera(&state, view);
-                let is_free = problem.camera_layout(view)[Covariance::YAW].is_some();
-                let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
-                Camera { yaw, covariance: Covariance::EXACT, ..camera }
-            })
-            .collect();
-        // Noise that was given is used as it is.
-        let inflated = |views: [usize; 2]| -> f64 {
-            views.iter().map(|&view| if self.noise_is_given[view] { 1.0 } else { inflation.sqrt() }).product()
-        };
-        let mut pairs = Vec::new();
-        if let Some(covariance) = &covariance {
-            let all: Vec<CrossCovariance> = (0..cameras.len())
-                .map(|view| {
-                    cross_covariance(&problem, covariance, [view, view], &cameras, inflated([view, view]))
-                })
-                .collect();
-            for (camera, own) in cameras.iter_mut().zip(all) {
-                camera.covariance = Covariance(*own);
-            }
-            let coupled: std::collections::BTreeSet<[usize; 2]> = problem
-                .landmarks
-                .iter()
-                .filter(|landmark| !landmark.off)
-                .flat_map(|landmark| {
-                    let views = landmark.views();
-                    let pairs = |i: usize| views[i + 1..].iter().map(|&b| [views[i], b]).collect::<Vec<_>>();
-                    (0..views.len()).flat_map(pairs).collect::<Vec<_>>()
-                })
-                .collect();
-            pairs = coupled
-                .into_iter()
-                .map(|pair| (pair, cross_covariance(&problem, covariance, pair, &cameras, inflated(pair))))
-                .collect();
+/// Distances of a cluster between its landmarks by their indices in the cluster.
+fn local_distances(
+    distances: &[usize],
+    landmarks: &[usize],
+    summary: &BundleSummary,
+) -> Vec<DistanceMeasurement> {
+    let local = |&index: &usize| {
+        let distance = summary.distances[index];
+        let within = |landmark: usize| landmarks.binary_search(&landmark).unwrap_or(0);
+        DistanceMeasurement { between: distance.between.map(within), ..distance }
+    };
+    distances.iter().map(local).collect()
+}
+
+/// Whether the cameras share so much that the system of equations would fill the memory of any machine.
+fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
+    /// Pairs of cameras that observe a landmark in common: 450 cameras, every one with every other.
+    const MOST: usize = 100_000;
+    let mut pairs = HashSet::new();
+    for landmark in landmarks {
+        let views = landmark.views();
+        if views.len() * views.len() > 2 * MOST {
+            return true;
         }
-        let placed = |landmark: usize| {
-            (!problem.landmarks[landmark].off).then(|| LandmarkEstimate {
-                place: problem.place(&state, landmark),
-                covariance: covariance
-                    .as_ref()
-                    .map_or([[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS], |covariance| {
-                        place_covariance(&problem, covariance, landmark, inflation)
-                    }),
-            })
-        };
-        let places = (0..problem.landmarks.len()).map(placed).collect();
-        let nuisance = (0..problem.views.len()).map(|view| problem.nuisance(&state, view)).collect();
-        Adjustment { nuisance, cameras, places, chi2, dof, inflation, rejected, misfit, residuals, pairs }
-    }
-}
-
-/// The same angle between minus and plus half a turn.
-fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    (angle + PI).rem_euclid(TAU) - PI
-}
-
-fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    let Summary { state, cost: chi2, .. } = least_squares(&problem, problem.start(), ROUNDS)?;
-    let dof = problem.dof(&state)?;
-    Some(Converged { problem, state, chi2, dof, covariance: None })
-}
-
-impl Converged<'_> {
-    fn covariance(&self) -> Option<BlockCovariance> {
-        self.problem.blocks.covariance(self.problem.normal(&self.state)?, OPEN)
-    }
-
-    /// What may be rejected with its chi-square and its spare residuals, the worst first.
-    fn scores(&self) -> Vec<(OutlierCandidate, f64)> {
-        let mut landmarks = vec![0.0; self.problem.landmarks.len()];
-        let mut measurements = vec![0.0; self.problem.measurements.len()];
-        let _ = self.problem.each_residual(&self.state, |residual, _, of| match of {
-            ResidualBlock::Observation { landmark, .. } | ResidualBlock::LandmarkPrior { landmark } => {
-                landmarks[landmark] += residual * residual
-            }
-            ResidualBlock::Distance { measurement } => measurements[measurement] += residual * residual,
-            ResidualBlock::Annotation { .. } | ResidualBlock::StraightEdge { .. } | ResidualBlock::Prior => {}
-        });
-        let landmark = |(index, landmark): (usize, &Landmark)| {
-            let free = !landmark.off && !landmark.keep && landmark.redundancy() > 0;
-            free.then(|| {
-                (OutlierCandidate::Landmark(index), chi2_score(landmarks[index], landmark.redundancy()))
-            })
-        };
-        let measurement = |(index, measurement): (usize, &DistanceMeasurement)| {
-            (!measurement.off && !measurement.keep)
-                .then(|| (OutlierCandidate::Distance(index), chi2_score(measurements[index], 1)))
-        };
-        let mut scores: Vec<(OutlierCandidate, f64)> =
-            self.problem.landmarks.iter().enumerate().filter_map(landmark).collect();
-        scores.extend(self.problem.measurements.iter().enumerate().filter_map(measurement));
-        scores.sort_by(|a, b| b.1.total_cmp(&a.1));
-        scores
-    }
-
-    fn candidates(&self) -> Vec<OutlierCandidate> {
-        self.scores().into_iter().map(|(candidate, _)| candidate).collect()
-    }
-
-    /// The whole is too far off for drawing noise, or one of the landmarks is, as the worst of so many.
-    fn has_outliers(&self) -> bool {
-        let scores = self.scores();
-        let worst = scores.first().map_or(0.0, |(_, score)| *score);
-        let limit = (LEVEL * LEVEL + 2.0 * (scores.len().max(1) as f64).ln()).sqrt();
-        is_misfit(self.chi2, self.dof) || worst > limit
-    }
-}
-
-/// Covariance of the unknowns of two cameras, or of one, with the focal in pixels.
-fn cross_covariance(
-    problem: &BundleProblem,
-    covariance: &BlockCovariance,
-    [a, b]: [usize; 2],
-    cameras: &[Camera],
-    inflation: f64,
-) -> CrossCovariance {
-    let mut found = Box::new([[0.0; CAMERA_PARAMS]; CAMERA_PARAMS]);
-    let mut cache: Vec<([usize; 2], DMatrix<f64>)> = Vec::new();
-    for (i, from) in problem.camera_layout(a).iter().enumerate() {
-        for (j, to) in problem.camera_layout(b).iter().enumerate() {
-            let (Some((p, row)), Some((q, column))) = (from, to) else { continue };
-            let known = cache.iter().position(|(pair, _)| *pair == [*p, *q]);
-            let at = known.unwrap_or_else(|| {
-                cache.push(([*p, *q], covariance.block(&problem.blocks, *p, *q)));
-                cache.len() - 1
-            });
-            let focal = |index: usize, view: usize| {
-                if index == Covariance::FOCAL { cameras[view].focal } else { 1.0 }
-            };
-            found[i][j] = cache[at].1[(*row, *column)] * focal(i, a) * focal(j, b) * inflation;
+        for (i, &a) in views.iter().enumerate() {
+            pairs.extend(views[i + 1..].iter().map(|&b| [a, b]));
+        }
+        if pairs.len() > MOST {
+            return true;
         }
     }
-    found
-}
-
-fn place_covariance(
-    problem: &BundleProblem,
-    covariance: &BlockCovariance,
-    landmark: usize,
-    inflation: f64,
-) -> [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS] {
-    let mut found = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
-    let Some(block) = problem.landmark_block(landmark) else { return found };
-    let own = covariance.block(&problem.blocks, block, block);
-    let free: Vec<usize> = (0..LANDMARK_PARAMS).filter(|&k| problem.landmarks[landmark].free[k]).collect();
-    for (i, &k) in free.iter().enumerate() {
-        for (j, &l) in free.iter().enumerate() {
-            found[k][l] = own[(i, j)] * inflation;
-        }
-    }
-    found
+    false
 }

@@ -1,28 +1,41 @@
-//! The floors of all cameras laid together at once: what closes the loops of a chain before the joint
-//! fit starts.
+//! The floors of all cameras aligned at once, which closes the loops of a spanning tree before the
+//! adjustment starts.
 //!
-//! First turns and scales: of two cameras that share points, the one floor is the other turned and
-//! scaled, `turn_a - turn_b` and `log scale_a - log scale_b` are known, and all of them together are a
-//! sparse linear system. Then, with those held, the moves: another one. (All at once would be linear,
-//! too, and would shrink every floor a little with its distance from the first.)
+//! Every camera sees the floor in true shape (roll, pitch and focal are known from stage 1) up to a
+//! similarity of its own: turn `t`, scale `s` and move `m`. As in global structure from motion, rotations
+//! are averaged before translations are solved for:
+//!
+//! 1. Of two cameras a and b that share points, the similarity between their floors gives the relative turn
+//!    `t_ba` and log scale `l_ba`. With `t_a - t_b = t_ba` and `log s_a - log s_b = l_ba` for all pairs, the
+//!    turns and scales of all cameras are a sparse linear least-squares problem (rotation averaging in the
+//!    plane, where it is linear as long as the errors of the start are less than half a turn).
+//! 2. With turns and scales held, `m_a + p_a = x` for every point x that camera a has at `p_a` relative to
+//!    itself: a sparse linear problem in the moves and the points, which are eliminated.
+//!
+//! Solving for all of it at once would be linear, too, but would shrink every floor a little with its
+//! distance from the first: noise in `p_a` multiplies the unknown scale.
+//!
+//! A similarity of two floors is estimated with weights for outliers: iteratively reweighted least squares
+//! with Cauchy's weights `1 / (1 + (e / c)^2)`, `c` three times the median error.
 
 use std::collections::BTreeMap;
 
-use crate::bundle::landmark::{APART, Landmark, LandmarkModel};
-use crate::bundle::triangulation::is_known;
+use crate::bundle::landmark::{Landmark, LandmarkModel, SAME_PLACE};
+use crate::bundle::triangulation::{is_known, on_floor};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
-use crate::optimize::{BlockStructure, JacobianBlock};
+use crate::optimize::{BlockStructure, JacobianBlock, NormalEquations};
 
-/// A place as a camera puts it, and where it is known to be.
-type Seen = ([f64; 2], FloorPoint);
+/// A place as a camera has it, and where it is known to be.
+type PlacePair = ([f64; 2], FloorPoint);
 
-/// What one camera puts on the floor.
+/// A point of the floor as one camera has it.
 #[derive(Clone, Copy, Debug)]
 struct FloorSighting {
     view: usize,
-    /// Relative to the foot of the camera.
+    /// Relative to the foot of the camera, in metres.
     at: [f64; 2],
     foot: FloorPoint,
+    /// Number of the point, the same for all cameras that observe it.
     point: usize,
     /// Pixels per metre there, but for the focal.
     weight: f64,
@@ -30,48 +43,27 @@ struct FloorSighting {
 
 /// Moves, turns and scales the cameras that are `free` until their floors agree on the points they share.
 pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[Landmark]) {
-    let (observations, _) = observations(cameras, landmarks);
-    let Some(turned) = solve_rotations(&observations, free) else { return };
-    for (view, [turn, log_scale]) in turned {
+    let (sightings, _) = sightings(cameras, landmarks);
+    let Some(turns) = solve_rotations(&sightings, free) else { return };
+    for (view, [turn, log_scale]) in turns {
         cameras[view].yaw += turn;
         cameras[view].position.z *= log_scale.clamp(-2.0, 2.0).exp();
     }
-    let (observations, points) = self::observations(cameras, landmarks);
-    for (view, [x, y]) in solve_translations(&observations, points, free).unwrap_or_default() {
+    let (sightings, points) = self::sightings(cameras, landmarks);
+    for (view, [x, y]) in solve_translations(&sightings, points, free).unwrap_or_default() {
         let WorldPoint { x: x0, y: y0, z } = cameras[view].position;
         cameras[view].position = WorldPoint { x: x0 + x, y: y0 + y, z };
     }
 }
 
-/// Moves a chain whose cameras each show too little that is known to where all of it together lies: by a
-/// similarity, or by a move where one place is all that is known.
+/// Moves a component whose cameras each observe too little that is known to where all of it together lies:
+/// by a similarity, or by a move where one place is all that is known.
 pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
-    let mut pairs: Vec<Seen> = Vec::new();
-    for landmark in landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark)) {
-        for seen in landmark.observations.iter().filter(|seen| component.contains(&seen.view)) {
-            let at = landmark.model.point(&landmark.place, seen.point).0;
-            if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
-                pairs.push(([found.x, found.y], at.on_floor()));
-            }
-        }
+    let pairs = known_places(component, cameras, landmarks);
+    if pairs.is_empty() {
+        return;
     }
-    let Some(first) = pairs.first().map(|pair| pair.1) else { return };
-    let count = pairs.len() as f64;
-    let mean = |value: &dyn Fn(&Seen) -> f64| pairs.iter().map(value).sum::<f64>() / count;
-    let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
-    let (mut a, mut b) = (1.0, 0.0);
-    if pairs.iter().any(|pair| pair.1.distance(first) > APART) {
-        let (mut along, mut cross_covariance, mut square) = (0.0, 0.0, 0.0);
-        for ([x, y], at) in &pairs {
-            let (x, y, u, v) = (x - from[0], y - from[1], at.x - to[0], at.y - to[1]);
-            along += x * u + y * v;
-            cross_covariance += x * v - y * u;
-            square += x * x + y * y;
-        }
-        if square > 0.0 && along.hypot(cross_covariance) > 0.0 {
-            (a, b) = (along / square, cross_covariance / square);
-        }
-    }
+    let (from, to, [a, b]) = similarity_to(&pairs);
     for &view in component {
         let WorldPoint { x, y, z } = cameras[view].position;
         let (x, y) = (x - from[0], y - from[1]);
@@ -81,31 +73,62 @@ pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landma
     }
 }
 
-/// Turn and log scale of every camera that is free.
-fn solve_rotations(observations: &[FloorSighting], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
-    let mut pairs: BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> = BTreeMap::new();
-    for group in observations.chunk_by(|a, b| a.point == b.point) {
-        for (i, a) in group.iter().enumerate() {
-            for b in group[i + 1..].iter().filter(|b| b.view != a.view) {
-                let (a, b) = if a.view < b.view { (a, b) } else { (b, a) };
-                pairs.entry([a.view, b.view]).or_default().push([*a, *b]);
+/// Known places as the cameras of a component have them, and where they are.
+fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark]) -> Vec<PlacePair> {
+    let known = landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark));
+    let mut pairs = Vec::new();
+    for landmark in known {
+        for seen in landmark.observations.iter().filter(|seen| component.contains(&seen.view)) {
+            let at = landmark.model.point(&landmark.place, seen.point).0;
+            if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
+                pairs.push(([found.x, found.y], at.on_floor()));
             }
         }
     }
-    let similar: Vec<([usize; 2], [f64; 2], f64)> = pairs
+    pairs
+}
+
+/// The least-squares similarity `q = to + [a, -b; b, a] (p - from)` about the centroids: of complex numbers
+/// `a + i b = sum conj(p) q / sum |p|^2`. The identity but for the move where all places are one.
+fn similarity_to(pairs: &[PlacePair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
+    let count = pairs.len() as f64;
+    let mean = |value: &dyn Fn(&PlacePair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
+    let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
+    let first = pairs.first().map(|pair| pair.1).unwrap_or_default();
+    if !pairs.iter().any(|pair| pair.1.distance(first) > SAME_PLACE) {
+        return (from, to, [1.0, 0.0]);
+    }
+    let (mut dot, mut cross, mut square) = (0.0, 0.0, 0.0);
+    for ([x, y], at) in pairs {
+        let (x, y, u, v) = (x - from[0], y - from[1], at.x - to[0], at.y - to[1]);
+        dot += x * u + y * v;
+        cross += x * v - y * u;
+        square += x * x + y * y;
+    }
+    let is_determined = square > 0.0 && dot.hypot(cross) > 0.0;
+    (from, to, if is_determined { [dot / square, cross / square] } else { [1.0, 0.0] })
+}
+
+/// Two cameras with the turn and log scale that take the floor of the first to that of the second, and the
+/// weight of both.
+type RelativeSimilarity = ([usize; 2], [f64; 2], f64);
+
+/// Turn and log scale of every camera that is free.
+fn solve_rotations(sightings: &[FloorSighting], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
+    let relative: Vec<RelativeSimilarity> = sightings_by_pair(sightings)
         .iter()
         .filter_map(|(&pair, points)| similarity(points).map(|(change, weight)| (pair, change, weight)))
         .collect();
-    let free = |view: usize| free[view] && similar.iter().any(|(pair, ..)| pair.contains(&view));
-    let coupled = similar.iter().map(|(pair, ..)| pair.to_vec());
+    let free = |view: usize| free[view] && relative.iter().any(|(pair, ..)| pair.contains(&view));
+    let coupled = relative.iter().map(|(pair, ..)| pair.to_vec());
     solve(&free, coupled, 0, |blocks, block_of, normal| {
-        for (pair, change, weight) in &similar {
+        for (pair, change, weight) in &relative {
             for k in 0..2 {
                 let mut by = [0.0; 2];
                 by[k] = *weight;
                 let back = by.map(|jacobian| -jacobian);
-                let rows = [(pair[0], &by), (pair[1], &back)];
-                let jacobian: Vec<JacobianBlock> = rows
+                let columns = [(pair[0], &by), (pair[1], &back)];
+                let jacobian: Vec<JacobianBlock> = columns
                     .iter()
                     .filter_map(|(view, by)| Some(JacobianBlock { block: block_of[*view]?, by: *by }))
                     .collect();
@@ -115,149 +138,186 @@ fn solve_rotations(observations: &[FloorSighting], free: &[bool]) -> Option<Vec<
     })
 }
 
+/// What two cameras both have on the floor, for every pair that shares points, the lower index first.
+fn sightings_by_pair(sightings: &[FloorSighting]) -> BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> {
+    let mut pairs: BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> = BTreeMap::new();
+    for same in sightings.chunk_by(|a, b| a.point == b.point) {
+        for (i, a) in same.iter().enumerate() {
+            for b in same[i + 1..].iter().filter(|b| b.view != a.view) {
+                let (a, b) = if a.view < b.view { (a, b) } else { (b, a) };
+                pairs.entry([a.view, b.view]).or_default().push([*a, *b]);
+            }
+        }
+    }
+    pairs
+}
+
 /// Move of every camera that is free.
 fn solve_translations(
-    observations: &[FloorSighting],
+    sightings: &[FloorSighting],
     points: usize,
     free: &[bool],
 ) -> Option<Vec<(usize, [f64; 2])>> {
-    let mut seen = vec![false; free.len()];
-    observations.iter().for_each(|put| seen[put.view] = true);
-    let mut common: Vec<Vec<usize>> = vec![Vec::new(); points];
-    observations.iter().for_each(|put| common[put.point].push(put.view));
-    solve(&|view| free[view] && seen[view], common.into_iter(), points, |blocks, block_of, normal| {
-        let first = block_of.iter().flatten().count();
-        for put in observations {
-            let at = [put.foot.x + put.at[0], put.foot.y + put.at[1]];
+    let mut has_sighting = vec![false; free.len()];
+    sightings.iter().for_each(|sighting| has_sighting[sighting.view] = true);
+    let mut coupled: Vec<Vec<usize>> = vec![Vec::new(); points];
+    sightings.iter().for_each(|sighting| coupled[sighting.point].push(sighting.view));
+    let free = |view: usize| free[view] && has_sighting[view];
+    solve(&free, coupled.into_iter(), points, |blocks, block_of, normal| {
+        let first_point = block_of.iter().flatten().count();
+        for sighting in sightings {
+            let at = [sighting.foot.x + sighting.at[0], sighting.foot.y + sighting.at[1]];
             for k in 0..2 {
                 let mut by = [0.0; 2];
-                by[k] = put.weight;
+                by[k] = sighting.weight;
                 let back = by.map(|jacobian| -jacobian);
-                let point = JacobianBlock { block: first + put.point, by: &back };
-                match block_of[put.view] {
-                    Some(block) => {
-                        blocks.add(normal, put.weight * at[k], &[JacobianBlock { block, by: &by }, point])
-                    }
-                    None => blocks.add(normal, put.weight * at[k], &[point]),
+                let point = JacobianBlock { block: first_point + sighting.point, by: &back };
+                let residual = sighting.weight * at[k];
+                match block_of[sighting.view] {
+                    Some(block) => blocks.add(normal, residual, &[JacobianBlock { block, by: &by }, point]),
+                    None => blocks.add(normal, residual, &[point]),
                 }
             }
         }
     })
 }
 
-/// Solves for two unknowns of every free view, with points of two unknowns beside them; `common` lists
-/// the views that a pair or a point joins.
+/// Solves for two unknowns of every free view, with points of two unknowns beside them; `coupled` lists
+/// the views that a pair or a point couples.
 fn solve(
     free: &dyn Fn(usize) -> bool,
-    common: impl Iterator<Item = Vec<usize>>,
+    coupled: impl Iterator<Item = Vec<usize>>,
     points: usize,
-    fill: impl Fn(&BlockStructure, &[Option<usize>], &mut crate::optimize::NormalEquations),
+    fill: impl Fn(&BlockStructure, &[Option<usize>], &mut NormalEquations),
 ) -> Option<Vec<(usize, [f64; 2])>> {
-    let common: Vec<Vec<usize>> = common.collect();
-    let count = common.iter().flatten().max().map_or(0, |view| view + 1);
+    let coupled: Vec<Vec<usize>> = coupled.collect();
+    let count = coupled.iter().flatten().max().map_or(0, |view| view + 1);
     let views: Vec<usize> = (0..count).filter(|&view| free(view)).collect();
     let mut block_of = vec![None; count];
     views.iter().enumerate().for_each(|(block, &view)| block_of[view] = Some(block));
     let sizes = vec![2; views.len() + points];
     let keep: Vec<bool> = (0..sizes.len()).map(|block| block < views.len()).collect();
-    let joined = common.iter().enumerate().map(|(index, group)| {
+    let groups = coupled.iter().enumerate().map(|(index, group)| {
         let own = (points > 0).then_some(views.len() + index);
         group.iter().filter_map(|&view| block_of[view]).chain(own).collect()
     });
-    let blocks = BlockStructure::new(sizes, &keep, &joined.collect::<Vec<Vec<usize>>>());
+    let blocks = BlockStructure::new(sizes, &keep, &groups.collect::<Vec<Vec<usize>>>());
     let mut normal = blocks.normal();
     fill(&blocks, &block_of, &mut normal);
-    // What shares too little to be told is held by the damping.
+    // What shares too little to be determined is held by the damping.
     let (step, _) = blocks.step(&normal, 1e-9)?;
     Some(views.iter().enumerate().map(|(i, &view)| (view, [step[2 * i], step[2 * i + 1]])).collect())
 }
 
-/// Turn and log scale that take the first floor to the second, and how well they are told (the root of
-/// the weighted scatter of the points). Points that are far off lose their say.
+/// A turn and a log scale about the centroids of weighted points.
+struct FloorSimilarity {
+    turn: f64,
+    log_scale: f64,
+    centres: [[f64; 2]; 2],
+    /// Root of the weighted scatter of the points: how well turn and log scale are determined.
+    weight: f64,
+}
+
+impl FloorSimilarity {
+    /// `None` where all points of one of the floors are one.
+    fn new(points: &[[FloorSighting; 2]], weights: &[f64]) -> Option<Self> {
+        let total: f64 = weights.iter().sum();
+        let mean = |which: usize, axis: usize| {
+            points.iter().zip(weights).map(|(pair, w)| w * pair[which].at[axis]).sum::<f64>() / total
+        };
+        let centres = [[mean(0, 0), mean(0, 1)], [mean(1, 0), mean(1, 1)]];
+        let (mut dot, mut cross, mut first, mut second) = (0.0, 0.0, 0.0, 0.0);
+        for (pair, w) in points.iter().zip(weights) {
+            let ([x, y], [u, v]) = (from_centre(pair, &centres, 0), from_centre(pair, &centres, 1));
+            dot += w * (x * u + y * v);
+            cross += w * (x * v - y * u);
+            first += w * (x * x + y * y);
+            second += w * (u * u + v * v);
+        }
+        // The ratio of the scatters favours neither of the two floors (Horn 1987).
+        (first > 0.0 && second > 0.0).then(|| Self {
+            turn: cross.atan2(dot),
+            log_scale: 0.5 * (second / first).ln(),
+            centres,
+            weight: (first * second).sqrt().sqrt(),
+        })
+    }
+
+    /// Distance of the carried first point from the second, in pixels but for the focal.
+    fn error(&self, pair: &[FloorSighting; 2]) -> f64 {
+        let (sin, cos) = self.turn.sin_cos();
+        let scale = self.log_scale.exp();
+        let ([x, y], [u, v]) = (from_centre(pair, &self.centres, 0), from_centre(pair, &self.centres, 1));
+        (scale * (cos * x - sin * y) - u).hypot(scale * (sin * x + cos * y) - v) * pair[0].weight
+    }
+}
+
+fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize) -> [f64; 2] {
+    [pair[which].at[0] - centres[which][0], pair[which].at[1] - centres[which][1]]
+}
+
+/// Turn and log scale that take the first floor to the second, and their weight; outliers lose theirs.
 fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
-    /// Rounds with new weights; the last ones change little.
+    /// Rounds of reweighting; the last ones change little.
     const ROUNDS: usize = 4;
     if points.len() < 2 {
         return None;
     }
-    let mut trust: Vec<f64> = points.iter().map(|[a, b]| a.weight * b.weight).collect();
-    let base = trust.clone();
-    let (mut turn, mut log_scale, mut told) = (0.0, 0.0, 0.0);
-    for _ in 0..ROUNDS {
-        let total: f64 = trust.iter().sum();
-        let mean = |which: usize, axis: usize| {
-            points.iter().zip(&trust).map(|(pair, w)| w * pair[which].at[axis]).sum::<f64>() / total
-        };
-        let centre = [[mean(0, 0), mean(0, 1)], [mean(1, 0), mean(1, 1)]];
-        let from = |pair: &[FloorSighting; 2], which: usize| {
-            [pair[which].at[0] - centre[which][0], pair[which].at[1] - centre[which][1]]
-        };
-        let (mut along, mut cross_covariance, mut first, mut second) = (0.0, 0.0, 0.0, 0.0);
-        for (pair, w) in points.iter().zip(&trust) {
-            let ([x, y], [u, v]) = (from(pair, 0), from(pair, 1));
-            along += w * (x * u + y * v);
-            cross_covariance += w * (x * v - y * u);
-            first += w * (x * x + y * y);
-            second += w * (u * u + v * v);
-        }
-        if first <= 0.0 || second <= 0.0 {
-            return None;
-        }
-        // The ratio of the scatters has no side that it favours.
-        (turn, log_scale, told) =
-            (cross_covariance.atan2(along), 0.5 * (second / first).ln(), (first * second).sqrt().sqrt());
-        let (sin, cos) = turn.sin_cos();
-        let scale = log_scale.exp();
-        let errors: Vec<f64> = points
-            .iter()
-            .map(|pair| {
-                let ([x, y], [u, v]) = (from(pair, 0), from(pair, 1));
-                (scale * (cos * x - sin * y) - u).hypot(scale * (sin * x + cos * y) - v) * pair[0].weight
-            })
-            .collect();
+    let by_distance: Vec<f64> = points.iter().map(|[a, b]| a.weight * b.weight).collect();
+    let mut weights = by_distance.clone();
+    let mut similarity = FloorSimilarity::new(points, &weights)?;
+    for _ in 1..ROUNDS {
+        let errors: Vec<f64> = points.iter().map(|pair| similarity.error(pair)).collect();
         let mut sorted = errors.clone();
         sorted.sort_by(f64::total_cmp);
         let usual = 3.0 * sorted[sorted.len() / 2].max(1e-12);
-        trust = base.iter().zip(&errors).map(|(w, e)| w / (1.0 + (e / usual).powi(2))).collect();
+        weights = by_distance.iter().zip(&errors).map(|(w, e)| w / (1.0 + (e / usual).powi(2))).collect();
+        similarity = FloorSimilarity::new(points, &weights)?;
     }
-    (turn.is_finite() && log_scale.is_finite()).then_some(([turn, log_scale], told))
+    let FloorSimilarity { turn, log_scale, weight, .. } = similarity;
+    (turn.is_finite() && log_scale.is_finite()).then_some(([turn, log_scale], weight))
 }
 
-/// Everything that cameras put on the floor, and the number of points.
-fn observations(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>, usize) {
-    let mut found: Vec<FloorSighting> = Vec::new();
-    let mut points = 0;
-    for landmark in landmarks.iter().filter(|landmark| {
-        !landmark.off
-            && landmark.free[0]
-            && !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured)
-    }) {
-        let mut names: Vec<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
-        names.sort_unstable();
-        names.dedup();
-        for name in names {
-            // How high the head of a post is, is not known yet.
-            if landmark.model == LandmarkModel::Post && name > 0 {
-                continue;
-            }
-            let height = landmark.model.point(&landmark.place, name).0.z;
-            let mut own: Vec<FloorSighting> = Vec::new();
-            for seen in landmark.observations.iter().filter(|seen| seen.point == name) {
-                let camera = &cameras[seen.view];
-                let Some(floor) = camera.pixel_to_floor(seen.pixel, height) else { continue };
-                let foot = camera.position.on_floor();
-                let at = [floor.x - foot.x, floor.y - foot.y];
-                let drop = (camera.position.z - height).abs();
-                let weight = drop / (at[0] * at[0] + at[1] * at[1] + drop * drop);
-                own.push(FloorSighting { view: seen.view, at, foot, point: points, weight });
-            }
-            if own.len() > 1 {
-                found.extend(own);
-                points += 1;
+/// Everything that two cameras or more have on the floor, point by point, and the number of points.
+fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>, usize) {
+    let mut sightings: Vec<FloorSighting> = Vec::new();
+    let mut count = 0;
+    for landmark in landmarks.iter().filter(|landmark| is_alignable(landmark)) {
+        let mut points: Vec<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
+        points.sort_unstable();
+        points.dedup();
+        // The height of the head of a post is not known yet.
+        let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;
+        for point in points.into_iter().filter(|&point| !is_head(point)) {
+            let height = landmark.model.point(&landmark.place, point).0.z;
+            let seen = on_floor(landmark, point, cameras);
+            if seen.len() > 1 {
+                let own =
+                    seen.into_iter().map(|(view, at)| sighting(view, &cameras[view], at, height, count));
+                sightings.extend(own);
+                count += 1;
             }
         }
     }
-    (found, points)
+    (sightings, count)
+}
+
+/// Whether cameras agree about a landmark once their floors do.
+fn is_alignable(landmark: &Landmark) -> bool {
+    let is_point = !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured);
+    !landmark.off && landmark.free[0] && is_point
+}
+
+/// A point of the floor at `height` relative to the camera that has it there.
+///
+/// At a distance d from the foot of a camera h above the point, a pixel is `(d^2 + h^2) / (f h)` metres of
+/// floor along the ray.
+fn sighting(view: usize, camera: &Camera, at: FloorPoint, height: f64, point: usize) -> FloorSighting {
+    let foot = camera.position.on_floor();
+    let at = [at.x - foot.x, at.y - foot.y];
+    let drop = (camera.position.z - height).abs();
+    let weight = drop / (at[0] * at[0] + at[1] * at[1] + drop * drop);
+    FloorSighting { view, at, foot, point, weight }
 }
 
 #[cfg(test)]
@@ -281,21 +341,13 @@ mod tests {
         let places = [[0.5, 5.0], [1.0, 6.0], [-0.5, 7.0], [1.5, 5.5], [0.2, 8.0]];
         let landmarks: Vec<Landmark> = places
             .iter()
-            .map(|&[x, y]| Landmark {
-                model: LandmarkModel::Point { height: 0.0 },
-                place: [0.0; 3],
-                free: [true, true, false],
-                priors: Vec::new(),
-                observations: truth
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(view, camera)| {
-                        let pixel = camera.world_to_pixel(WorldPoint::new(x, y, 0.0))?;
-                        Some(Observation { view, point: 0, pixel, sigma: 1.0 })
-                    })
-                    .collect(),
-                keep: false,
-                off: false,
+            .map(|&[x, y]| {
+                let point = WorldPoint::new(x, y, 0.0);
+                let seen = |(view, camera): (usize, &Camera)| {
+                    Some(Observation::new(view, camera.world_to_pixel(point)?))
+                };
+                let observations = truth.iter().enumerate().filter_map(seen).collect();
+                Landmark::new(LandmarkModel::Point { height: 0.0 }, observations)
             })
             .collect();
         let mut found = [truth[0], camera(2.5, 0.2, 3.6), camera(3.0, 0.9, 4.4)];

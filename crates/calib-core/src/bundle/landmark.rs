@@ -1,95 +1,152 @@
-//! What cameras have in common: landmarks of the scene with a place of their own, and the pixels that
-//! show them.
+//! Landmarks: what cameras see in common, the pixels that show it, and distances between two of them.
 
-use crate::camera::{Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, WorldPoint};
+use crate::camera::{
+    Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, ReprojectedLine, Reprojection,
+    WorldPoint,
+};
 use crate::single::Prior;
 
-/// The most unknowns a landmark has.
+/// The most parameters that a landmark has.
 pub(crate) const LANDMARK_PARAMS: usize = 3;
 
-/// Metres between two places that are not one.
-pub(crate) const APART: f64 = 1e-3;
+/// Two places nearer to each other than this, in metres, count as one.
+pub(crate) const SAME_PLACE: f64 = 1e-3;
 
-/// What a landmark is, and what its unknowns are.
+/// What a landmark is, and with it the meaning of its three parameters ([`Landmark::place`]).
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum LandmarkModel {
-    /// A point at a known height: x, y.
+pub enum LandmarkModel {
+    /// A point at a known height: x, y in metres; the third parameter is not used.
     Point {
-        /// In metres.
+        /// In metres above the floor.
         height: f64,
     },
-    /// Something plumb on the floor, foot and head: x, y, length.
+    /// Something plumb that stands on the floor; point 0 is its foot, point 1 its head: x, y, length,
+    /// in metres.
     Post,
-    /// A mark of known shape: x, y, turn.
+    /// A rigid shape that stands upright: x, y in metres, and turn about the vertical in radians.
     Mark {
-        /// Height of its foot, in metres.
+        /// Height of its origin, in metres above the floor.
         z: f64,
-        /// Its points relative to its foot, turn 0.
+        /// Its points relative to its origin at turn 0, in metres.
         points: Vec<[f64; 3]>,
     },
-    /// A point whose coordinates were measured: x, y, z.
+    /// A point whose coordinates were measured (a control point): x, y, z in metres.
     Measured,
-    /// A line of the floor: metres to the left of an origin, and angle.
+    /// A line of the floor: distance of the line to the left of an origin in metres, and the angle it
+    /// leads along, counter-clockwise from +x in radians. The pixels that show it need not show the same
+    /// points of it.
     Line {
-        /// A point near it.
+        /// A point near the line, x and y in metres; it is replaced when the line is triangulated.
         origin: [f64; 2],
     },
 }
 
 /// A pixel that shows a point of a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Observation {
+pub struct Observation {
     /// Index of the camera.
-    pub(crate) view: usize,
-    /// Index of the point; of a line, any point of it.
-    pub(crate) point: usize,
+    pub view: usize,
+    /// Index of the point in the landmark; of a line any point of it, each with an index of its own.
+    pub point: usize,
     /// Raw pixel.
-    pub(crate) pixel: Pixel,
-    /// Standard deviation of its coordinates, in pixels.
-    pub(crate) sigma: f64,
+    pub pixel: Pixel,
+    /// Standard deviation of each of its coordinates, in pixels.
+    pub sigma: f64,
 }
 
-/// A landmark of the scene and who sees it.
+impl Observation {
+    /// The only or first point of a landmark, seen with a standard deviation of one pixel.
+    #[must_use]
+    pub const fn new(view: usize, pixel: Pixel) -> Self {
+        Self { view, point: 0, pixel, sigma: 1.0 }
+    }
+}
+
+/// A landmark of the scene with the observations of it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Landmark {
-    pub(crate) model: LandmarkModel,
-    /// Its unknowns, where they start.
-    pub(crate) place: [f64; LANDMARK_PARAMS],
-    /// Which of them are free.
-    pub(crate) free: [bool; LANDMARK_PARAMS],
-    /// What is believed of them.
-    pub(crate) priors: Vec<(usize, Prior)>,
-    pub(crate) observations: Vec<Observation>,
-    /// Never rejected.
-    pub(crate) keep: bool,
-    /// Says nothing: switched off, or rejected.
-    pub(crate) off: bool,
+pub struct Landmark {
+    /// What it is.
+    pub model: LandmarkModel,
+    /// Its parameters in the base system, in the order and units that the model says. Those that are free
+    /// are triangulated before they are refined: their values here do not matter, but for the length of a
+    /// post and the turn of a mark that no observation tells.
+    pub place: [f64; 3],
+    /// Which parameters are estimated.
+    pub free: [bool; 3],
+    /// Priors of single parameters, with the index of each.
+    pub priors: Vec<(usize, Prior)>,
+    /// The pixels that show it.
+    pub observations: Vec<Observation>,
+    /// Is never rejected as an outlier.
+    pub keep: bool,
+    /// Takes no part: switched off, or rejected.
+    pub off: bool,
 }
 
-/// A distance between two landmarks that was measured.
+impl Landmark {
+    /// A landmark of which nothing is known but what it is: x and y (of a line offset and angle), the
+    /// length of a post and the turn of a mark are free; a measured point is held at the origin.
+    #[must_use]
+    pub fn new(model: LandmarkModel, observations: Vec<Observation>) -> Self {
+        let is_free = model != LandmarkModel::Measured;
+        let third = matches!(model, LandmarkModel::Post | LandmarkModel::Mark { .. });
+        Self {
+            model,
+            place: [0.0; LANDMARK_PARAMS],
+            free: [is_free, is_free, third],
+            priors: Vec::new(),
+            observations,
+            keep: false,
+            off: false,
+        }
+    }
+
+    /// A control point: its coordinates in metres with their standard deviation, exact where there is
+    /// none.
+    #[must_use]
+    pub fn measured(at: WorldPoint, sigma: Option<f64>, observations: Vec<Observation>) -> Self {
+        let place = <[f64; LANDMARK_PARAMS]>::from(at);
+        let priors = sigma.map_or(Vec::new(), |sigma| {
+            place.into_iter().map(|value| Prior { value, sigma }).enumerate().collect()
+        });
+        let free = [sigma.is_some(); LANDMARK_PARAMS];
+        Self { place, free, priors, ..Self::new(LandmarkModel::Measured, observations) }
+    }
+}
+
+/// A measured distance between two landmarks: between the origins of marks, the feet of posts, the points
+/// themselves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct DistanceMeasurement {
-    /// Indices of the two.
-    pub(crate) between: [usize; 2],
+pub struct DistanceMeasurement {
+    /// Indices of the two landmarks, neither of them a line.
+    pub between: [usize; 2],
     /// In metres.
-    pub(crate) length: Prior,
-    /// Never rejected.
-    pub(crate) keep: bool,
-    /// Says nothing: switched off, or rejected.
-    pub(crate) off: bool,
+    pub length: Prior,
+    /// Is never rejected as an outlier.
+    pub keep: bool,
+    /// Takes no part: switched off, or rejected.
+    pub off: bool,
+}
+
+impl DistanceMeasurement {
+    /// A length in metres with its standard deviation.
+    #[must_use]
+    pub const fn new(between: [usize; 2], value: f64, sigma: f64) -> Self {
+        Self { between, length: Prior { value, sigma }, keep: false, off: false }
+    }
 }
 
 /// One residual of an observation, in raw pixels, with its derivatives.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row {
-    pub(crate) off: f64,
-    /// By the camera, its log focal, and its coefficients.
+pub(crate) struct ReprojectionError {
+    pub(crate) pixels: f64,
+    /// By the camera's pose, its log focal, and its coefficients.
     pub(crate) d_view: [f64; Covariance::SIZE],
     pub(crate) d_landmark: [f64; LANDMARK_PARAMS],
 }
 
 impl LandmarkModel {
-    /// A point of the landmark at a place, with its derivatives: row by row x, y, z by the unknowns.
+    /// A point of the landmark at a place, with its derivatives: row by row x, y, z by the parameters.
     ///
     /// The point of a line is its origin moved to it.
     pub(crate) fn point(
@@ -98,11 +155,11 @@ impl LandmarkModel {
         index: usize,
     ) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
         let [a, b, c] = *place;
-        let still = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
+        let by_xy = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
         match self {
-            Self::Point { height } => (WorldPoint::new(a, b, *height), still),
-            Self::Post if index == 0 => (WorldPoint::new(a, b, 0.0), still),
-            Self::Post => (WorldPoint::new(a, b, c), [still[0], still[1], [0.0, 0.0, 1.0]]),
+            Self::Point { height } => (WorldPoint::new(a, b, *height), by_xy),
+            Self::Post if index == 0 => (WorldPoint::new(a, b, 0.0), by_xy),
+            Self::Post => (WorldPoint::new(a, b, c), [by_xy[0], by_xy[1], [0.0, 0.0, 1.0]]),
             Self::Mark { z, points } => {
                 let [x, y, up] = points.get(index).copied().unwrap_or_default();
                 let (sin, cos) = c.sin_cos();
@@ -118,7 +175,8 @@ impl LandmarkModel {
         }
     }
 
-    /// Where distances to the landmark are measured to, and where it is said to be, with its derivatives.
+    /// The point that distances are measured to and that is reported as the landmark's position, with its
+    /// derivatives by the parameters.
     pub(crate) fn anchor(&self, place: &[f64; LANDMARK_PARAMS]) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
         match self {
             // Its foot, whichever of its points was seen.
@@ -130,58 +188,77 @@ impl LandmarkModel {
         }
     }
 
-    /// Where a camera shows a point of the landmark against where it was drawn: u and v; of a line, the
-    /// distance from it. `None` behind the camera.
+    /// Where a camera shows a point of the landmark less where it was drawn: u and v; of a line, the
+    /// distance of the drawn point from it. `None` behind the camera.
     pub(crate) fn reprojection_error(
         &self,
         place: &[f64; LANDMARK_PARAMS],
         point: usize,
         pose: &PosedCamera,
         observed: &ObservedPixel,
-    ) -> Option<Vec<Row>> {
-        let mut d_view = [0.0; Covariance::SIZE];
+    ) -> Option<Vec<ReprojectionError>> {
         if let Self::Line { origin } = self {
-            let line = pose.reproject_line(*origin, place[0], place[1]);
-            let (off, d_camera, d_lens, [offset, angle]) = line.distance(observed);
-            d_view[..POSE_PARAMS].copy_from_slice(&d_camera);
-            d_view[POSE_PARAMS..].copy_from_slice(&d_lens);
-            return Some(vec![Row { off, d_view, d_landmark: [offset, angle, 0.0] }]);
+            return Some(vec![line_error(&pose.reproject_line(*origin, place[0], place[1]), observed)]);
         }
         let (point, jacobian) = self.point(place, point);
-        let reprojected = pose.reproject(point)?;
-        let off = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
-        let d_camera: [[f64; 2]; POSE_PARAMS] =
-            std::array::from_fn(|k| observed.raw([reprojected.d_camera[0][k], reprojected.d_camera[1][k]]));
-        let d_lens: [[f64; 2]; Distortion::MOST] =
-            std::array::from_fn(|k| observed.raw([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
-        let d_landmark: [[f64; 2]; LANDMARK_PARAMS] = std::array::from_fn(|k| {
-            let along =
-                |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
-            observed.raw([along(0), along(1)])
-        });
-        let row = |i: usize| {
-            (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
-            (0..Distortion::MOST).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
-            Row { off: off[i], d_view, d_landmark: d_landmark.map(|jacobian| jacobian[i]) }
-        };
-        Some([0, 1].map(row).to_vec())
+        Some(point_errors(&pose.reproject(point)?, &jacobian, observed).to_vec())
     }
 
-    /// Number of residuals of an observation.
+    /// Number of residuals that one observation gives.
     pub(crate) fn residuals(&self) -> usize {
         if matches!(self, Self::Line { .. }) { 1 } else { 2 }
     }
 }
 
+/// Distance of a drawn point from the image of a floor line.
+fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionError {
+    let (pixels, d_camera, d_lens, [offset, angle]) = line.distance(observed);
+    let mut d_view = [0.0; Covariance::SIZE];
+    d_view[..POSE_PARAMS].copy_from_slice(&d_camera);
+    d_view[POSE_PARAMS..].copy_from_slice(&d_lens);
+    ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0] }
+}
+
+/// Where a point is shown less where it was drawn, u and v, with `jacobian` the derivatives of the point
+/// by the parameters of its landmark.
+fn point_errors(
+    reprojected: &Reprojection,
+    jacobian: &[[f64; LANDMARK_PARAMS]; 3],
+    observed: &ObservedPixel,
+) -> [ReprojectionError; 2] {
+    let pixels = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
+    let d_camera: [[f64; 2]; POSE_PARAMS] =
+        std::array::from_fn(|k| observed.raw([reprojected.d_camera[0][k], reprojected.d_camera[1][k]]));
+    let d_lens: [[f64; 2]; Distortion::MOST] =
+        std::array::from_fn(|k| observed.raw([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
+    let d_landmark: [[f64; 2]; LANDMARK_PARAMS] = std::array::from_fn(|k| {
+        let along = |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
+        observed.raw([along(0), along(1)])
+    });
+    [0, 1].map(|i| {
+        let mut d_view = [0.0; Covariance::SIZE];
+        (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
+        (0..Distortion::MOST).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
+        ReprojectionError { pixels: pixels[i], d_view, d_landmark: d_landmark.map(|column| column[i]) }
+    })
+}
+
 impl Landmark {
-    /// Number of residuals less number of unknowns: what the landmark says beyond its own place.
+    /// Number of residuals minus number of parameters: what the landmark says beyond its own place.
     pub(crate) fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
-        let said = self.observations.len() * self.model.residuals() + self.priors.len();
-        said as i64 - unknowns as i64
+        let residuals = self.observations.len() * self.model.residuals() + self.priors.len();
+        residuals as i64 - unknowns as i64
     }
 
-    /// Indices of the cameras that see it, each once.
+    /// Where it is: the point, the foot of a post, the origin of a mark, the point of a line next to the
+    /// line's own origin.
+    #[must_use]
+    pub fn position(&self) -> WorldPoint {
+        self.model.anchor(&self.place).0
+    }
+
+    /// Indices of the cameras that see it, each once, ascending.
     pub(crate) fn views(&self) -> Vec<usize> {
         let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();
         views.sort_unstable();

@@ -1,18 +1,31 @@
-//! Stage 2: several cameras from what they see in common.
+//! Stage 2: several cameras from what they observe in common.
 //!
 //! Law: no document. Cameras, landmarks and observations come as values and go as values.
 
 mod landmark;
 mod triangulation;
 mod floor_alignment;
+mod camera;
 mod view_graph;
+mod attachment;
+mod initialization;
 mod parameters;
+mod residuals;
 mod problem;
+mod marginals;
+mod refinement;
+mod summary;
 mod adjustment;
 
-pub(crate) use adjustment::{Adjustment, BundleAdjustment, CrossCovariance, OutlierCandidate};
-pub(crate) use landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
-pub(crate) use parameters::CAMERA_PARAMS;
-pub(crate) use problem::{ResidualBlock, View};
+pub use adjustment::{BundleAdjustment, BundleError};
+pub use camera::{BundleCamera, InitialPose};
+pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
+pub use marginals::CrossCovariance;
+pub use refinement::OutlierCandidate;
+pub use summary::{BundleSummary, CameraEstimate};
+pub use view_graph::Component;
+
+#[cfg(feature = "serde")]
+pub(crate) use landmark::LANDMARK_PARAMS;
+#[cfg(feature = "serde")]
 pub(crate) use triangulation::{floor_disagreements, triangulate};
-pub(crate) use view_graph::{Component, InitialPose, Start, start};

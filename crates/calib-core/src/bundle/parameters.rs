@@ -1,24 +1,66 @@
-//! A place in the blocks of the joint fit for every unknown.
+//! Parameter blocks: which parameters stand together, and where each has its place in the state.
+//!
+//! A camera has one block of pose, focal and distortion; a lens that several cameras share has a block of
+//! its own. Both are kept. Every direction and length of stage 1 is a block of one parameter, every
+//! landmark one of up to three: these touch few cameras and are eliminated (Schur complement). A landmark at
+//! the end of a measured distance is kept, for two eliminated blocks must not have a residual in common.
 
-use crate::camera::Covariance;
+use std::collections::HashSet;
 
-/// Unknowns of a camera, its lens among them.
-pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
+use crate::bundle::camera::{CAMERA_PARAMS, View};
+use crate::bundle::landmark::{DistanceMeasurement, Landmark};
+use crate::camera::{Camera, Covariance};
+use crate::optimize::BlockStructure;
 
-/// Block and place in it of every unknown of a camera that is free.
+/// Block of every parameter of a camera and its place in the block; none where it is not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];
+
+/// The block of every parameter.
+#[derive(Clone, Debug)]
+pub(crate) struct ParameterLayout {
+    pub(crate) blocks: BlockStructure,
+    /// Of every view.
+    pub(crate) cameras: Vec<CameraLayout>,
+    /// Block of every direction and length of every view that is used.
+    pub(crate) nuisances: Vec<Vec<Option<usize>>>,
+    /// Block of every landmark, its free parameters in their order.
+    pub(crate) landmarks: Vec<Option<usize>>,
+}
 
 /// Blocks as they are handed out.
 #[derive(Debug, Default)]
-pub(crate) struct LayoutBuilder {
-    pub(crate) sizes: Vec<usize>,
-    pub(crate) keep: Vec<bool>,
-    pub(crate) common: Vec<Vec<usize>>,
+struct LayoutBuilder {
+    sizes: Vec<usize>,
+    keep: Vec<bool>,
+    /// Blocks that have residuals in common.
+    coupled: Vec<Vec<usize>>,
+}
+
+impl ParameterLayout {
+    pub(crate) fn new(views: &[View], landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> Self {
+        let mut builder = LayoutBuilder::default();
+        let shared = builder.shared_lenses(views);
+        let cameras: Vec<CameraLayout> =
+            views.iter().map(|view| builder.camera(&view.free, shared[view.lens])).collect();
+        let nuisances = views
+            .iter()
+            .zip(&cameras)
+            .map(|(view, camera)| builder.nuisances(&view.stage_1.used(), camera))
+            .collect();
+        let used: Vec<&DistanceMeasurement> = distances.iter().filter(|distance| !distance.off).collect();
+        let kept: HashSet<usize> = used.iter().flat_map(|distance| distance.between).collect();
+        let landmark_blocks = builder.landmarks(landmarks, &kept, &cameras);
+        for distance in used {
+            builder.couple(distance.between.iter().filter_map(|&landmark| landmark_blocks[landmark]));
+        }
+        let blocks = BlockStructure::new(builder.sizes, &builder.keep, &builder.coupled);
+        Self { blocks, cameras, nuisances, landmarks: landmark_blocks }
+    }
 }
 
 impl LayoutBuilder {
-    /// A block of this size; none for no unknown.
-    pub(crate) fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
+    /// A block of this size; none for no parameter.
+    fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
         (size > 0).then(|| {
             self.sizes.push(size);
             self.keep.push(keep);
@@ -26,42 +68,82 @@ impl LayoutBuilder {
         })
     }
 
-    pub(crate) fn common(&mut self, blocks: impl Iterator<Item = usize>) {
-        self.common.push(blocks.collect());
+    fn couple(&mut self, blocks: impl Iterator<Item = usize>) {
+        self.coupled.push(blocks.collect());
+    }
+
+    /// The block of every lens that more than one view has.
+    fn shared_lenses(&mut self, views: &[View]) -> Vec<Option<usize>> {
+        let count = views.iter().map(|view| view.lens + 1).max().unwrap_or(0);
+        let mut users: Vec<Vec<&View>> = vec![Vec::new(); count];
+        views.iter().for_each(|view| users[view.lens].push(view));
+        let is_free = |view: &View| view.free[Covariance::FOCAL..].iter().filter(|&&free| free).count();
+        users
+            .iter()
+            .map(|users| match users[..] {
+                [first, _, ..] => self.block(is_free(first), true),
+                _ => None,
+            })
+            .collect()
     }
 
     /// The block of a view, its own lens in it or beside it.
-    pub(crate) fn camera_layout(
-        &mut self,
-        free: &[bool; CAMERA_PARAMS],
-        shared: Option<usize>,
-    ) -> CameraLayout {
-        let of_lens = |k: usize| k >= Covariance::FOCAL;
-        let is_own = |k: usize| free[k] && !(shared.is_some() && of_lens(k));
+    fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
+        let is_of_lens = |k: usize| k >= Covariance::FOCAL;
+        let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));
         let own = self.block((0..CAMERA_PARAMS).filter(|&k| is_own(k)).count(), true);
         let (mut next, mut next_shared) = (0, 0);
-        let camera_layout = std::array::from_fn(|k| {
+        let layout = std::array::from_fn(|k| {
             let counter = if is_own(k) { &mut next } else { &mut next_shared };
-            let block = if is_own(k) { own } else { shared.filter(|_| free[k] && of_lens(k)) }?;
+            let block = if is_own(k) { own } else { shared_lens.filter(|_| free[k] && is_of_lens(k)) }?;
             *counter += 1;
             Some((block, *counter - 1))
         });
-        self.common(own.into_iter().chain(shared));
-        camera_layout
+        self.couple(own.into_iter().chain(shared_lens));
+        layout
     }
 
     /// Blocks of the directions and lengths of a view that are used.
-    pub(crate) fn nuisance_blocks(
-        &mut self,
-        used: &[bool],
-        camera_layout: &CameraLayout,
-    ) -> Vec<Option<usize>> {
+    fn nuisances(&mut self, used: &[bool], camera: &CameraLayout) -> Vec<Option<usize>> {
         used.iter()
             .map(|&is_used| {
                 let block = self.block(usize::from(is_used), false)?;
-                self.common(camera_layout.iter().flatten().map(|parameter| parameter.0).chain([block]));
+                self.couple(blocks_of(camera).chain([block]));
                 Some(block)
             })
             .collect()
     }
+
+    fn landmarks(
+        &mut self,
+        landmarks: &[Landmark],
+        kept: &HashSet<usize>,
+        cameras: &[CameraLayout],
+    ) -> Vec<Option<usize>> {
+        let blocks: Vec<Option<usize>> = landmarks
+            .iter()
+            .enumerate()
+            .map(|(index, landmark)| {
+                let free = landmark.free.iter().filter(|&&free| free && !landmark.off).count();
+                self.block(free, kept.contains(&index))
+            })
+            .collect();
+        for (landmark, &block) in landmarks.iter().zip(&blocks).filter(|(landmark, _)| !landmark.off) {
+            for view in landmark.views() {
+                self.couple(blocks_of(&cameras[view]).chain(block));
+            }
+        }
+        blocks
+    }
+}
+
+fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {
+    camera.iter().flatten().map(|(block, _)| *block)
+}
+
+/// The parameters of a camera in the order of [`Covariance`], the log of the focal in place of it.
+pub(crate) fn parameters_of(camera: &Camera) -> [f64; CAMERA_PARAMS] {
+    let [x, y, z] = camera.position.into();
+    let [a, b, c, d, e] = camera.lens.distortion.coefficients();
+    [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e]
 }

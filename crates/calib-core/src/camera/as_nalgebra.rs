@@ -2,7 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix2, Matrix3x4, Point2, Point3, Rotation3, Translation3, UnitQuaternion};
 
-use crate::camera::pinhole::{Camera, FloorCovariance};
+use crate::camera::floor_covariance::FloorCovariance;
+use crate::camera::pinhole::Camera;
 use crate::camera::space::{FloorPoint, Pixel, PlanPixel, UndistortedPixel, WorldPoint};
 
 macro_rules! points {

@@ -31,4 +31,4 @@ pub(crate) use distortion::{ByCoefficient, ByCoefficients, Matrix2, times};
 pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
-pub(crate) use reprojection::{ObservedPixel, POSE_PARAMS, PosedCamera, Reprojection};
+pub(crate) use reprojection::{ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection};

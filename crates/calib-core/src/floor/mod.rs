@@ -3,6 +3,7 @@
 //! Law: forward only. A camera is given here, never estimated from drawings.
 
 mod placement;
+mod resection;
 mod efov;
 mod scene;
 mod status;
@@ -12,11 +13,10 @@ mod remap;
 
 pub use efov::{Efov, default_efov, efov_on_floor};
 pub use extent::Extent;
-pub use placement::{
-    ControlPoint, Placement, STAGE_1_HEIGHT, from_control_points, with_placement_covariance,
-};
+pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, Straightened};
+pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use scene::{
     MarkKind, PRISM_HEIGHT, Polyline, Shape3, ellipse, floor_grid, horizon, in_front, on_image,
     position_ellipse, prism, vertical,

@@ -1,21 +1,37 @@
-//! Normal equations of a core of four unknowns and of one unknown at a time beside it, which is
-//! eliminated: what is solved is 4 x 4 however many there are.
+//! Arrow-shaped normal equations: four core parameters, and beside them any number of nuisance parameters
+//! each of which is coupled with the core only.
+//!
+//! With core steps `c` and nuisance steps `n_k` the damped equations are
+//!
+//! ```text
+//! A c + sum_k b_k n_k = -g          A, g: J'J and J'r of the core
+//! b_k' c + d_k n_k    = -h_k        d_k, b_k, h_k: of nuisance k with itself, with the core, and J'r
+//! ```
+//!
+//! an arrow of a 4 x 4 block, a border and a diagonal. Elimination of `n_k = -(h_k + b_k' c) / d_k` leaves
+//!
+//! `(A - sum_k b_k b_k' / d_k) c = -g + sum_k b_k h_k / d_k`,
+//!
+//! 4 x 4 whatever was drawn: the Schur complement (see `schur_complement.rs`) with blocks of one, without
+//! allocation. Its matrix without damping is the information about the core; the inverse is the covariance
+//! of the core with the nuisances free.
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
 use crate::optimize::dual::Gradient;
 
-/// Normal equations with one unknown beside the core per block.
+/// Normal equations at a state.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
     pub(crate) cost: f64,
     core: [[f64; 4]; 4],
     gradient: [f64; 4],
-    blocks: Vec<Block>,
+    nuisances: Vec<Nuisance>,
 }
 
+/// Sums of one nuisance parameter: `d`, `b` and `h`.
 #[derive(Clone, Copy, Debug, Default)]
-struct Block {
+struct Nuisance {
     square: f64,
     cross: [f64; 4],
     gradient: f64,
@@ -23,7 +39,12 @@ struct Block {
 
 impl Normal {
     pub(crate) fn new(nuisances: usize) -> Self {
-        Self { cost: 0.0, core: [[0.0; 4]; 4], gradient: [0.0; 4], blocks: vec![Block::default(); nuisances] }
+        Self {
+            cost: 0.0,
+            core: [[0.0; 4]; 4],
+            gradient: [0.0; 4],
+            nuisances: vec![Nuisance::default(); nuisances],
+        }
     }
 
     #[inline]
@@ -36,16 +57,17 @@ impl Normal {
             }
         }
         if let Some((index, derivative)) = nuisance {
-            let block = &mut self.blocks[index];
-            block.square += derivative * derivative;
-            block.gradient += derivative * residual;
+            let sums = &mut self.nuisances[index];
+            sums.square += derivative * derivative;
+            sums.gradient += derivative * residual;
             for i in 0..4 {
-                block.cross[i] += derivative * gradient[i];
+                sums.cross[i] += derivative * gradient[i];
             }
         }
     }
 
-    /// The core's equations with every block eliminated; damping multiplies the diagonal.
+    /// The equations of the core with every nuisance eliminated, `damping` times the diagonal added; what is
+    /// not free has a row of the identity.
     fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
         let grow = 1.0 + damping;
         let mut matrix = [[0.0; 4]; 4];
@@ -55,12 +77,12 @@ impl Normal {
                 matrix[i][j] = self.core[i][j] * if i == j { grow } else { 1.0 };
             }
         }
-        for block in self.blocks.iter().filter(|block| block.square > 0.0) {
-            let pivot = block.square * grow;
+        for nuisance in self.nuisances.iter().filter(|nuisance| nuisance.square > 0.0) {
+            let pivot = nuisance.square * grow;
             for i in 0..4 {
-                right[i] += block.cross[i] * block.gradient / pivot;
+                right[i] += nuisance.cross[i] * nuisance.gradient / pivot;
                 for j in i..4 {
-                    matrix[i][j] -= block.cross[i] * block.cross[j] / pivot;
+                    matrix[i][j] -= nuisance.cross[i] * nuisance.cross[j] / pivot;
                 }
             }
         }
@@ -80,38 +102,38 @@ impl Normal {
         (matrix, right)
     }
 
-    /// Moves core and blocks by the step with `damping` times the diagonal added. What the linear model
-    /// gains by it, and the largest change; `None` where it has no solution.
+    /// Moves core and nuisances by the step with `damping` times the diagonal added. The decrease of the cost
+    /// that the linear model promises for it, and the largest change; `None` where there is no solution.
     pub(crate) fn step(
         &self,
         core: &mut [f64; 4],
-        beside: &mut [f64],
+        nuisances: &mut [f64],
         damping: f64,
         free: [bool; 4],
     ) -> Option<(f64, f64)> {
         let (matrix, right) = self.reduced(damping, free);
-        let by = solve_4(&matrix, &right)?;
+        let step = solve_4(&matrix, &right)?;
         let grow = 1.0 + damping;
         let (mut gain, mut size) = (0.0, 0.0_f64);
         for i in 0..4 {
-            core[i] += by[i];
-            // Gain of the linear model under damping: step' (damping D step - gradient).
-            gain += by[i] * (damping * self.core[i][i] * by[i] - self.gradient[i]);
-            size = size.max(by[i].abs());
+            core[i] += step[i];
+            // d' (lambda D d - J'r), the decrease of the linear model.
+            gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
+            size = size.max(step[i].abs());
         }
-        for (value, block) in beside.iter_mut().zip(&self.blocks) {
-            if block.square > 0.0 {
-                let coupled: f64 = block.cross.iter().zip(&by).map(|(c, s)| c * s).sum();
-                let step = -(block.gradient + coupled) / (block.square * grow);
-                *value += step;
-                gain += step * (damping * block.square * step - block.gradient);
-                size = size.max(step.abs());
+        for (value, sums) in nuisances.iter_mut().zip(&self.nuisances) {
+            if sums.square > 0.0 {
+                let coupled: f64 = sums.cross.iter().zip(&step).map(|(c, s)| c * s).sum();
+                let own = -(sums.gradient + coupled) / (sums.square * grow);
+                *value += own;
+                gain += own * (damping * sums.square * own - sums.gradient);
+                size = size.max(own.abs());
             }
         }
         Some((gain, size))
     }
 
-    /// Information about the core: the inverse of its covariance, held unknowns with rows of zeros.
+    /// Information about the core, the inverse of its covariance; rows of zeros for what is not free.
     pub(crate) fn information(&self, free: [bool; 4]) -> Matrix4<f64> {
         let (matrix, _) = self.reduced(0.0, free);
         let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
@@ -122,18 +144,18 @@ impl Normal {
     }
 }
 
-/// The covariance of the free unknowns and its weakest direction.
+/// The covariance of the core.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty {
-    /// Of roll, pitch, log focal, log height; zeros for those held. Where the evidence leaves a
-    /// direction open, its variance is large, not infinite.
+    /// Of roll, pitch, log focal, log height; zeros for those that are not free. Where the residuals leave
+    /// a direction open, its variance is large, not infinite.
     pub(crate) covariance: Matrix4<f64>,
-    /// Whether the evidence leaves a direction open.
+    /// Whether the residuals leave a direction open.
     pub(crate) singular: bool,
 }
 
 impl Uncertainty {
-    /// From information with rows of zeros for what is held.
+    /// From information with rows of zeros for what is not free.
     pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
         /// Relative to the best-known direction: below it the inverse is rounding.
         const OPEN: f64 = 1e-13;
@@ -158,7 +180,7 @@ impl Uncertainty {
             * eigen.eigenvectors.transpose();
         let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
-            // Nothing at all is known of it: as uncertain as a factor of e^1000.
+            // Nothing at all is known of it: a standard deviation of 1000 radians or log units.
             covariance[(i, i)] = 1e6;
         }
         Self { covariance, singular }
@@ -169,7 +191,7 @@ impl Uncertainty {
     }
 }
 
-/// Solves a symmetric positive system by Cholesky; `None` when it is not positive.
+/// Solves a symmetric positive definite system by Cholesky; `None` when it is not positive definite.
 fn solve_4(matrix: &[[f64; 4]; 4], right: &[f64; 4]) -> Option<[f64; 4]> {
     let mut lower = [[0.0; 4]; 4];
     for i in 0..4 {

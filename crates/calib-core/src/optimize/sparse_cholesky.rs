@@ -1,8 +1,23 @@
-//! A sparse symmetric positive system in blocks: its solution, and the blocks of its inverse.
+//! A sparse symmetric positive definite system in blocks: its solution, and the blocks of its inverse.
 //!
-//! Blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis, Duff 1996), the
-//! factor is `nalgebra-sparse`'s Cholesky, and of the inverse only what the factor's pattern covers is
-//! computed (Takahashi, Fagan, Chen 1973): cost grows with the factor, not with the square of the size.
+//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996), and
+//! `nalgebra-sparse` factors the matrix, `S = L L'`.
+//!
+//! Of the inverse `Z = S^-1` only the entries where L has some are computed, the selected inverse (Takahashi,
+//! Fagan and Chen 1973; Erisman and Tinney 1975). `S Z = I` is `L' Z = L^-1`, and L^-1 is lower triangular
+//! with `1 / L_jj` on its diagonal; so, for i >= j, row j of `L' Z` reads
+//!
+//! `L_jj Z_ij + sum_{k > j} L_kj Z_ik = (i = j ? 1 / L_jj : 0)`,
+//!
+//! and the columns of Z follow from the last to the first:
+//!
+//! - `Z_ij = -sum_{k > j} L_kj Z_ik / L_jj` for i > j,
+//! - `Z_jj = (1 / L_jj - sum_{k > j} L_kj Z_kj) / L_jj`.
+//!
+//! Both i and k run over the rows of column j of L, and any two rows i >= k > j of a column are an entry of L
+//! themselves (elimination of j fills it in): whatever a sum asks for is there. The cost grows with the
+//! factor, not with the square of the size. The covariance of coupled cameras lies within the pattern, for
+//! that of S does.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -10,7 +25,7 @@ use nalgebra::DMatrix;
 use nalgebra_sparse::factorization::{CscCholesky, CscSymbolicCholesky};
 use nalgebra_sparse::pattern::SparsityPattern;
 
-/// Where every block of the matrix stands among the values of its columns, in the order of the factor.
+/// The pattern of a matrix of blocks, columns in the order of the factor, rows in every column ascending.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseStructure {
     sizes: Vec<usize>,
@@ -18,12 +33,12 @@ pub(crate) struct SparseStructure {
     starts: Vec<usize>,
     /// First value of every column.
     columns: Vec<usize>,
-    /// Rows of a column of the second block that stand before those of the first.
-    before: HashMap<(usize, usize), usize>,
+    /// Of the rows of the first block, the number of entries above them in the columns of the second.
+    row_offsets: HashMap<(usize, usize), usize>,
     symbolic: CscSymbolicCholesky,
 }
 
-/// The factor of one matrix.
+/// The factor L of one matrix.
 #[derive(Debug)]
 pub(crate) struct CholeskyFactor<'a> {
     sparse: &'a SparseStructure,
@@ -57,14 +72,14 @@ impl SparseStructure {
             starts[block] = total;
             total += sizes[block];
         }
-        let mut before = HashMap::new();
+        let mut row_offsets = HashMap::new();
         let (mut columns, mut rows) = (vec![0], Vec::new());
         for &block in &order {
             let mut coupled: Vec<usize> = neighbours[block].iter().copied().collect();
             coupled.sort_by_key(|&other| rank[other]);
             let mut height = 0;
             for &other in &coupled {
-                before.insert((other, block), height);
+                row_offsets.insert((other, block), height);
                 height += sizes[other];
             }
             for _ in 0..sizes[block] {
@@ -75,7 +90,7 @@ impl SparseStructure {
         // Offsets ascend and every column's rows do, by construction.
         let pattern = SparsityPattern::try_from_offsets_and_indices(total, total, columns.clone(), rows)
             .unwrap_or_else(|_| SparsityPattern::zeros(total, total));
-        Self { sizes, starts, columns, before, symbolic: CscSymbolicCholesky::factor(pattern) }
+        Self { sizes, starts, columns, row_offsets, symbolic: CscSymbolicCholesky::factor(pattern) }
     }
 
     /// Room for the values of a matrix.
@@ -86,7 +101,8 @@ impl SparseStructure {
     /// Adds `factor` times a block, row by row, and its transpose on the other side of the diagonal.
     pub(crate) fn add(&self, values: &mut [f64], [a, b]: [usize; 2], block: &[f64], factor: f64) {
         let width = self.sizes[b];
-        let (Some(&above), Some(&left)) = (self.before.get(&(a, b)), self.before.get(&(b, a))) else {
+        let (Some(&above), Some(&left)) = (self.row_offsets.get(&(a, b)), self.row_offsets.get(&(b, a)))
+        else {
             return;
         };
         for (i, row) in block.chunks_exact(width).enumerate() {
@@ -99,7 +115,7 @@ impl SparseStructure {
         }
     }
 
-    /// `None` when the matrix is not positive.
+    /// `None` when the matrix is not positive definite.
     pub(crate) fn factor(&self, values: &[f64]) -> Option<CholeskyFactor<'_>> {
         let cholesky = CscCholesky::factor_numerical(self.symbolic.clone(), values).ok()?;
         Some(CholeskyFactor { sparse: self, cholesky })
@@ -115,7 +131,7 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
         offsets.push(rows.len());
     }
     let found = amd::order::<usize>(neighbours.len(), &offsets, &rows, &amd::Control::default());
-    // The matrix is valid by construction; the order as it stands is right, too, only slower.
+    // The pattern is valid by construction; the order as it is would be right, too, only slower.
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
@@ -135,9 +151,6 @@ impl CholeskyFactor<'_> {
     }
 
     /// The inverse, where the factor has entries.
-    ///
-    /// With `Z L = L^-T` and column `j` of `L`: `Z_ij = -sum_k>j L_kj Z_ik / L_jj` and
-    /// `Z_jj = (1 / L_jj - sum_k>j L_kj Z_kj) / L_jj`, from the last column to the first.
     pub(crate) fn inverse(self) -> SelectedInverse {
         let SparseStructure { sizes, starts, .. } = self.sparse;
         let factor = self.cholesky.take_l();
@@ -153,7 +166,7 @@ impl CholeskyFactor<'_> {
             sums.clear();
             sums.resize(column.len(), 0.0);
             for (k, &row) in column.iter().enumerate() {
-                // What stands below in this column stands in that one, too: both are sorted.
+                // The rows of this column below are rows of that column, too; both are sorted.
                 let theirs = offsets[row]..offsets[row + 1];
                 let mut entries = rows[theirs.clone()].iter().zip(&values[theirs]);
                 let mut own = 0.0;

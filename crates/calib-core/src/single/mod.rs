@@ -25,11 +25,16 @@ pub use likelihood::{Prior, Priors};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
 pub use straightness::{Edge, straightness_rms};
 
+#[cfg(feature = "serde")]
 pub(crate) use accuracy::placed_floor_length_rel;
+#[cfg(feature = "serde")]
 pub(crate) use advice::floor_warning;
+#[cfg(feature = "serde")]
 pub(crate) use fit::grid;
-pub(crate) use likelihood::{Problem, State, predictable, residuals_at};
+#[cfg(feature = "serde")]
+pub(crate) use likelihood::residuals_at;
+pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::straightness_with_slopes;
+pub(crate) use straightness::{edges, straightness_with_slopes};

@@ -1,6 +1,7 @@
 //! How straight a polyline is once a lens is taken out.
 
 use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
+use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 
 /// A polyline and where it was drawn.
@@ -10,6 +11,18 @@ pub struct Edge {
     pub points: Vec<Pixel>,
     /// Where it comes from.
     pub source: Source,
+}
+
+/// Lines of three points and more, of whatever kind, that are not switched off.
+pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
+    let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
+    used.flat_map(|(annotation, drawn)| {
+        let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
+        lines
+            .map(move |(segment, points)| Edge { points, source: Source { annotation, segment } })
+            .collect::<Vec<_>>()
+    })
+    .collect()
 }
 
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw

@@ -3,7 +3,8 @@
 use crate::camera::{Coefficient, Distortion, Lens};
 use crate::finding::{Code, Warning};
 use crate::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, is_misfit, line_name, straightness_rms,
+    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, line_name,
+    straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -38,18 +39,6 @@ fn asked(entry: &DistortionEntry) -> Option<Fitted> {
         which[..=last].fill(true);
     }
     Some(Fitted { model: entry.model, which })
-}
-
-/// Lines of three points and more, of whatever kind, that are not switched off.
-pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
-    let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
-    used.flat_map(|(annotation, drawn)| {
-        let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
-        lines
-            .map(move |(segment, points)| Edge { points, source: Source { annotation, segment } })
-            .collect::<Vec<_>>()
-    })
-    .collect()
 }
 
 impl Site {

@@ -25,7 +25,8 @@ impl Site {
             .iter()
             .filter(|(of, landmark)| !landmark.off && !matches!(of, LandmarkSource::ControlPoint { .. }));
         for (_, landmark) in known {
-            let is_tied = |&view: &usize| bundle.cameras[view].as_ref().is_some_and(|j| j.is_tied);
+            let is_tied =
+                |&view: &usize| bundle.cameras[view].as_ref().is_some_and(|joined| joined.is_connected);
             for (pair, square) in floor_disagreements(landmark, &all) {
                 if !pair.iter().all(is_tied) {
                     continue;

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::finding::{Code, Failure, FailureCode, ResidualOf, Warning};
 use crate::floor::{default_efov, efov_on_floor};
 use crate::single::{Constraints, OPEN_FOCAL, Unusable, line_name};
 use crate::site::bounds::At;
-use crate::site::bundle_step::{BundleCamera, BundleResult};
+use crate::site::bundle_step::BundleResult;
 use crate::site::check::check_solution;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -162,7 +163,7 @@ impl Site {
         let joined = bundle.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
-            Some(joined) if joined.is_tied => {
+            Some(joined) if joined.is_connected => {
                 // What was told of the height and what the placement says are held against each other
                 // all the same.
                 let mut said = Vec::new();
@@ -199,7 +200,7 @@ fn rewrite(
     entry: &SiteCamera,
     camera: &Camera,
     first: &SingleFit,
-    joined: &BundleCamera,
+    joined: &CameraEstimate,
     solution: &mut Solution,
 ) {
     solution.pitch_deg = Some(camera.pitch.to_degrees());
@@ -217,12 +218,12 @@ fn rewrite(
     // What stage 1 left open the other cameras may tell.
     let told =
         camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
-    if joined.is_tied && told {
+    if joined.is_connected && told {
         solution
             .warnings
             .retain(|warning| !matches!(warning.code, Code::FocalUnobservable | Code::PriorDominates));
     }
-    if joined.is_tied && joined.misfit {
+    if joined.is_connected && joined.is_misfit {
         let (chi2, dof) = (joined.chi2, joined.dof);
         solution.warnings.retain(|warning| warning.code != Code::Misfit);
         solution.warnings.push(Warning::new(

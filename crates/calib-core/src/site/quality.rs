@@ -23,7 +23,7 @@ impl BundleResult {
     /// Every landmark that a camera of the joint fit shows.
     pub(crate) fn triangulated(&self) -> Vec<Option<Triangulated>> {
         let cameras = self.tied_cameras();
-        let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_tied);
+        let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_connected);
         self.landmarks
             .iter()
             .map(|(_, landmark)| {

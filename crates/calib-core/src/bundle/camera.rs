@@ -1,0 +1,228 @@
+//! A camera as it enters the adjustment: where it starts, what was drawn on it, what of it is estimated.
+
+use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
+use crate::single::{
+    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
+    edges, weak_prior,
+};
+
+/// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
+pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
+
+/// What is known of position and yaw of a camera before the adjustment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InitialPose {
+    /// Nothing: they are found from what other cameras and the base system tell.
+    Unknown,
+    /// About right: where nothing else holds a component of the view graph in the base system, its first
+    /// such camera does.
+    Approximate,
+    /// Exact: position and yaw are not estimated.
+    Fixed,
+}
+
+/// A camera of a [`BundleAdjustment`](crate::BundleAdjustment).
+#[derive(Clone, Debug)]
+pub struct BundleCamera<'a> {
+    /// Where it starts; also the values of the parameters that are not estimated. Of a camera whose
+    /// initial pose is unknown, height, roll, pitch, focal and lens are used, as stage 1 leaves them.
+    pub camera: Camera,
+    /// What is known of position and yaw.
+    pub initial_pose: InitialPose,
+    /// Width and height of the image, in pixels.
+    pub size: [f64; 2],
+    /// Which of roll, pitch, focal and height are not estimated. A fixed height takes the place of the
+    /// camera's; of the others the camera's values hold.
+    pub fixed: FixedParameters,
+    /// Priors on roll, pitch, focal and height.
+    pub priors: Priors,
+    /// What was drawn on the image: evaluated anew wherever the distortion is estimated.
+    pub annotations: &'a [Annotation],
+    /// What the annotations say under the camera's own lens.
+    pub constraints: &'a Constraints,
+    /// The fit of this camera alone: its outliers stay rejected, its noise is believed, its floor
+    /// directions and lengths are where these start. Needed wherever there are constraints.
+    pub fit: Option<&'a Fit>,
+    /// The standard deviations of what was drawn are known: they are not inflated where the residuals are
+    /// larger.
+    pub noise_is_known: bool,
+    /// Index of the camera whose focal and distortion this one shares; its own index if none. That camera
+    /// must have a lens of its own.
+    pub lens_of: usize,
+    /// Which coefficients of the distortion are estimated; of a shared lens those of its own camera count.
+    pub free_coefficients: [bool; Distortion::MOST],
+}
+
+/// The constraints of a camera on which nothing was drawn.
+static NO_CONSTRAINTS: Constraints = Constraints {
+    lines: Vec::new(),
+    groups: 0,
+    lengths: Vec::new(),
+    length_groups: Vec::new(),
+    uprights: Vec::new(),
+    unusable: Vec::new(),
+};
+
+impl<'a> BundleCamera<'a> {
+    /// A camera at `index` of known roll, pitch, focal and lens, on which nothing was drawn: position and
+    /// yaw are estimated from nothing, the height from where it is in `camera`. `size` is that of the
+    /// image, in pixels.
+    #[must_use]
+    pub fn new(index: usize, camera: Camera, size: [f64; 2]) -> Self {
+        Self {
+            camera,
+            initial_pose: InitialPose::Unknown,
+            size,
+            fixed: FixedParameters {
+                roll: Some(camera.roll),
+                pitch: Some(camera.pitch),
+                focal: Some(camera.focal),
+                height: None,
+            },
+            priors: Priors::default(),
+            annotations: &[],
+            constraints: &NO_CONSTRAINTS,
+            fit: None,
+            noise_is_known: true,
+            lens_of: index,
+            free_coefficients: [false; Distortion::MOST],
+        }
+    }
+
+    /// The camera at `index` as the fit of it alone left it, with all that the fit used.
+    #[must_use]
+    pub fn from_fit(
+        index: usize,
+        fit: &'a Fit,
+        constraints: &'a Constraints,
+        annotations: &'a [Annotation],
+        options: &FitOptions,
+    ) -> Self {
+        Self {
+            fixed: options.held,
+            priors: options.priors,
+            annotations,
+            constraints,
+            fit: Some(fit),
+            noise_is_known: options.sigma.is_some(),
+            ..Self::new(index, fit.camera, options.size)
+        }
+    }
+
+    /// The residuals of stage 1 with what the fit of the camera alone made of them.
+    pub(crate) fn stage_1(&self) -> Problem<'a> {
+        let width = self.size[0];
+        let sigma = self.fit.map_or(1.0, |fit| fit.sigma);
+        let rejected = self.fit.map_or(&[][..], |fit| &fit.outliers[..]);
+        let weak_log_focal: Option<Prior> =
+            self.fit.filter(|fit| fit.weak_prior_used).map(|_| weak_prior(width));
+        let focal = self.priors.focal.filter(|_| self.fixed.focal.is_none());
+        let priors = Priors { focal, weak_log_focal, ..self.priors };
+        Problem { rejected, ..Problem::new(self.constraints, self.fixed, priors, sigma, width) }
+    }
+
+    /// Whether anything but its placement tells its height.
+    pub(crate) fn height_is_known(&self) -> bool {
+        self.initial_pose != InitialPose::Fixed
+            && (self.fixed.height.is_some() || self.stage_1().free[LOG_HEIGHT])
+    }
+
+    /// Its height, where that is not estimated for itself.
+    pub(crate) fn fixed_height(&self) -> Option<f64> {
+        self.fixed.height.filter(|_| self.initial_pose != InitialPose::Fixed)
+    }
+
+    pub(crate) fn fits_distortion(&self) -> bool {
+        self.free_coefficients.contains(&true)
+    }
+}
+
+/// What of position, yaw and scale of its component the placement of a camera holds, because nothing else
+/// does: the gauge of the adjustment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Gauge {
+    pub(crate) position: bool,
+    pub(crate) yaw: bool,
+    pub(crate) scale: bool,
+}
+
+/// A camera with its residuals of stage 1, as a part of one problem.
+#[derive(Clone, Debug)]
+pub(crate) struct View<'a> {
+    /// Where it starts, and the values of what is not estimated.
+    pub(crate) camera: Camera,
+    /// Which of its parameters are estimated; those of the lens are those of the first view that has it.
+    pub(crate) free: [bool; CAMERA_PARAMS],
+    /// Index of the lens, focal included; views with the same index share it.
+    pub(crate) lens: usize,
+    /// What was drawn, for the constraints under another lens.
+    pub(crate) annotations: &'a [Annotation],
+    /// Constraints, priors and what was rejected, under the lens it starts with.
+    pub(crate) stage_1: Problem<'a>,
+    /// Directions and lengths of stage 1, where they start.
+    pub(crate) nuisance: Vec<f64>,
+    /// Lines that are straight in space.
+    pub(crate) edges: Vec<Edge>,
+    /// Width and height of the image, in pixels.
+    pub(crate) size: [f64; 2],
+}
+
+impl<'a> View<'a> {
+    /// The view of a camera that starts at `start`, with the lens of `owner`, which is number `lens` of its
+    /// problem. Without a gauge no other camera and nothing of the base system tells where it is: position
+    /// and yaw stay.
+    pub(crate) fn new(
+        entry: &BundleCamera<'a>,
+        start: &Camera,
+        owner: &BundleCamera,
+        lens: usize,
+        gauge: Option<Gauge>,
+    ) -> Self {
+        let stage_1 = entry.stage_1();
+        let free = free_parameters(entry, owner, &stage_1, gauge);
+        let fits_lens = owner.fits_distortion();
+        View {
+            camera: with_lens_and_height(entry, start, owner),
+            free,
+            lens,
+            annotations: entry.annotations,
+            stage_1,
+            nuisance: entry.fit.map_or(Vec::new(), |fit| fit.state.nuisance.clone()),
+            edges: if fits_lens { edges(entry.annotations) } else { Vec::new() },
+            size: entry.size,
+        }
+    }
+}
+
+fn free_parameters(
+    entry: &BundleCamera,
+    owner: &BundleCamera,
+    stage_1: &Problem,
+    gauge: Option<Gauge>,
+) -> [bool; CAMERA_PARAMS] {
+    let is_fixed = entry.initial_pose == InitialPose::Fixed;
+    let moves = |held: fn(Gauge) -> bool| !is_fixed && gauge.is_some_and(|gauge| !held(gauge));
+    let rises = gauge.map_or(stage_1.free[LOG_HEIGHT], |gauge| !is_fixed && !gauge.scale);
+    let mut free = [false; CAMERA_PARAMS];
+    free[Covariance::X] = moves(|gauge| gauge.position);
+    free[Covariance::Y] = free[Covariance::X];
+    free[Covariance::Z] = rises && entry.fixed.height.is_none();
+    free[Covariance::YAW] = moves(|gauge| gauge.yaw);
+    free[Covariance::PITCH] = entry.fixed.pitch.is_none();
+    free[Covariance::ROLL] = entry.fixed.roll.is_none();
+    free[Covariance::FOCAL] = owner.fixed.focal.is_none();
+    free[Covariance::LENS..].copy_from_slice(&owner.free_coefficients);
+    free
+}
+
+/// A camera with the focal and distortion of the one whose lens it has, at its fixed height if any.
+fn with_lens_and_height(entry: &BundleCamera, start: &Camera, owner: &BundleCamera) -> Camera {
+    let Lens { distortion, focal, .. } = owner.camera.lens;
+    let z = entry.fixed_height().unwrap_or(start.position.z);
+    Camera {
+        position: WorldPoint { z, ..start.position },
+        focal: owner.camera.focal,
+        lens: Lens { distortion, focal, ..start.lens },
+        ..*start
+    }
+}

@@ -1,0 +1,368 @@
+//! Camera resection: position and yaw of a camera of known roll, pitch, focal and lens from control points.
+//!
+//! Closed form: with the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h,
+//!
+//! `dz X = dz x0 + (h - z0) (dx cos yaw - dy sin yaw)` and
+//! `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`
+//!
+//! are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one height only
+//! determine the drop to it, so both forms, with and without a common height, are solved, and the
+//! solution with the least error in pixels is refined by Levenberg-Marquardt.
+
+use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
+
+use crate::camera::{
+    Camera, Covariance, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint, camera_from_world,
+    times,
+};
+use crate::optimize::{LeastSquares, least_squares};
+
+/// A pixel that shows a point with known coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlPoint {
+    /// Raw pixel.
+    pub pixel: Pixel,
+    /// Where it is, in metres.
+    pub world: WorldPoint,
+}
+
+/// The camera with roll, pitch, focal and lens of `camera` at the position and yaw that control points give;
+/// at `height` in metres, if given.
+///
+/// It is the least-squares solution of the distances in undistorted pixels, started from a closed form.
+/// `None` for fewer than two points that the lens shows, and for points that do not determine it.
+#[must_use]
+pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
+    let shown: Vec<ControlPoint> =
+        points.iter().copied().filter(|point| camera.undistort(point.pixel).is_some()).collect();
+    if shown.len() < 2 {
+        return None;
+    }
+    let start = closed_form(camera, &shown, height)?;
+    let mut found = refined(start, &shown, height.is_some());
+    let half = std::f64::consts::PI;
+    found.yaw = (found.yaw + half).rem_euclid(2.0 * half) - half;
+    // Points at one pixel, or behind the camera, place nothing.
+    let is_placed = square_error(&found, &shown).is_finite() && found.position.is_finite();
+    let unknowns = if height.is_some() { 3 } else { 4 };
+    (is_placed && jacobian_by_place(&found, &shown).rank(1e-9) >= unknowns).then_some(found)
+}
+
+/// Derivatives of the points' pixels by position and yaw.
+fn jacobian_by_place(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
+    let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
+    let columns = unknowns.map(|index| pixel_derivatives(camera, points, index));
+    // A metre and a radian of a camera some metres off are of one size.
+    DMatrix::from_fn(2 * points.len(), unknowns.len(), |i, j| columns[j][i] / camera.focal)
+}
+
+/// Rays at yaw 0, in world axes.
+fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
+    let unturned = Camera { yaw: 0.0, ..*camera };
+    points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
+}
+
+/// Of the solutions of the linear equations the one with the least error in pixels.
+fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
+    let rays = rays(camera, points);
+    let count = points.len() as f64;
+    // World coordinates may be of the size of a country: work about their middle.
+    let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
+    let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
+    let candidates =
+        one_height(&rays, points, centre).into_iter().flatten().chain(all_heights(&rays, points, centre));
+    candidates
+        .map(|(x, y, z, yaw)| {
+            let z = height.unwrap_or(z);
+            Camera { position: WorldPoint { x, y, z }, yaw, ..*camera }
+        })
+        .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
+}
+
+/// x, y, z and yaw above and below the points, as if all had the mean height `h`: unknowns x0, y0,
+/// `(z0 - h) cos yaw`, `(z0 - h) sin yaw`.
+fn one_height(
+    rays: &[[f64; 3]],
+    points: &[ControlPoint],
+    centre: WorldPoint,
+) -> Option<[(f64, f64, f64, f64); 2]> {
+    let mut matrix = DMatrix::zeros(2 * rays.len(), 4);
+    let mut right = DVector::zeros(2 * rays.len());
+    for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
+        matrix.row_mut(2 * i).copy_from_slice(&[*dz, 0.0, -dx, *dy]);
+        matrix.row_mut(2 * i + 1).copy_from_slice(&[0.0, *dz, -dy, -dx]);
+        right[2 * i] = dz * (point.world.x - centre.x);
+        right[2 * i + 1] = dz * (point.world.y - centre.y);
+    }
+    let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
+    let drop = x[2].hypot(x[3]);
+    let (x0, y0) = (centre.x + x[0], centre.y + x[1]);
+    (drop > 0.0).then(|| {
+        [(x0, y0, centre.z + drop, x[3].atan2(x[2])), (x0, y0, centre.z - drop, (-x[3]).atan2(-x[2]))]
+    })
+}
+
+/// x, y, z and yaw by all heights: unknowns x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw` relative
+/// to the mean height.
+fn all_heights(
+    rays: &[[f64; 3]],
+    points: &[ControlPoint],
+    centre: WorldPoint,
+) -> Option<(f64, f64, f64, f64)> {
+    let mut matrix = DMatrix::zeros(2 * rays.len(), 6);
+    let mut right = DVector::zeros(2 * rays.len());
+    for (i, ([dx, dy, dz], point)) in rays.iter().zip(points).enumerate() {
+        let h = point.world.z - centre.z;
+        matrix.row_mut(2 * i).copy_from_slice(&[*dz, 0.0, -dx, *dy, h * dx, -h * dy]);
+        matrix.row_mut(2 * i + 1).copy_from_slice(&[0.0, *dz, -dy, -dx, h * dy, h * dx]);
+        right[2 * i] = dz * (point.world.x - centre.x);
+        right[2 * i + 1] = dz * (point.world.y - centre.y);
+    }
+    let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
+    // Both pairs have the direction of the yaw; their sum weighs each by its length.
+    let yaw = (x[3] + x[5]).atan2(x[2] + x[4]);
+    let z0 = x[2] * yaw.cos() + x[3] * yaw.sin();
+    Some((centre.x + x[0], centre.y + x[1], centre.z + z0, yaw))
+}
+
+/// Sum of the squared distances of the points from their pixels, in undistorted pixels.
+fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
+    points
+        .iter()
+        .map(|point| match (camera.world_to_undistorted(point.world), camera.undistort(point.pixel)) {
+            (Some(shown), Some(drawn)) => shown.distance(drawn).powi(2),
+            _ => f64::INFINITY,
+        })
+        .sum()
+}
+
+/// The camera with the covariance of where control points put it: noise of `sigma` pixels in the
+/// points, and what was uncertain about roll, pitch and focal carried along.
+///
+/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
+/// `dq = -(A'A)^-1 A' (B dp + noise)`.
+#[must_use]
+pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma: f64) -> Camera {
+    let (q, p) = (
+        [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW],
+        [Covariance::PITCH, Covariance::ROLL, Covariance::FOCAL],
+    );
+    let shown: Vec<ControlPoint> =
+        points.iter().copied().filter(|point| camera.world_to_pixel(point.world).is_some()).collect();
+    let jacobian = |unknowns: &[usize]| {
+        let columns: Vec<Vec<f64>> =
+            unknowns.iter().map(|&index| pixel_derivatives(camera, &shown, index)).collect();
+        DMatrix::from_fn(2 * shown.len(), unknowns.len(), |i, j| columns[j][i])
+    };
+    let by_place = jacobian(&q);
+    let Some(inverse) = (by_place.transpose() * &by_place).try_inverse() else { return *camera };
+    let gain = -(&inverse * by_place.transpose() * jacobian(&p));
+    let known = DMatrix::from_fn(3, 3, |i, j| camera.covariance.0[p[i]][p[j]]);
+    let across = &gain * &known;
+    let place = &across * gain.transpose() + inverse * (sigma * sigma);
+    let mut covariance = camera.covariance;
+    for i in 0..4 {
+        for j in 0..4 {
+            covariance.0[q[i]][q[j]] = place[(i, j)];
+        }
+        for j in 0..3 {
+            covariance.0[q[i]][p[j]] = across[(i, j)];
+            covariance.0[p[j]][q[i]] = across[(i, j)];
+        }
+    }
+    Camera { covariance, ..*camera }
+}
+
+/// Derivatives of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 of a point that it
+/// does not show.
+fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
+    let pose = PosedCamera::new(*camera);
+    points.iter().flat_map(|point| pixel_derivative(&pose, point.world, index).unwrap_or_default()).collect()
+}
+
+/// Through the lens `d raw = (d raw / d undistorted) d undistorted`; a coefficient moves the raw pixel alone.
+fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
+    let Reprojection { at: [u, v], d_camera, .. } = pose.reproject(world)?;
+    let lens = &pose.camera.lens;
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    let straight = UndistortedPixel { u: cu + u, v: cv + v };
+    lens.distort(straight)?;
+    let (jacobian, by_lens) = lens.distort_derivatives(straight);
+    if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
+        return by_lens.get(coefficient).copied();
+    }
+    // The derivative is by the log of the focal.
+    let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
+    Some(times(jacobian, d_camera.map(|row| scale * row[index])))
+}
+
+/// The least-squares problem of the distances in undistorted pixels, in x, y, z and yaw.
+struct Resection<'a> {
+    camera: Camera,
+    points: &'a [ControlPoint],
+    hold_height: bool,
+}
+
+/// `J'J` and `J'r` of four unknowns.
+type Normal4 = (Matrix4<f64>, Vector4<f64>);
+
+impl Resection<'_> {
+    fn camera(&self, [x, y, z, yaw]: [f64; 4]) -> Camera {
+        Camera { position: WorldPoint { x, y, z }, yaw, ..self.camera }
+    }
+
+    /// Where a camera shows a point less where it was drawn, with the derivatives of u and v.
+    ///
+    /// The point in camera axes changes with the position by minus the columns of the rotation R, and
+    /// with the yaw by `R (q_y, -q_x, 0)`, where q is the point relative to the camera in the base system.
+    fn error(
+        &self,
+        camera: &Camera,
+        rotation: &[[f64; 3]; 3],
+        point: &ControlPoint,
+    ) -> Option<([f64; 2], [Vector4<f64>; 2])> {
+        let [x, y, z] = camera.in_camera(point.world);
+        let drawn = camera.undistort(point.pixel)?;
+        let shown = camera.world_to_undistorted(point.world)?;
+        let q = [point.world.x - camera.position.x, point.world.y - camera.position.y];
+        let mut by = [Vector4::zeros(); 2];
+        for k in (0..4).filter(|&k| !(self.hold_height && k == 2)) {
+            let change: [f64; 3] = match k {
+                3 => rotation.map(|row| row[0] * q[1] - row[1] * q[0]),
+                axis => rotation.map(|row| -row[axis]),
+            };
+            by[0][k] = camera.focal * (change[0] - x / z * change[2]) / z;
+            by[1][k] = camera.focal * (change[1] - y / z * change[2]) / z;
+        }
+        Some(([shown.u - drawn.u, shown.v - drawn.v], by))
+    }
+}
+
+impl LeastSquares for Resection<'_> {
+    type State = [f64; 4];
+    type Normal = Normal4;
+
+    fn linearize(&self, state: &[f64; 4]) -> Option<(f64, Normal4)> {
+        let camera = self.camera(*state);
+        let rotation = camera_from_world(camera.roll, camera.pitch, camera.yaw);
+        let (mut square, mut gradient) = (Matrix4::zeros(), Vector4::zeros());
+        let mut cost = 0.0;
+        for point in self.points {
+            let (error, by) = self.error(&camera, &rotation, point)?;
+            for (error, by) in error.into_iter().zip(by) {
+                cost += error * error;
+                square += by * by.transpose();
+                gradient += by * error;
+            }
+        }
+        cost.is_finite().then_some((cost, (square, gradient)))
+    }
+
+    fn step(
+        &self,
+        state: &[f64; 4],
+        (square, gradient): &Normal4,
+        damping: f64,
+    ) -> Option<([f64; 4], f64, f64)> {
+        let mut damped = *square;
+        (0..4).for_each(|i| damped[(i, i)] *= 1.0 + damping);
+        if self.hold_height {
+            damped[(2, 2)] = 1.0;
+        }
+        let step = -damped.cholesky()?.solve(gradient);
+        let promised = (0..4).map(|i| step[i] * (damping * square[(i, i)] * step[i] - gradient[i])).sum();
+        Some((std::array::from_fn(|i| state[i] + step[i]), promised, step.amax()))
+    }
+}
+
+/// The camera with the least sum of squared distances in undistorted pixels near `start`; never worse than
+/// that.
+fn refined(start: Camera, points: &[ControlPoint], hold_height: bool) -> Camera {
+    const MAX_STEPS: usize = 50;
+    let WorldPoint { x, y, z } = start.position;
+    let resection = Resection { camera: start, points, hold_height };
+    least_squares(&resection, [x, y, z, start.yaw], MAX_STEPS)
+        .map_or(start, |summary| resection.camera(summary.state))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_covariance_of_a_placement_is_that_of_its_errors(seed in 0_u64..1_000_000) {
+            // A hundred noisy placements of one camera, pitch drawn from its own sigma each time.
+            use rand::{Rng as _, SeedableRng as _};
+            let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+            let truth = Camera {
+                position: WorldPoint::new(5.0, -3.0, 4.0), yaw: 0.6, pitch: 0.5, roll: 0.03, focal: 1300.0,
+                lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)), covariance: Covariance::EXACT,
+            };
+            let world: Vec<WorldPoint> = [(400.0, 500.0, 0.0), (1500.0, 450.0, 0.5), (960.0, 900.0, 0.0), (300.0, 950.0, 1.0), (1700.0, 800.0, 0.2)]
+                .iter().map(|&(u, v, h)| truth.pixel_to_floor(Pixel { u, v }, h).unwrap().at_height(h)).collect();
+            let sigma_pitch = 0.003;
+            let mut covariance = Covariance::EXACT;
+            covariance.0[Covariance::PITCH][Covariance::PITCH] = sigma_pitch * sigma_pitch;
+            let mut sum = 0.0;
+            const DRAWS: usize = 100;
+            for _ in 0..DRAWS {
+                let believed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
+                let points: Vec<ControlPoint> = world.iter().map(|&world| {
+                    let p = truth.world_to_pixel(world).unwrap();
+                    ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
+                }).collect();
+                let found = with_placement_covariance(&from_control_points(&believed, &points, None).unwrap(), &points, 1.0);
+                sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap()).powi(2);
+            }
+            // Chi-square of 100: between 0.55 and 1.6 of its mean but once in a hundred thousand.
+            let ratio = sum / DRAWS as f64;
+            prop_assert!(ratio > 0.5 && ratio < 1.7, "{ratio}");
+        }
+
+        #[test]
+        fn points_above_the_camera_leave_it_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
+            // Seen from below: a camera that looks up at a ceiling.
+            let camera = Camera { pitch: -camera.pitch.abs() - 0.3, ..camera };
+            let height = camera.position.z + rise;
+            let points: Vec<ControlPoint> = [(300.0, 300.0), (1600.0, 350.0), (900.0, 700.0), (400.0, 800.0)].iter().filter_map(|&(u, v)| {
+                let pixel = Pixel { u, v };
+                let above = camera.pixel_to_floor(pixel, height)?;
+                (above.distance(camera.position.on_floor()) < 40.0).then(|| ControlPoint { pixel, world: above.at_height(height) })
+            }).collect();
+            prop_assume!(points.len() == 4);
+            let unplaced = Camera { position: WorldPoint::new(0.0, 0.0, 3.0), yaw: 0.0, ..camera };
+            let found = from_control_points(&unplaced, &points, None).unwrap();
+            prop_assert!(found.position.distance(camera.position) < 1e-4, "{:?} not {:?}", found.position, camera.position);
+        }
+
+        #[test]
+        fn two_points_at_one_pixel_place_nothing(camera in any_camera(), u in 300.0..1500.0_f64) {
+            let pixel = Pixel { u, v: 900.0 };
+            let point = |x: f64| ControlPoint { pixel, world: WorldPoint::new(x, 5.0, 0.0) };
+            prop_assert_eq!(from_control_points(&camera, &[point(0.0), point(4.0)], None), None);
+        }
+
+        #[test]
+        fn exact_control_points_give_the_camera_back(
+            camera in any_camera(),
+            at in proptest::collection::vec((0.05..0.95_f64, 0.3..0.95_f64, 0.0..1.5_f64), 3..9),
+        ) {
+            let points: Vec<ControlPoint> = at.iter().filter_map(|&(s, t, height)| {
+                let pixel = Pixel { u: 1920.0 * s, v: 1080.0 * t };
+                let floor = camera.pixel_to_floor(pixel, height)?;
+                let near = floor.distance(camera.position.on_floor()) < 40.0;
+                near.then(|| ControlPoint { pixel, world: floor.at_height(height) })
+            }).collect();
+            prop_assume!(points.len() >= 3);
+            let apart = points.iter().flat_map(|a| points.iter().map(move |b| a.pixel.distance(b.pixel))).fold(0.0, f64::max);
+            prop_assume!(apart > 300.0);
+            let unplaced = Camera { position: WorldPoint::new(0.0, 0.0, 3.0), yaw: 0.0, ..camera };
+            let found = from_control_points(&unplaced, &points, None).unwrap();
+            prop_assert!(found.position.distance(camera.position) < 1e-5, "{:?} not {:?}", found.position, camera.position);
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Normal equations in parameter blocks: which blocks there are, which of them residuals couple, and the
+//! sums of products of Jacobians.
+
+use std::collections::{BTreeSet, HashMap};
+
+use crate::optimize::dense_block::add_outer;
+use crate::optimize::sparse_cholesky::SparseStructure;
+
+/// Parameter blocks, which of them are eliminated, and which have residuals in common.
+#[derive(Clone, Debug)]
+pub(crate) struct BlockStructure {
+    pub(crate) sizes: Vec<usize>,
+    /// First parameter of every block in the state.
+    pub(crate) offsets: Vec<usize>,
+    pub(crate) roles: Vec<Role>,
+    /// Kept blocks in the order of the reduced system.
+    pub(crate) kept: Vec<usize>,
+    pub(crate) eliminated: Vec<Eliminated>,
+    /// Pairs of kept blocks that are coupled, the first not behind the second.
+    pub(crate) pairs: Vec<[usize; 2]>,
+    pub(crate) pair_of: HashMap<[usize; 2], usize>,
+    /// Of the reduced system.
+    pub(crate) sparse: SparseStructure,
+}
+
+/// Whether a block stays in the reduced system, and its number there or among those that do not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Role {
+    Kept(usize),
+    Eliminated(usize),
+}
+
+/// A block that is eliminated.
+#[derive(Clone, Debug)]
+pub(crate) struct Eliminated {
+    pub(crate) block: usize,
+    /// Kept blocks that it has residuals in common with, ascending.
+    pub(crate) neighbours: Vec<usize>,
+    /// The pair of every two neighbours, the first not behind the second, in this order.
+    pub(crate) pairs: Vec<usize>,
+}
+
+/// Derivatives of one residual by the parameters of a block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JacobianBlock<'a> {
+    pub(crate) block: usize,
+    pub(crate) by: &'a [f64],
+}
+
+/// `J'J`, `J'r` and `r'r` at a state.
+#[derive(Clone, Debug)]
+pub(crate) struct NormalEquations {
+    pub(crate) cost: f64,
+    pub(crate) gradient: Vec<f64>,
+    /// Of every pair of kept blocks, row by row.
+    pub(crate) kept: Vec<Vec<f64>>,
+    /// Of every eliminated block with itself.
+    pub(crate) own: Vec<Vec<f64>>,
+    /// Of every eliminated block (rows) with each of its neighbours.
+    pub(crate) cross: Vec<Vec<Vec<f64>>>,
+}
+
+impl BlockStructure {
+    /// Blocks of these sizes, the flagged ones kept; `coupled` lists groups of blocks that have residuals
+    /// in common. No two eliminated blocks may be in one group.
+    pub(crate) fn new(sizes: Vec<usize>, keep: &[bool], coupled: &[Vec<usize>]) -> Self {
+        let mut offsets = vec![0; sizes.len()];
+        for block in 1..sizes.len() {
+            offsets[block] = offsets[block - 1] + sizes[block - 1];
+        }
+        let (roles, kept, rest) = roles(keep);
+        let (neighbours, pairs) = coupling(&roles, [kept.len(), rest.len()], coupled);
+        let pair_of: HashMap<[usize; 2], usize> =
+            pairs.iter().copied().enumerate().map(|(index, pair)| (pair, index)).collect();
+        let eliminated = rest
+            .iter()
+            .zip(&neighbours)
+            .map(|(&block, near)| Eliminated {
+                block,
+                neighbours: near.iter().copied().collect(),
+                pairs: pairs_among(near).filter_map(|pair| pair_of.get(&pair).copied()).collect(),
+            })
+            .collect();
+        let kept_sizes = kept.iter().map(|&block| sizes[block]).collect();
+        let sparse = SparseStructure::new(kept_sizes, pairs.iter().map(|&[a, b]| (a, b)));
+        Self { sizes, offsets, roles, kept, eliminated, pairs, pair_of, sparse }
+    }
+
+    /// Number of parameters.
+    pub(crate) fn unknowns(&self) -> usize {
+        self.sizes.iter().sum()
+    }
+
+    /// Normal equations of no residuals.
+    pub(crate) fn normal(&self) -> NormalEquations {
+        let kept_size = |i: usize| self.sizes[self.kept[i]];
+        let cross = |out: &Eliminated| -> Vec<Vec<f64>> {
+            let near = out.neighbours.iter();
+            near.map(|&neighbour| vec![0.0; self.sizes[out.block] * kept_size(neighbour)]).collect()
+        };
+        NormalEquations {
+            cost: 0.0,
+            gradient: vec![0.0; self.unknowns()],
+            kept: self.pairs.iter().map(|&[a, b]| vec![0.0; kept_size(a) * kept_size(b)]).collect(),
+            own: self.eliminated.iter().map(|out| vec![0.0; self.sizes[out.block].pow(2)]).collect(),
+            cross: self.eliminated.iter().map(cross).collect(),
+        }
+    }
+
+    /// Adds one residual.
+    pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
+        normal.cost += residual * residual;
+        for (k, a) in jacobian.iter().enumerate() {
+            let offset = self.offsets[a.block];
+            for (gradient, jacobian) in normal.gradient[offset..].iter_mut().zip(a.by) {
+                *gradient += jacobian * residual;
+            }
+            for b in &jacobian[k..] {
+                self.add_product(normal, a, b);
+            }
+        }
+    }
+
+    /// Adds the product of the derivatives by two blocks, or by one with itself.
+    #[inline]
+    fn add_product(&self, normal: &mut NormalEquations, a: &JacobianBlock, b: &JacobianBlock) {
+        match (self.roles[a.block], self.roles[b.block]) {
+            (Role::Kept(i), Role::Kept(j)) => {
+                let (pair, rows, columns) = if i <= j { ([i, j], a.by, b.by) } else { ([j, i], b.by, a.by) };
+                if let Some(&at) = self.pair_of.get(&pair) {
+                    add_outer(&mut normal.kept[at], rows, columns);
+                }
+            }
+            (Role::Eliminated(e), Role::Eliminated(_)) => add_outer(&mut normal.own[e], a.by, b.by),
+            (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], a.by, b.by),
+            (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], b.by, a.by),
+        }
+    }
+
+    fn add_cross(&self, normal: &mut NormalEquations, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
+        if let Some(at) = self.eliminated[e].neighbours.iter().position(|&neighbour| neighbour == i) {
+            add_outer(&mut normal.cross[e][at], rows, columns);
+        }
+    }
+
+    /// The values of a block in a vector over all parameters.
+    pub(crate) fn of<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
+        &values[self.offsets[block]..][..self.sizes[block]]
+    }
+}
+
+/// The role of every block, and the blocks of either role.
+fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
+    let (mut kept, mut rest) = (Vec::new(), Vec::new());
+    let role = |(block, &is_kept): (usize, &bool)| {
+        let list = if is_kept { &mut kept } else { &mut rest };
+        list.push(block);
+        let number = list.len() - 1;
+        if is_kept { Role::Kept(number) } else { Role::Eliminated(number) }
+    };
+    let roles = keep.iter().enumerate().map(role).collect();
+    (roles, kept, rest)
+}
+
+/// The kept neighbours of every eliminated block, and all pairs of kept blocks that residuals or an
+/// elimination couple.
+fn coupling(
+    roles: &[Role],
+    [kept, rest]: [usize; 2],
+    coupled: &[Vec<usize>],
+) -> (Vec<BTreeSet<usize>>, Vec<[usize; 2]>) {
+    let mut neighbours: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); rest];
+    let mut pairs: BTreeSet<[usize; 2]> = (0..kept).map(|i| [i, i]).collect();
+    for group in coupled {
+        let of_kept = |&block: &usize| if let Role::Kept(i) = roles[block] { Some(i) } else { None };
+        let among: BTreeSet<usize> = group.iter().filter_map(of_kept).collect();
+        pairs.extend(pairs_among(&among));
+        for &block in group {
+            if let Role::Eliminated(e) = roles[block] {
+                neighbours[e].extend(&among);
+            }
+        }
+    }
+    for near in &neighbours {
+        pairs.extend(pairs_among(near));
+    }
+    (neighbours, pairs.into_iter().collect())
+}
+
+/// Every two of a set, and every one with itself, the first not behind the second.
+fn pairs_among(set: &BTreeSet<usize>) -> impl Iterator<Item = [usize; 2]> + '_ {
+    set.iter().flat_map(|&a| set.range(a..).map(move |&b| [a, b]))
+}

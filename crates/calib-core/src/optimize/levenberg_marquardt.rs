@@ -1,0 +1,155 @@
+//! Levenberg-Marquardt for sums of squares, whatever the structure of their normal equations.
+//!
+//! At a state with residuals `r` and Jacobian `J` the step `d` solves
+//!
+//! `(J'J + lambda D) d = -J'r`, `D = diag(J'J)`,
+//!
+//! between Gauss-Newton's step (`lambda = 0`) and a short one downhill; with the diagonal as metric it does
+//! not depend on the units of the unknowns (Marquardt 1963, "An Algorithm for Least-Squares Estimation of
+//! Nonlinear Parameters"). A step is accepted when the cost `F = r'r` falls. The damping follows Nielsen
+//! (1999, "Damping Parameter in Marquardt's Method", report IMM-REP-1999-05): with the gain ratio
+//!
+//! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`,
+//!
+//! of the true decrease to that of the linear model, an accepted step multiplies `lambda` by
+//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Where Nielsen's floor is a
+//! third ours is a tenth: the starts here are near, and the last steps are Newton's sooner.
+
+use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
+
+/// A sum of squares.
+pub(crate) trait LeastSquares {
+    /// A value for every unknown.
+    type State: Clone;
+    /// The normal equations at a state.
+    type Normal;
+
+    /// Cost (sum of squares) and normal equations; `None` where the model is impossible.
+    fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
+
+    /// The state after a step with `damping` times the diagonal added, the decrease of the cost that the
+    /// linear model promises, and the largest change of an unknown; `None` when there is no solution.
+    fn step(
+        &self,
+        state: &Self::State,
+        normal: &Self::Normal,
+        damping: f64,
+    ) -> Option<(Self::State, f64, f64)>;
+}
+
+/// How a Levenberg-Marquardt run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Termination {
+    /// The relative decrease of the cost or the step is below its tolerance.
+    Converged,
+    /// The steps that were allowed are used up.
+    MaxSteps,
+    /// No damping gives a lower cost: rounding near the minimum, or a start without a downhill step.
+    NoDecrease,
+}
+
+/// A run at one of its states.
+#[derive(Clone, Debug)]
+pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
+    pub(crate) state: P::State,
+    pub(crate) cost: f64,
+    normal: P::Normal,
+    damping: f64,
+    growth: f64,
+}
+
+impl<P: LeastSquares> LevenbergMarquardt<P> {
+    /// `None` when the start is impossible.
+    pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
+        let (cost, normal) = problem.linearize(&start)?;
+        // Starts are near: a small share of the diagonal leaves the first step almost Gauss-Newton's.
+        Some(Self { state: start, cost, normal, damping: 1e-4, growth: 2.0 })
+    }
+
+    /// Makes one accepted step; how the run ended, where it did.
+    pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
+        /// Least relative decrease of the cost; exact scenes go down to rounding.
+        const COST_TOLERANCE: f64 = 1e-13;
+        /// Least step in radians and log units: far below what any pixel determines.
+        const STEP_TOLERANCE: f64 = 1e-11;
+        const MAX_DAMPING: f64 = 1e12;
+        while self.damping < MAX_DAMPING {
+            let stepped = problem.step(&self.state, &self.normal, self.damping);
+            let tried = stepped.and_then(|(next, promised, size)| {
+                if size < STEP_TOLERANCE {
+                    return Some(Err(Termination::Converged));
+                }
+                let (cost, normal) = problem.linearize(&next)?;
+                (cost < self.cost).then_some(Ok((next, promised, cost, normal)))
+            });
+            match tried {
+                Some(Err(ending)) => return Some(ending),
+                Some(Ok((next, promised, cost, normal))) => {
+                    let gain = (self.cost - cost) / promised.max(f64::MIN_POSITIVE);
+                    let done = self.cost - cost <= COST_TOLERANCE * self.cost;
+                    self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(0.1);
+                    (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
+                    return done.then_some(Termination::Converged);
+                }
+                None => {
+                    self.damping *= self.growth;
+                    self.growth *= 2.0;
+                }
+            }
+        }
+        Some(Termination::NoDecrease)
+    }
+}
+
+/// The end of a run.
+pub(crate) struct Summary<P: LeastSquares> {
+    /// The lowest state.
+    pub(crate) state: P::State,
+    pub(crate) cost: f64,
+    /// The normal equations there.
+    pub(crate) normal: P::Normal,
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests ask whether it converged"))]
+    pub(crate) ending: Termination,
+}
+
+/// The lowest state reached from `start`; `None` when the start is impossible.
+///
+/// It runs without argmin's executor, which costs more than a whole solve of one camera.
+pub(crate) fn least_squares<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    max_steps: usize,
+) -> Option<Summary<P>> {
+    let mut solver = LevenbergMarquardt::new(problem, start)?;
+    let ending = (0..max_steps).find_map(|_| solver.advance(problem)).unwrap_or(Termination::MaxSteps);
+    let LevenbergMarquardt { state, cost, normal, .. } = solver;
+    Some(Summary { state, cost, normal, ending })
+}
+
+/// Runs inside argmin's executor, one accepted step an iteration.
+impl<P> Solver<P, IterState<P::State, (), (), (), (), f64>> for LevenbergMarquardt<P>
+where
+    P: LeastSquares,
+{
+    fn name(&self) -> &str {
+        "Levenberg-Marquardt"
+    }
+
+    fn next_iter(
+        &mut self,
+        problem: &mut Problem<P>,
+        state: IterState<P::State, (), (), (), (), f64>,
+    ) -> Result<(IterState<P::State, (), (), (), (), f64>, Option<KV>), Error> {
+        let ending = problem.problem.as_ref().and_then(|problem| self.advance(problem));
+        let state = state.param(self.state.clone()).cost(self.cost);
+        Ok(match ending {
+            Some(Termination::Converged) => (state.terminate_with(TerminationReason::SolverConverged), None),
+            Some(_) => (state.terminate_with(TerminationReason::SolverExit("no lower cost".into())), None),
+            None => (state, None),
+        })
+    }
+
+    fn terminate(&mut self, state: &IterState<P::State, (), (), (), (), f64>) -> TerminationStatus {
+        state.get_termination_status().clone()
+    }
+}

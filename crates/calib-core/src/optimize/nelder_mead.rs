@@ -1,0 +1,107 @@
+//! The simplex method of Nelder and Mead (1965) in two unknowns, for costs without derivatives.
+
+use argmin::core::{CostFunction, Error, Executor};
+use argmin::solver::neldermead::NelderMead;
+use nalgebra::Vector2;
+
+/// The cost of what is impossible: of infinities argmin would make NaN.
+const IMPOSSIBLE: f64 = 1e30;
+
+/// A point of two unknowns, with the three operations a simplex needs.
+#[derive(Clone, Copy, Debug)]
+struct Vertex(Vector2<f64>);
+
+impl argmin_math::ArgminAdd<Self, Self> for Vertex {
+    fn add(&self, other: &Self) -> Self {
+        Self(self.0 + other.0)
+    }
+}
+
+impl argmin_math::ArgminSub<Self, Self> for Vertex {
+    fn sub(&self, other: &Self) -> Self {
+        Self(self.0 - other.0)
+    }
+}
+
+impl argmin_math::ArgminMul<f64, Self> for Vertex {
+    fn mul(&self, factor: &f64) -> Self {
+        Self(self.0 * *factor)
+    }
+}
+
+struct Cost<F>(F);
+
+impl<F: Fn([f64; 2]) -> f64> CostFunction for Cost<F> {
+    type Param = Vertex;
+    type Output = f64;
+    fn cost(&self, vertex: &Vertex) -> Result<f64, Error> {
+        let cost = (self.0)([vertex.0.x, vertex.0.y]);
+        Ok(if cost.is_finite() { cost.min(IMPOSSIBLE) } else { IMPOSSIBLE })
+    }
+}
+
+/// The lowest point found by Nelder-Mead from a simplex at `start` with edges `size`, and its cost.
+///
+/// An unknown of `size` 0 is not moved. `None` when every vertex of the simplex is impossible.
+pub(crate) fn nelder_mead(
+    cost: impl Fn([f64; 2]) -> f64,
+    start: [f64; 2],
+    size: [f64; 2],
+) -> Option<([f64; 2], f64)> {
+    /// Standard deviation of the costs in the simplex at which it has converged. The paper's
+    /// criterion is first order in some angles: 1e-13 of it is 1e-13 rad.
+    const TOLERANCE: f64 = 1e-13;
+    /// The simplex may collapse on a ridge: a fresh one at the best point, a tenth in size, goes on.
+    const RESTARTS: usize = 4;
+    const MAX_ITERATIONS: u64 = 400;
+
+    let mut best = (start, cost(start));
+    for restart in 0..RESTARTS {
+        let shrink = 0.1_f64.powi(i32::try_from(restart).unwrap_or(0));
+        let corner = Vector2::from(best.0);
+        let mut simplex = vec![Vertex(corner)];
+        for axis in (0..2).filter(|&axis| size[axis] != 0.0) {
+            let mut moved = corner;
+            moved[axis] += size[axis] * shrink;
+            simplex.push(Vertex(moved));
+        }
+        let solver = NelderMead::new(simplex).with_sd_tolerance(TOLERANCE).ok()?;
+        let run = Executor::new(Cost(&cost), solver)
+            .configure(|state| state.max_iters(MAX_ITERATIONS))
+            .run()
+            .ok()?;
+        let lowest = run.state.best_param?;
+        let improved = best.1 - run.state.best_cost;
+        if run.state.best_cost < best.1 || !best.1.is_finite() {
+            best = ([lowest.0.x, lowest.0.y], run.state.best_cost);
+        }
+        if improved.abs() < TOLERANCE {
+            break;
+        }
+    }
+    (best.1 < IMPOSSIBLE).then_some(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_valley_of_rosenbrock_is_walked_to_its_end() {
+        let rosenbrock = |[x, y]: [f64; 2]| (1.0 - x).powi(2) + 100.0 * (y - x * x).powi(2);
+        let (lowest, _) = nelder_mead(rosenbrock, [-1.2, 1.0], [0.1, 0.1]).unwrap();
+        assert!((lowest[0] - 1.0).abs() + (lowest[1] - 1.0).abs() < 1e-6, "{lowest:?}");
+    }
+
+    #[test]
+    fn an_unknown_of_size_zero_stays() {
+        let (lowest, _) = nelder_mead(|[x, y]| x * x + (y - 3.0).powi(2), [1.0, 1.0], [0.0, 0.1]).unwrap();
+        assert_eq!(lowest[0], 1.0);
+        assert!((lowest[1] - 3.0).abs() < 1e-6, "{lowest:?}");
+    }
+
+    #[test]
+    fn a_cost_that_is_impossible_everywhere_has_no_minimum() {
+        assert!(nelder_mead(|_| f64::NAN, [0.0, 0.0], [1.0, 1.0]).is_none());
+    }
+}
