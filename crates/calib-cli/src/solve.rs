@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Failure, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage};
+use calib_core::{FailureEntry, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage};
 use clap::ValueEnum;
 
 use crate::files::{self, SiteFile};
@@ -202,7 +202,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
     );
 }
 
-fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &Failure) {
+fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &FailureEntry) {
     let _ = writeln!(out, "{:width$}  not solved: {} {}", camera.id, failure.message, failure.advice);
 }
 

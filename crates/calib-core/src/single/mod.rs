@@ -17,16 +17,17 @@ mod fit;
 mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
-pub use advice::{DrawNext, draw_next, warnings};
+pub use advice::{Sketch, draw_next, findings};
 pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Source, Unusable, Upright};
+pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use likelihood::{Prior, Priors};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
 pub use straightness::{Edge, straightness_rms};
 
 pub(crate) use accuracy::placed_floor_length_rel;
-pub(crate) use advice::floor_warning;
+pub(crate) use advice::floor_finding;
+pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
 pub(crate) use likelihood::{Problem, State, predictable, residuals_at};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};

@@ -7,8 +7,8 @@ use crate::bundle::{
     InitialPose, Landmark, OutlierCandidate, ResidualBlock, Start, View, start,
 };
 use crate::camera::{Camera, POSE_PARAMS, WorldPoint};
-use crate::finding::Failure;
 use crate::floor::STAGE_1_HEIGHT;
+use crate::outcome::Failure;
 use crate::single::{Edge, Fitted, LOG_HEIGHT, Prior, Priors, Problem, Source, State, weak_prior};
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_step::edges;
@@ -275,8 +275,8 @@ pub(crate) const ABSENT: Camera = Camera {
 };
 
 fn before<'a>(entry: &'a SiteCamera, first: &'a SingleFit) -> Option<Member<'a>> {
-    let own = first.solution.camera()?;
-    if entry.is_given() && first.solution.stage <= Stage::Partial {
+    let own = first.result.solution.camera()?;
+    if entry.is_given() && first.result.solution.stage <= Stage::Partial {
         // A camera that was imported without its place has none to offer.
         return None;
     }

@@ -5,6 +5,8 @@
 mod solution;
 mod document;
 mod conversions;
+mod english;
+mod camera_result;
 mod bounds;
 mod check_elements;
 mod check;
@@ -25,10 +27,11 @@ pub use document::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
     PlacementEntry, Plan, Site, SiteCamera,
 };
+pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
 pub use solution::{
-    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, ElementSolution, Method,
-    Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage,
+    Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, DrawNext, ElementSolution,
+    FailureEntry, Method, Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage, Warning,
 };
