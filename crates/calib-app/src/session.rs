@@ -190,7 +190,7 @@ impl Session {
     pub fn commit(&mut self, name: impl Into<String>) {
         if let Err(error) = self.site.check() {
             self.revert();
-            self.note = Some(format!("Not possible: {}.", error.message));
+            self.note = Some(format!("Not possible: {}.", error.message()));
         }
         self.solve();
         if self.history.commit(name, &self.site) {

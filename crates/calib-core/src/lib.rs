@@ -132,9 +132,9 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DistortionModel,
-    DrawNext, ElementSolution, FailureEntry, Format, Georeference, LensCache, LensEntry, Link, LinkKind,
-    LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Names,
-    Options, Overlap, PlacementEntry, Plan, Report, Scale, SeenResidual, Sigmas, Site, SiteCamera, SiteError,
-    SiteSolution, Solution, Stage, Warning,
+    About, Alternative, Coefficient, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry,
+    DistortionModel, DrawNext, ElementSolution, FailureEntry, Fault, Format, Georeference, LensCache,
+    LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark,
+    MarkSeen, Method, NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale,
+    SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
 };

@@ -7,6 +7,7 @@ mod document;
 mod conversions;
 mod english;
 mod camera_result;
+mod site_error;
 mod bounds;
 mod check_elements;
 mod check;
@@ -21,7 +22,7 @@ mod overlap;
 mod quality;
 mod pipeline;
 
-pub use bounds::{MAX_ITEMS, SiteError};
+pub use bounds::MAX_ITEMS;
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
 pub use document::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
@@ -31,6 +32,7 @@ pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
+pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use solution::{
     Alternative, Coefficient, CovarianceEntry, DistortionEntry, DistortionModel, DrawNext, ElementSolution,
     FailureEntry, Method, Overlap, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage, Warning,

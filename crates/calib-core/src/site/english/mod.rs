@@ -11,3 +11,6 @@ mod failure;
 pub use message::Names;
 
 pub(crate) use suggestion::what_to_draw;
+
+#[cfg(test)]
+mod tests;
