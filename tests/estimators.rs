@@ -212,7 +212,7 @@ impl Studio {
     }
 }
 
-fn solve_with(camera: SiteCamera, options: &Options) -> Result<Solution, calib_core::Failure> {
+fn solve_with(camera: SiteCamera, options: &Options) -> Result<Solution, calib_core::FailureEntry> {
     let site = Site { cameras: vec![camera], ..Site::new() };
     site.check().unwrap();
     site.calibrate(options).cameras.remove(0).1

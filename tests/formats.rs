@@ -635,7 +635,7 @@ proptest! {
                 let other = changed(&|bytes| { let i = share(bytes.len() - 1, at); bytes[i] = byte; });
                 for files in [short, other] {
                     if let Err(error) = import(format, &files) {
-                        prop_assert!(!error.place.is_empty() && !error.message.is_empty());
+                        prop_assert!(!error.place.is_empty() && !error.message().is_empty());
                         prop_assert!(error.to_string().len() < 1000, "{error}");
                     }
                 }

@@ -84,6 +84,26 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+/// The texts between quotes on a line of code.
+fn literals(line: &str) -> impl Iterator<Item = &str> {
+    line.split('"').skip(1).step_by(2)
+}
+
+#[test]
+fn the_core_makes_sentences_in_one_place() {
+    let source = root().join("crates/calib-core/src");
+    let mut found = Vec::new();
+    files(&source, &mut found);
+    let is_sentence = |text: &&str| text.ends_with('.') && text.matches(' ').count() > 2;
+    let mut wrong = Vec::new();
+    for path in found.iter().filter(|path| !path.starts_with(source.join("site/english"))) {
+        let code = code(path);
+        let sentences = code.lines().flat_map(literals).filter(is_sentence);
+        wrong.extend(sentences.map(|text| format!("{}: {text}", path.display())));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
 fn the_top_level_is_the_one_that_was_agreed() {
     let allowed = [

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_core::{
-    Camera, MarkKind, Method, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
-    Solution, Stage,
+    Camera, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
+    Solution, Stage, Warning,
 };
 
 use crate::files::Images;
@@ -170,26 +170,14 @@ impl Session {
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
-    /// A message about a camera with its annotations named as the screen names them: "V1", not
+    /// What a warning about a camera says, with its annotations named as the screen names them: "V1", not
     /// "Vertical (annotation 0)", which tells where it is in a file.
     #[must_use]
-    pub fn as_on_screen(&self, camera: usize, message: &str) -> String {
-        let entry = self.site.cameras.get(camera).filter(|_| message.contains("(annotation "));
-        let mut text = message.to_owned();
-        let drawn = entry.map_or(&[][..], |entry| &entry.annotations);
-        // One without lines has no name on the screen.
-        let drawn = drawn.iter().enumerate().filter(|(_, annotation)| annotation.polylines().count() > 0);
-        for (index, annotation) in drawn {
-            let label = annotation.label(index);
-            let name = |segment| {
-                calib_core::line_name(entry.map_or(&[], |entry| &entry.annotations), index, segment)
-            };
-            let last = annotation.segments.as_ref().map_or(0, |segments| segments.len().saturating_sub(1));
-            let lines = if last == 0 { name(0) } else { format!("{} to {}", name(0), name(last)) };
-            // A line of it is named already.
-            text = text.replace(&format!(" of {label}"), "").replace(&label, &lines);
+    pub fn as_on_screen(&self, camera: usize, warning: &Warning) -> String {
+        match self.solved.finding(&self.site, camera, warning) {
+            Some(finding) => self.site.in_english(Some(camera), finding, Names::OnScreen).message,
+            None => warning.message.clone(),
         }
-        text
     }
 
     /// Poses at the last finished gesture.
@@ -202,7 +190,7 @@ impl Session {
     pub fn commit(&mut self, name: impl Into<String>) {
         if let Err(error) = self.site.check() {
             self.revert();
-            self.note = Some(format!("Not possible: {}.", error.message));
+            self.note = Some(format!("Not possible: {}.", error.message()));
         }
         self.solve();
         if self.history.commit(name, &self.site) {
@@ -401,6 +389,9 @@ fn report_of(site: &Site) -> Report {
         links: site.links.iter().map(|link| link.solution.clone()).collect(),
         marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
         site: site.solution.clone().unwrap_or_default(),
+        // A file has words alone.
+        findings: Vec::new(),
+        site_findings: Vec::new(),
     }
 }
 

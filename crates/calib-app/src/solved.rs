@@ -1,8 +1,8 @@
 //! The results of the site: recomputed where what they follow from differs, never edited.
 
 use calib_core::{
-    Camera, Failure, FailureCode, LensCache, Options, Pixel, Placement, Plan, Report, Site, SiteCamera,
-    Solution, Stage,
+    Camera, FailureCode, FailureEntry, Finding, LensCache, Names, Options, Pixel, Placement, Plan, Report,
+    Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
 
@@ -33,7 +33,7 @@ impl Input {
     }
 
     /// The result, and the lenses that need not be fitted again where the edges stay.
-    fn solve(&self, before: &LensCache) -> (Result<Solution, Failure>, LensCache) {
+    fn solve(&self, before: &LensCache) -> (Result<Solution, FailureEntry>, Vec<Finding>, LensCache) {
         let cameras = std::iter::once(self.camera.clone()).chain(self.like.clone()).collect();
         let site = Site { cameras, plan: self.plan.clone(), ..Site::new() };
         let options =
@@ -42,13 +42,14 @@ impl Input {
         let report = site.calibrate_with_lenses(&lenses, &options);
         let first = report.cameras.into_iter().find(|(index, _)| *index == 0).map(|(_, result)| result);
         let result = first.unwrap_or_else(|| {
-            Err(Failure {
+            Err(FailureEntry {
                 code: FailureCode::NoSolution,
                 message: "The camera was not solved.".into(),
                 advice: String::new(),
             })
         });
-        (result, lenses)
+        let findings = report.findings.into_iter().next().and_then(Result::ok).unwrap_or_default();
+        (result, findings, lenses)
     }
 }
 
@@ -75,7 +76,8 @@ fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
 #[derive(Clone, Debug)]
 struct Entry {
     input: Input,
-    result: Result<Solution, Failure>,
+    result: Result<Solution, FailureEntry>,
+    findings: Vec<Finding>,
     pose: Option<Camera>,
     lenses: LensCache,
 }
@@ -146,11 +148,12 @@ impl Solved {
         }
         let waits = |camera: &SiteCamera| Entry {
             input: Input::of(site, &SiteCamera::new(camera.id.clone(), camera.size_px)),
-            result: Err(Failure {
+            result: Err(FailureEntry {
                 code: FailureCode::NoSolution,
                 message: "Solving is paused.".into(),
                 advice: "Resume it to have this camera solved.".into(),
             }),
+            findings: Vec::new(),
             pose: None,
             lenses: LensCache::default(),
         };
@@ -172,9 +175,9 @@ impl Solved {
         }
         let same = |entry: &&Entry| entry.input.camera.id == camera.id;
         let before = self.entries.iter().find(same).map(|entry| &entry.lenses);
-        let (result, lenses) = input.solve(before.unwrap_or(&LensCache::default()));
+        let (result, findings, lenses) = input.solve(before.unwrap_or(&LensCache::default()));
         let pose = result.as_ref().ok().and_then(Solution::camera);
-        Entry { input, result, pose, lenses }
+        Entry { input, result, findings, pose, lenses }
     }
 
     /// Keeps the results of a joint solve as those of this site.
@@ -210,7 +213,7 @@ impl Solved {
 
     /// A camera's result.
     #[must_use]
-    pub fn result(&self, index: usize) -> Option<Result<&Solution, &Failure>> {
+    pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
         if let Some(joint) = self.joint()
             && let Some((_, result)) = joint.report.cameras.iter().find(|(camera, _)| *camera == index)
         {
@@ -223,6 +226,16 @@ impl Solved {
     #[must_use]
     pub fn solution(&self, index: usize) -> Option<&Solution> {
         self.result(index)?.ok()
+    }
+
+    /// What was found that a warning of a camera tells; `None` of a warning that a file brought along.
+    #[must_use]
+    pub fn finding(&self, site: &Site, index: usize, warning: &Warning) -> Option<&Finding> {
+        // The results of a joint solve come as a document, which has the words alone.
+        let told = |finding: &&Finding| {
+            finding.code() == warning.code && site.in_english(Some(index), finding, Names::InFile) == *warning
+        };
+        self.entries.get(index)?.findings.iter().find(told)
     }
 
     /// A camera's pose and lens.

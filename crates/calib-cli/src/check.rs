@@ -1,6 +1,6 @@
 //! `calib check`: the quality gate.
 
-use calib_core::{Code, Method, SiteCamera, SiteSolution, Solution};
+use calib_core::{Method, SiteCamera, SiteSolution, Solution};
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
@@ -115,8 +115,7 @@ fn site_faults(file: &SiteFile, most: f64) -> Vec<String> {
     if !is_measured && file.site.cameras.len() > 1 {
         faults.push("no two cameras show the same link or mark: nothing tells how far they are apart".into());
     }
-    let grave = [Code::NotConnected, Code::ScaleUnknown];
-    let warnings = solution.iter().flat_map(|s| &s.warnings).filter(|w| grave.contains(&w.code));
+    let warnings = solution.iter().flat_map(|s| &s.warnings).filter(|w| w.code.fails_check());
     faults.extend(warnings.map(|w| format!("{}: {}", w.code, w.message.trim_end_matches('.'))));
     faults
 }
@@ -167,12 +166,11 @@ fn gate(solution: &Solution, args: &Args) -> Vec<String> {
     {
         faults.push(format!("residuals {rms:.2} px rms, allowed {most:.2} px"));
     }
-    let grave = [Code::Unusable, Code::ScaleConflict, Code::DistortionNotInvertible];
     faults.extend(
         solution
             .warnings
             .iter()
-            .filter(|w| grave.contains(&w.code))
+            .filter(|w| w.code.fails_check())
             .map(|w| format!("{}: {}", w.code, w.message)),
     );
     faults

@@ -166,7 +166,7 @@ impl SiteFile {
 /// Whether a calibration holds at a time, if one is asked for.
 pub(crate) fn holds_at(camera: &SiteCamera, time: Option<&str>) -> Result<bool, Stop> {
     let Some(time) = time else { return Ok(true) };
-    camera.is_valid_at(time).map_err(|error| Stop::Usage(format!("--at: {}", error.message)))
+    camera.is_valid_at(time).map_err(|error| Stop::Usage(format!("--at: {}", error.message())))
 }
 
 /// A data: URI does not fill the screen.

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Failure, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage};
+use calib_core::{
+    FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
+};
 use clap::ValueEnum;
 
 use crate::files::{self, SiteFile};
@@ -88,22 +90,29 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(output) = &args.output {
         files::write(output, solved.to_json().as_bytes(), args.force)?;
     }
-    let mut asked: Vec<&SiteCamera> = Vec::new();
-    for (index, _) in &report.cameras {
+    let mut asked: Vec<Asked> = Vec::new();
+    for ((index, _), found) in report.cameras.iter().zip(&report.findings) {
         let camera = &solved.cameras[*index];
         if files::holds_at(camera, args.at.as_deref())? {
-            asked.push(camera);
+            asked.push(Asked { camera, findings: found.as_deref().unwrap_or_default() });
         }
     }
+    let cameras: Vec<&SiteCamera> = asked.iter().map(|asked| asked.camera).collect();
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
         // stdout is the site: the report goes where messages go.
         Format::Text if to_stdout => files::say(text(&solved, &asked)),
         Format::Text => files::print(&text(&solved, &asked))?,
         Format::Json if to_stdout => {}
-        Format::Json => files::print(&json(&asked)?)?,
+        Format::Json => files::print(&json(&cameras)?)?,
     }
-    unsolved(&asked)
+    unsolved(&cameras)
+}
+
+/// A camera that was asked for, and what is to be said of its result.
+struct Asked<'a> {
+    camera: &'a SiteCamera,
+    findings: &'a [Finding],
 }
 
 /// Exit 4 when a camera has no solution, naming every one.
@@ -141,27 +150,27 @@ pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
 }
 
 /// The report for reading: a table, then what the operator should know.
-pub(crate) fn text(site: &Site, cameras: &[&SiteCamera]) -> String {
+fn text(site: &Site, asked: &[Asked]) -> String {
     let mut out = String::new();
     if let Some(name) = &site.name {
         let _ = writeln!(out, "{name}\n");
     }
-    let width = cameras.iter().map(|camera| camera.id.chars().count()).max().unwrap_or(0).max(6);
+    let width = asked.iter().map(|asked| asked.camera.id.chars().count()).max().unwrap_or(0).max(6);
     let _ = writeln!(
         out,
         "{:width$}  {:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
         "camera", "stage", "roll deg", "pitch deg", "yaw deg", "focal px", "height m", "floor", "rms px",
     );
-    for camera in cameras {
+    for Asked { camera, .. } in asked {
         match (&camera.solution, &camera.error) {
             (Some(solution), _) => row(&mut out, width, camera, solution),
             (None, Some(failure)) => failed(&mut out, width, camera, failure),
             (None, None) => {}
         }
     }
-    for camera in cameras {
+    for Asked { camera, findings } in asked {
         let Some(solution) = &camera.solution else { continue };
-        remarks(&mut out, camera, solution);
+        remarks(&mut out, camera, solution, findings);
     }
     out.push_str(&site_summary(site));
     out
@@ -202,11 +211,11 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
     );
 }
 
-fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &Failure) {
+fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &FailureEntry) {
     let _ = writeln!(out, "{:width$}  not solved: {} {}", camera.id, failure.message, failure.advice);
 }
 
-fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
+fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings: &[Finding]) {
     let worst = worst_control_point(camera, &solution.residuals);
     if solution.warnings.is_empty() && worst.is_none() && solution.draw_next.is_none() {
         return;
@@ -218,8 +227,8 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution) {
     for warning in &solution.warnings {
         let _ = writeln!(out, "  {}: {}\n    {}", warning.code, warning.message, warning.advice);
     }
-    let advised = |message: &str| solution.warnings.iter().any(|warning| warning.advice.contains(message));
-    if let Some(next) = solution.draw_next.as_ref().filter(|next| !advised(&next.message)) {
+    let is_advised = findings.iter().any(|finding| finding.suggestion().is_some());
+    if let Some(next) = solution.draw_next.as_ref().filter(|_| !is_advised) {
         let _ = writeln!(out, "  next: {}", next.message);
     }
 }

@@ -99,7 +99,7 @@
 mod camera;
 mod optimize;
 mod floor;
-mod finding;
+mod outcome;
 mod single;
 mod bundle;
 #[cfg(feature = "serde")]
@@ -114,23 +114,27 @@ pub use camera::{
     Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Ray, UndistortedPixel, WorldPoint,
     angles_from_rotation, camera_from_world,
 };
-pub use finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 pub use floor::{
     ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, PRISM_HEIGHT, Placement, Polyline, Remap,
     STAGE_1_HEIGHT, Shape3, Status, Straightened, default_efov, efov_on_floor, ellipse, floor_grid,
     from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
     with_placement_covariance,
 };
+pub use outcome::{
+    Apart, Code, Drawing, Estimator, Failure, FailureCode, Finding, Parameter, Residual, ResidualOf, Rival,
+    Severity, Source, Subject, Suggestion, Tie, WhyUnused,
+};
 pub use single::{
-    Annotation, Constraints, Direction, DrawNext, Edge, Endpoint, Fit, FitOptions, Fitted, FixedParameters,
-    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
-    Priors, Shape, Source, Unusable, Upright, closed_form, draw_next, line_name, paper_minimum,
-    straightness_rms, warnings,
+    Annotation, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted, FixedParameters, KINDS,
+    Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior, Priors,
+    Shape, Sketch, Unusable, Upright, closed_form, draw_next, findings, line_name, paper_minimum,
+    straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, ElementSolution, Format,
-    Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS,
-    MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, Options, Overlap, PlacementEntry, Plan, Report, Scale,
-    SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage,
+    About, Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DrawNext,
+    ElementSolution, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link, LinkKind,
+    LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
+    NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale, SeenResidual, Sigmas,
+    Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
 };

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use calib_core::{BrownConrady, Distortion};
 
-use crate::error::{FormatError, quoted};
+use crate::error::{FormatError, Problem, quoted};
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::{Given, Imported, site_of};
@@ -85,9 +85,10 @@ impl Line<'_> {
 }
 
 fn lines<'a>(files: &'a [File], base: &str) -> Result<(&'a File, Vec<Line<'a>>), FormatError> {
-    let file = files.iter().find(|file| file.base() == base).ok_or_else(|| {
-        FormatError::new(base, "is not there; expected a folder with cameras.txt and images.txt")
-    })?;
+    let file = files
+        .iter()
+        .find(|file| file.base() == base)
+        .ok_or_else(|| FormatError::new(base, Problem::NotColmap))?;
     let lines = file.as_text()?.lines().enumerate().map(|(i, text)| Line {
         file,
         number: i + 1,
@@ -117,7 +118,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         })?;
         let [qw, qx, qy, qz, tx, ty, tz] = line.numbers(1)?;
         let rotation = from_quaternion([qw, qx, qy, qz])
-            .ok_or_else(|| FormatError::new(line.place(), "found a quaternion of length 0"))?;
+            .ok_or_else(|| FormatError::new(line.place(), Problem::NoRotation))?;
         let image = line.words.get(9..).filter(|words| !words.is_empty()).map(|words| words.join(" "));
         let name = image.clone().unwrap_or_else(|| line.words[0].to_owned());
         let base = name.rsplit('/').next().unwrap_or_default();

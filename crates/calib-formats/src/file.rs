@@ -1,6 +1,6 @@
 //! A file in memory: what an export gives and what an import takes.
 
-use crate::error::FormatError;
+use crate::error::{FormatError, Problem};
 
 /// Largest file that is read, in bytes.
 pub const MAX_BYTES: usize = 64 << 20;
@@ -47,9 +47,8 @@ impl File {
                 format!("at most {MAX_BYTES}"),
             ));
         }
-        let text = std::str::from_utf8(&self.bytes).map_err(|error| {
-            FormatError::new(&self.name, format!("not UTF-8 text at byte {}", error.valid_up_to()))
-        })?;
+        let text = std::str::from_utf8(&self.bytes)
+            .map_err(|error| FormatError::new(&self.name, Problem::NotUtf8 { at: error.valid_up_to() }))?;
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
     }
 }

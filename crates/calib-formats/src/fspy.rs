@@ -3,7 +3,7 @@
 //! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
 //! the middle of the image, the longer side from -1 to 1.
 
-use crate::error::FormatError;
+use crate::error::{FormatError, Problem};
 use crate::file::File;
 use crate::given::{Given, Imported, site_of};
 use crate::tree::{Node, Syntax};
@@ -51,11 +51,10 @@ fn camera(file: &File) -> Result<Given, FormatError> {
 
 /// The state as a file of its own.
 fn state(file: &File) -> Result<File, FormatError> {
-    let wrong = |message: &str| FormatError::new(&file.name, message);
-    let head =
-        file.bytes.get(..HEAD).ok_or_else(|| wrong("found fewer than 16 bytes, expected an fSpy project"))?;
+    let wrong = |problem: Problem| FormatError::new(&file.name, problem);
+    let head = file.bytes.get(..HEAD).ok_or_else(|| wrong(Problem::NotFspy { is_short: true }))?;
     if !head.starts_with(MAGIC) {
-        return Err(wrong("found no \"fspy\" at the beginning, expected an fSpy project"));
+        return Err(wrong(Problem::NotFspy { is_short: false }));
     }
     let number =
         |at: usize| head[at..at + 4].iter().rev().fold(0_usize, |n, &byte| n << 8 | usize::from(byte));
@@ -63,6 +62,6 @@ fn state(file: &File) -> Result<File, FormatError> {
         return Err(FormatError::expected(&file.name, format!("version {}", number(4)), 1));
     }
     let end = HEAD.saturating_add(number(8));
-    let state = file.bytes.get(HEAD..end).ok_or_else(|| wrong("ends before its state does"))?;
+    let state = file.bytes.get(HEAD..end).ok_or_else(|| wrong(Problem::CutOff))?;
     Ok(File { name: file.name.clone(), bytes: state.to_vec() })
 }

@@ -5,7 +5,7 @@ use calib_core::{
     Pixel, Site, SiteCamera, Solution, Stage, WorldPoint, angles_from_rotation,
 };
 
-use crate::error::{FormatError, quoted};
+use crate::error::{FormatError, Problem, quoted};
 use crate::rotation::{Rotation, is_rotation, transposed, turned};
 
 /// What was read.
@@ -54,8 +54,8 @@ impl Given {
         }
     }
 
-    fn wrong(&self, message: impl Into<String>) -> FormatError {
-        FormatError::new(self.place.trim_end_matches([' ', ':']), message)
+    fn wrong(&self, problem: Problem) -> FormatError {
+        FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
     }
 
     /// The one focal of square pixels.
@@ -64,13 +64,11 @@ impl Given {
         const MOST: f64 = 0.02;
         let [fx, fy] = self.focal;
         if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
-            return Err(self.wrong(format!("found focals {fx} and {fy}, expected pixels above 0")));
+            return Err(self.wrong(Problem::NoFocal([fx, fy])));
         }
         let ratio = fx / fy - 1.0;
         if ratio.abs() > MOST {
-            return Err(self.wrong(format!(
-                "found focals {fx} in x and {fy} in y: the pixels are not square; scale the image first"
-            )));
+            return Err(self.wrong(Problem::UnequalFocals([fx, fy])));
         }
         if ratio.abs() > 1e-9 {
             let id = quoted(&self.id);
@@ -86,7 +84,7 @@ impl Given {
         let most = f64::from(calib_core::MAX_SIDE);
         let size = self.centre.map(|c| (2.0 * c).round());
         if !size.iter().all(|&side| (1.0..=most).contains(&side)) {
-            return Err(self.wrong("found no size of the image, and no principal point to tell it from"));
+            return Err(self.wrong(Problem::NoSize));
         }
         let [w, h] = size.map(|side| side as u32);
         let id = quoted(&self.id);
@@ -108,7 +106,7 @@ impl Given {
         });
         let Some((rotation, t)) = self.pose else { return Ok(entry) };
         if !is_rotation(&rotation) {
-            return Err(self.wrong("found a rotation whose rows are not right-handed unit vectors"));
+            return Err(self.wrong(Problem::NotARotation));
         }
         let centre = turned(&transposed(&rotation), t).map(|c| -c);
         let (roll, pitch, yaw) = angles_from_rotation(&rotation);
@@ -142,10 +140,10 @@ pub(crate) fn imported(
     place: &str,
 ) -> Result<Imported, FormatError> {
     if cameras.is_empty() {
-        return Err(FormatError::new(place, "found no camera"));
+        return Err(FormatError::new(place, Problem::NoCamera));
     }
     let site = Site { cameras, ..Site::new() };
-    site.check().map_err(|error| FormatError::new(place, format!("as a site, {error}")))?;
+    site.check().map_err(|error| FormatError::new(place, Problem::NotASite(Box::new(error))))?;
     Ok(Imported { site, notes })
 }
 
@@ -167,7 +165,7 @@ pub(crate) fn unskewed(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], Forma
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
     let place = place.trim_end_matches([' ', ':']);
     if !is_upright || (last[2] - 1.0).abs() > 1e-9 {
-        return Err(FormatError::new(place, "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]"));
+        return Err(FormatError::new(place, Problem::NotIntrinsics));
     }
     if skew.abs() > 1e-3 * fx.abs() {
         return Err(FormatError::expected(place, format!("a skew of {skew}"), "square pixels"));
@@ -198,7 +196,7 @@ pub(crate) fn decomposed(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Po
     let y = (v - cy * w) / fy;
     let t = [(u - cx * w - skew * y) / fx, y, w];
     if ![fx, fy, cx, cy].iter().chain(&t).all(|value| value.is_finite()) {
-        return Err(FormatError::new(place.trim_end_matches([' ', ':']), "found a matrix of no camera"));
+        return Err(FormatError::new(place.trim_end_matches([' ', ':']), Problem::NotAProjection));
     }
     Ok((k, ([r1, r2, r3], t)))
 }

@@ -42,7 +42,7 @@ use calib_core::{DistortionModel, Site};
 
 use crate::export::Scene;
 
-pub use error::FormatError;
+pub use error::{FormatError, Problem};
 pub use export::{Export, Loss};
 pub use file::{File, MAX_BYTES, MAX_FILES};
 pub use given::Imported;
@@ -318,7 +318,7 @@ pub fn format(name: &str) -> Option<&'static Format> {
 /// # Errors
 /// When the format is not written, has not the extension asked for, or there is no calibrated camera.
 pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<Export, FormatError> {
-    let write = format.write.ok_or_else(|| FormatError::new(format.name, "is read and not written"))?;
+    let write = format.write.ok_or_else(|| FormatError::new(format.name, Problem::ReadOnly))?;
     let first = format.extensions.first().copied().unwrap_or_default();
     let asked = options.extension.as_deref().unwrap_or(first);
     let extension = format.extensions.iter().find(|known| **known == asked).ok_or_else(|| {
@@ -326,15 +326,12 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     })?;
     let (views, unsolved) = view::views(site, options);
     if views.is_empty() {
-        return Err(FormatError::new("the site", "has no calibrated camera to export"));
+        return Err(FormatError::new("the site", Problem::NothingToExport));
     }
     if !format.holds_periods {
         let mut seen = HashSet::new();
         if let Some(view) = views.iter().find(|view| !seen.insert(&view.id)) {
-            return Err(FormatError::new(
-                format!("camera {:?}", view.id),
-                "several periods have this id; choose one with --at TIME",
-            ));
+            return Err(FormatError::new(format!("camera {:?}", view.id), Problem::SeveralPeriods));
         }
     }
     let mut export = Export { unsolved, ..Export::default() };
@@ -355,16 +352,13 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
 /// # Errors
 /// What is wrong with them, and where.
 pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> {
-    let read = format.read.ok_or_else(|| FormatError::new(format.name, "is written and not read"))?;
+    let read = format.read.ok_or_else(|| FormatError::new(format.name, Problem::WriteOnly))?;
     if files.len() > MAX_FILES {
         let found = format!("{} files", files.len());
         return Err(FormatError::expected(format.name, found, format!("at most {MAX_FILES}")));
     }
     if files.is_empty() {
-        return Err(FormatError::new(
-            format.name,
-            format!("found no file (.{})", format.extensions.join(", .")),
-        ));
+        return Err(FormatError::new(format.name, Problem::NoFiles(format.extensions)));
     }
     read(files)
 }

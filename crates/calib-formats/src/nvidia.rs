@@ -7,7 +7,7 @@
 use calib_core::{FloorPoint, Pixel, WorldPoint};
 use serde_json::{Value, json};
 
-use crate::error::FormatError;
+use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::{Given, Imported, control_point, decomposed, imported, site_of, unskewed};
@@ -232,8 +232,8 @@ fn pairs(sensor: &Node) -> Result<Vec<(Pixel, WorldPoint)>, FormatError> {
     };
     let (image, globe) = (image.items()?, globe.items()?);
     if image.len() != globe.len() {
-        let message = format!("found {} imageCoordinates and {} globalCoordinates", image.len(), globe.len());
-        return Err(FormatError::new(sensor.place(), message));
+        let problem = Problem::Unpaired { pixels: image.len(), points: globe.len() };
+        return Err(FormatError::new(sensor.place(), problem));
     }
     let of = |node: &Node, key: &str| node.need(&[key])?.number();
     let pair = |(pixel, point): (&Node, &Node)| {

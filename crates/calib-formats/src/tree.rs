@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Number, Value};
 
-use crate::error::{FormatError, quoted};
+use crate::error::{FormatError, Problem, quoted};
 use crate::file::File;
 
 /// Largest text that becomes a tree, in bytes: a value takes many times the room of its text.
@@ -34,28 +34,33 @@ impl Syntax {
     /// Reads a text of this syntax.
     pub(crate) fn parse(self, file: &File) -> Result<Value, FormatError> {
         let text = file.as_text()?;
-        let at = |message: String| FormatError::new(&file.name, message);
+        let at = |problem: Problem| FormatError::new(&file.name, problem);
+        let wrong = |syntax: &'static str, why: String| at(Problem::Syntax { syntax, why });
         if text.len() > MAX_TREE_BYTES {
-            return Err(at(format!("found {} bytes, expected at most {MAX_TREE_BYTES}", text.len())));
+            let (found, most) = (format!("{} bytes", text.len()), format!("at most {MAX_TREE_BYTES}"));
+            return Err(FormatError::expected(&file.name, found, most));
         }
         if text.trim().is_empty() {
-            return Err(at("found an empty file".into()));
+            return Err(at(Problem::Empty));
         }
         if self != Self::Xml && depth(text) > MAX_DEPTH {
-            return Err(at(format!("found brackets more than {MAX_DEPTH} deep")));
+            return Err(at(Problem::DeepBrackets { most: MAX_DEPTH }));
         }
         match self {
-            Self::Json => serde_json::from_str(text).map_err(|error| at(format!("not JSON: {error}"))),
+            Self::Json => serde_json::from_str(text).map_err(|error| wrong("JSON", error.to_string())),
             Self::Yaml => serde_saphyr::from_str(without_directives(text))
-                .map_err(|error| at(format!("not YAML: {}", first_line(&error.to_string())))),
+                .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned())),
             Self::Toml => toml::from_str::<toml::Table>(text)
-                .map_err(|error| at(format!("not TOML: {}", first_line(&error.to_string()))))
-                .and_then(|table| serde_json::to_value(table).map_err(|error| at(error.to_string()))),
+                .map_err(|error| wrong("TOML", first_line(&error.to_string()).to_owned()))
+                .and_then(|table| {
+                    serde_json::to_value(table)
+                        .map_err(|error| at(Problem::Unrepresentable { why: error.to_string() }))
+                }),
             Self::Xml => {
                 let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
                 let document = roxmltree::Document::parse_with_options(text, options)
-                    .map_err(|error| at(format!("not XML: {error}")))?;
-                from_xml(document.root_element(), 0).ok_or_else(|| at("found elements too deep".into()))
+                    .map_err(|error| wrong("XML", error.to_string()))?;
+                from_xml(document.root_element(), 0).ok_or_else(|| at(Problem::DeepElements))
             }
         }
     }
@@ -152,7 +157,7 @@ impl<'a> Node<'a> {
         self.any(keys).ok_or_else(|| {
             FormatError::new(
                 self.place.trim_end_matches([' ', ':']),
-                format!("expected {}", keys.join(" or ")),
+                Problem::MissingKey(keys.iter().map(|&key| key.to_owned()).collect()),
             )
         })
     }

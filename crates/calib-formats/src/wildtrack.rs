@@ -3,7 +3,7 @@
 //! Undistorted images, world to camera, Rodrigues, centimetres; `OpenCV`'s pixels: the principal point
 //! is ours minus 0.5.
 
-use crate::error::FormatError;
+use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::{Given, Imported, Pose, site_of, unskewed};
@@ -60,10 +60,9 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 
 fn pose(files: &[File], id: &str) -> Result<Pose, FormatError> {
     let wanted = format!("extr_{id}.xml");
-    let file = files
-        .iter()
-        .find(|file| file.base() == wanted)
-        .ok_or_else(|| FormatError::new(&wanted, format!("is not there, and intr_{id}.xml is")))?;
+    let file = files.iter().find(|file| file.base() == wanted).ok_or_else(|| {
+        FormatError::new(&wanted, Problem::MissingFile { beside: format!("intr_{id}.xml") })
+    })?;
     let tree = Syntax::Xml.parse(file)?;
     let root = Node::root(file, &tree);
     let r = root.need(&["rvec"])?;

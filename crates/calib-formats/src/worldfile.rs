@@ -6,7 +6,7 @@
 
 use calib_core::{Plan, PlanPixel, Site};
 
-use crate::error::{FormatError, quoted};
+use crate::error::{FormatError, Problem, quoted};
 use crate::file::File;
 use crate::given::Imported;
 
@@ -45,7 +45,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let x_axis_deg = (-up).atan2(right).to_degrees();
     let plan = Plan { image, metres_per_px, origin_px, x_axis_deg, georeference: None };
     let site = Site { plan: Some(plan), ..Site::new() };
-    site.check().map_err(|error| FormatError::new(&file.name, format!("as a site, {error}")))?;
+    site.check().map_err(|error| FormatError::new(&file.name, Problem::NotASite(Box::new(error))))?;
     Ok(Imported { site, notes })
 }
 

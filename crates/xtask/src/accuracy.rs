@@ -2,7 +2,7 @@
 
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Fit, FitOptions, FixedParameters, Lens, Orientation, Pixel,
-    Priors, paper_minimum,
+    paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;

@@ -91,8 +91,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(solution) = solution else {
         heading(ui, "Result", "");
         if let Some(Err(failure)) = app.session.solved.result(app.session.camera) {
-            let message = app.session.as_on_screen(app.session.camera, &failure.message);
-            ui.label(RichText::new(message).color(palette.text));
+            ui.label(RichText::new(&failure.message).color(palette.text));
             ui.label(RichText::new(&failure.advice).color(palette.text2));
         }
         return;

@@ -1,6 +1,6 @@
 //! The steps of one camera, and what each still needs.
 
-use calib_core::{Kind, Stage};
+use calib_core::{Kind, Severity, Stage, Warning};
 use egui::{RichText, Ui};
 
 use crate::app::App;
@@ -101,26 +101,14 @@ pub fn missing(session: &Session, camera: usize) -> usize {
 /// Whether nothing is open and the result is fit for use.
 #[must_use]
 pub fn is_finished(session: &Session, camera: usize) -> bool {
-    let is_good = session
-        .solved
-        .solution(camera)
-        .is_some_and(|s| !s.warnings.iter().any(|warning| is_grave(warning.code)));
+    let is_good = session.solved.solution(camera).is_some_and(|s| !s.warnings.iter().any(is_grave));
     is_good && missing(session, camera) == 0
 }
 
 /// Whether a warning has to be met before a camera is finished.
 #[must_use]
-pub fn is_grave(code: calib_core::Code) -> bool {
-    use calib_core::Code as C;
-    matches!(
-        code,
-        C::FocalUnobservable
-            | C::TwoSolutions
-            | C::Unusable
-            | C::Misfit
-            | C::Outlier
-            | C::DistortionNotInvertible
-    )
+pub fn is_grave(warning: &Warning) -> bool {
+    warning.code.severity() > Severity::Note
 }
 
 /// The predicted relative error of lengths on a camera's floor.
@@ -146,10 +134,13 @@ pub fn next(session: &Session, camera: usize) -> (String, bool) {
             let noun = if suspects == 1 { "line needs" } else { "lines need" };
             (format!("{suspects} {noun} a look"), false)
         }
-        _ => match session.solved.solution(camera).and_then(|s| s.warnings.iter().find(|w| is_grave(w.code)))
+        _ => match session
+            .solved
+            .solution(camera)
+            .and_then(|s| s.warnings.iter().find(|warning| is_grave(warning)))
         {
             Some(warning) => {
-                let message = session.as_on_screen(camera, &warning.message);
+                let message = session.as_on_screen(camera, warning);
                 (message.trim_end_matches('.').to_owned(), false)
             }
             None => ("done".into(), true),

@@ -1,26 +1,24 @@
 //! What an operator should know of a result, with what to do about it as a button.
 
-use calib_core::{Code, Warning};
+use calib_core::{Code, Finding, Severity, Subject, Warning};
 use egui::{RichText, Ui};
 
 use crate::app::App;
 use crate::hit::Part;
 use crate::icons::{self, Icon};
-use crate::panels::steps::is_grave;
 use crate::theme;
 use crate::{command, command::Command};
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let mut warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
-    for warning in &mut warnings {
-        warning.message = app.session.as_on_screen(app.session.camera, &warning.message);
-    }
+    let warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
     let mut wish = None;
     for (index, warning) in warnings.iter().enumerate() {
         // The first is met first; the others keep their words until they are asked for.
         let is_first = index == 0 || warning.code == Code::Outlier;
-        card(ui, warning, is_first, |ui| buttons(app, ui, warning, &mut wish));
+        let message = app.session.as_on_screen(app.session.camera, warning);
+        let shown = Warning { message, ..warning.clone() };
+        card(ui, &shown, is_first, |ui| buttons(app, ui, warning, &mut wish));
     }
     if warnings.is_empty() && app.session.solution().is_some() {
         let palette = theme::palette(ui.ctx());
@@ -54,10 +52,10 @@ pub fn site(app: &App, ui: &mut Ui) {
 
 fn card(ui: &mut Ui, warning: &Warning, is_whole: bool, more: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
-    let (fill, colour) = match warning.code {
-        Code::Outlier | Code::Unusable | Code::Misfit => (palette.bad_bg, palette.bad),
-        code if is_grave(code) => (palette.warn_bg, palette.warn),
-        _ => (palette.raised, palette.warn),
+    let (fill, colour) = match warning.code.severity() {
+        Severity::Error => (palette.bad_bg, palette.bad),
+        Severity::Warning => (palette.warn_bg, palette.warn),
+        Severity::Note => (palette.raised, palette.warn),
     };
     egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
         ui.set_width(ui.available_width());
@@ -84,16 +82,14 @@ type Deed = (Option<Command>, Option<Part>);
 fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     match warning.code {
         Code::Outlier => {
-            // The message begins with the line's name.
-            let part = app.session.solution().and_then(|solution| {
-                solution.residuals.iter().filter(|r| r.outlier).find_map(|residual| {
-                    let (annotation, segment) = (residual.annotation?, residual.segment?);
-                    let part = Part::Line { annotation, segment };
-                    let name = app.session.part_name(part);
-                    let first = warning.message.split([' ', ',']).next();
-                    (first == Some(name.as_str())).then_some(part)
-                })
-            });
+            let session = &app.session;
+            let finding = session.solved.finding(&session.site, session.camera, warning);
+            let part = match finding.map(Finding::subject) {
+                Some(Subject::Line(line)) => {
+                    Some(Part::Line { annotation: line.annotation, segment: line.segment })
+                }
+                _ => None,
+            };
             let part = part.or_else(|| first_outlier(app));
             ui.horizontal(|ui| {
                 for (text, command) in [

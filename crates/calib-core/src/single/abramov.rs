@@ -8,8 +8,8 @@
 //! term, of option 2, are the lengths on the floor, free of scale. A floor line counts with the
 //! direction in which its viewing plane cuts the floor, which exists above the horizon, too.
 
-use crate::finding::{Failure, FailureCode};
 use crate::optimize::nelder_mead;
+use crate::outcome::Failure;
 use crate::single::constraints::{Constraints, Direction, Line};
 use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
 
@@ -69,13 +69,7 @@ pub fn minimum(
         .into_iter()
         .filter_map(|start| nelder_mead(cost, start, size))
         .min_by(|a, b| a.1.total_cmp(&b.1));
-    let ([pitch, log_focal], c) = best.ok_or_else(|| {
-        Failure::new(
-            FailureCode::NoSolution,
-            "No pitch and focal put these lines on a floor.",
-            "Check that floor lines were not drawn as verticals, and lengths above the horizon.",
-        )
-    })?;
+    let ([pitch, log_focal], c) = best.ok_or(Failure::NoPitchAndFocal)?;
     Ok((Orientation { roll, pitch, focal: log_focal.exp() }, c))
 }
 
@@ -119,15 +113,8 @@ fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
 fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
     let verticals = constraints.lines.iter().filter(|line| line.direction == Direction::Vertical);
     let count = verticals.clone().count();
-    vanishing_point(verticals).map(roll_from_verticals).ok_or_else(|| {
-        let message = if count < 2 {
-            format!("The paper's method needs two vertical lines for the roll, and has {count}.")
-        } else {
-            "The vertical lines coincide, so that they do not meet in one point.".into()
-        };
-        let advice = "Draw another vertical, far to the side of the first, or hold lens.roll_deg.";
-        Failure::new(FailureCode::TooFewLines, message, advice)
-    })
+    let why = if count < 2 { Failure::TooFewVerticals { count } } else { Failure::CoincidentVerticals };
+    vanishing_point(verticals).map(roll_from_verticals).ok_or(why)
 }
 
 /// The lowest local minima of C on a grid, as (pitch, log focal).
@@ -206,14 +193,7 @@ impl Criterion {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
         let by_verticals = !self.verticals.is_empty() && (held.focal.is_some() || held.pitch.is_some());
-        if pairs + lengths > 0 || by_verticals {
-            return Ok(());
-        }
-        Err(Failure::new(
-            FailureCode::TooFewLines,
-            "Nothing on the floor tells pitch and focal apart.",
-            "Draw two parallel floor lines, a right angle, or segments of equal length; or enter the focal.",
-        ))
+        if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NothingOnTheFloor) }
     }
 
     /// Pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by group.

@@ -1,11 +1,11 @@
 //! What the operator should know of a fit, and what to draw next.
 
-use crate::finding::{Code, Warning};
 use crate::optimize::Uncertainty;
+use crate::outcome::{Drawing, Finding, Rival, Suggestion};
 use crate::single::accuracy::floor_length_rel;
-use crate::single::annotation::{Annotation, Kind, line_name};
+use crate::single::annotation::Kind;
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
-use crate::single::fit::{Fit, FitOptions, grid};
+use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::OPEN_FOCAL;
 
@@ -13,139 +13,78 @@ use crate::single::minima::OPEN_FOCAL;
 const WEAK: f64 = 0.03;
 const UNUSABLE: f64 = 0.10;
 
+/// Pitch, in radians, from which a camera looks down.
+const LOOKS_DOWN: f64 = 1.2;
+
 /// A drawing that would help most.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct DrawNext {
-    /// What to draw.
+pub struct Sketch {
+    /// What to draw, and what it is good for.
+    pub suggestion: Suggestion,
+    /// The kind of annotation that it makes.
     pub kind: Kind,
-    /// Where, in a sentence.
-    pub message: String,
     /// Raw pixels of an example, segment by segment.
-    pub segments_px: Vec<[crate::camera::Pixel; 2]>,
-    /// The predicted relative error of floor lengths with it.
-    pub floor_length_rel: f64,
+    pub segments: Vec<[crate::camera::Pixel; 2]>,
 }
 
-/// The remarks on a fit, the gravest first.
+/// What is to be said of a fit, the gravest first.
 #[must_use]
-pub fn warnings(fit: &Fit, annotations: &[Annotation], next: Option<&DrawNext>) -> Vec<Warning> {
-    let mut warnings = Vec::new();
-    let mut warn =
-        |code: Code, message: String, advice: String| warnings.push(Warning { code, message, advice });
-    let next = next
-        .map_or_else(|| "Draw lines elsewhere and in other directions.".into(), |next| next.message.clone());
+pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
+    let mut findings = Vec::new();
     if let Some(sigma) = fit.log_focal_sigma.filter(|&sigma| sigma > OPEN_FOCAL) {
-        warn(Code::FocalUnobservable, open_focal(fit, sigma), format!("{} {next}", open_focal_advice(fit)));
+        findings.push(Finding::FocalUnobservable {
+            sigma,
+            looks_down: fit.camera.pitch > LOOKS_DOWN,
+            good_floor: fit.floor_length_rel.filter(|&rel| rel <= WEAK),
+            next,
+        });
         let narrowed = fit.log_focal_sigma_of_answer();
         if fit.weak_prior_used && narrowed < 0.5 * sigma {
-            let message = format!(
-                "The focal of {:.0} px \u{b1} {:.0} % comes from what cameras usually have, not from the lines.",
-                fit.camera.focal,
-                100.0 * narrowed
-            );
-            warn(
-                Code::PriorDominates,
-                message,
-                "Enter the focal if you know it, or draw what tells it.".into(),
-            );
+            findings.push(Finding::PriorDominates { focal: fit.camera.focal, sigma: narrowed });
         }
     }
     if fit.two_solutions {
-        let list: Vec<String> = fit
-            .alternatives
-            .iter()
-            .map(|other| {
-                format!(
-                    "focal {:.0} px with pitch {:.1}\u{b0}",
-                    other.orientation.focal,
-                    other.orientation.pitch.to_degrees()
-                )
-            })
-            .collect();
-        let message = format!("The lines fit another camera as well: {}.", list.join("; "));
-        warn(Code::TwoSolutions, message, format!("One more line decides. {next}"));
+        let rival =
+            |other: &LocalMinimum| Rival { focal: other.orientation.focal, pitch: other.orientation.pitch };
+        findings.push(Finding::TwoSolutions { others: fit.alternatives.iter().map(rival).collect(), next });
     }
-    warnings.extend(floor_warning(fit.floor_length_rel, &next));
-    let mut warn =
-        |code: Code, message: String, advice: String| warnings.push(Warning { code, message, advice });
-    for source in &fit.outliers {
-        let (label, pixels) = named(fit, annotations, *source);
-        let message = if pixels.is_finite() {
-            format!("{label} contradicts the others by {pixels:.1} px and was set aside.")
-        } else {
-            format!("{label} lies above the horizon that the others give, and was set aside.")
-        };
-        let advice = "Draw it again, delete it, or mark it \"keep\" if it is right.";
-        warn(Code::Outlier, message, advice.into());
-    }
+    findings.extend(floor_finding(fit.floor_length_rel, next));
+    findings.extend(fit.outliers.iter().map(|&source| Finding::LineOutlier {
+        line: source,
+        px: pixels_off(fit, source).filter(|px| px.is_finite()),
+    }));
     if fit.misfit {
-        warn(Code::Misfit, misfit(fit, annotations), "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens.".into());
+        findings.push(misfit(fit));
     }
-    warnings
+    findings
 }
 
 /// What is to be said of the error of lengths on the floor, if it is large.
-pub(crate) fn floor_warning(rel: Option<f64>, advice: &str) -> Option<Warning> {
-    let percent = |rel: f64| format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel);
+pub(crate) fn floor_finding(rel: Option<f64>, next: Option<Suggestion>) -> Option<Finding> {
     match rel {
-        Some(rel) if rel > UNUSABLE => Some(Warning::new(Code::Unusable, percent(rel), advice)),
-        Some(rel) if rel > WEAK => Some(Warning::new(Code::Weak, percent(rel), advice)),
-        Some(_) => None,
-        None => Some(Warning::new(
-            Code::Unusable,
-            "The camera sees no floor where its field of view is.",
-            "Check that floor lines and verticals were not exchanged; draw the field of view on the floor.",
-        )),
-    }
-}
-
-fn open_focal(fit: &Fit, sigma: f64) -> String {
-    let covariance =
-        if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
-    match fit.floor_length_rel {
-        Some(rel) if rel <= WEAK && fit.camera.pitch > 1.2 => format!(
-            "Looking down, the lines do not tell the focal {covariance}; the floor is good to {:.1} %, heights above it are not.",
-            100.0 * rel
-        ),
-        _ => {
-            format!(
-                "Focal length and pitch cannot be told apart: the lines do not tell the focal {covariance}."
-            )
+        Some(floor_length_rel) if floor_length_rel > UNUSABLE => {
+            Some(Finding::Unusable { floor_length_rel, next })
         }
+        Some(floor_length_rel) if floor_length_rel > WEAK => Some(Finding::Weak { floor_length_rel, next }),
+        Some(_) => None,
+        None => Some(Finding::NoFloor),
     }
 }
 
-fn open_focal_advice(fit: &Fit) -> &'static str {
-    if fit.camera.pitch > 1.2 {
-        "Enter the focal if heights matter, or draw verticals."
-    } else {
-        "Draw floor lines that run away from the camera, or a right angle at about 45 degrees to the view, or enter the focal."
-    }
+fn pixels_off(fit: &Fit, source: Source) -> Option<f64> {
+    fit.residuals.iter().find(|(s, _)| *s == source).map(|(_, pixels)| pixels.abs())
 }
 
-fn named(fit: &Fit, annotations: &[Annotation], source: Source) -> (String, f64) {
-    let pixels =
-        fit.residuals.iter().find(|(s, _)| *s == source).map_or(f64::NAN, |(_, pixels)| pixels.abs());
-    let label = annotations.get(source.annotation).map_or_else(String::new, |a| a.label(source.annotation));
-    (format!("{} of {label}", line_name(annotations, source.annotation, source.segment)), pixels)
-}
-
-fn misfit(fit: &Fit, annotations: &[Annotation]) -> String {
+fn misfit(fit: &Fit) -> Finding {
     let worst = fit.residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let worst = worst.map_or_else(String::new, |(source, _)| {
-        let (label, pixels) = named(fit, annotations, *source);
-        format!(" The largest is {label}: {pixels:.1} px.")
-    });
-    format!("Residuals are larger than drawing noise (chi-square {:.0} on {}).{worst}", fit.chi2, fit.dof)
+    let worst = worst.map(|&(source, _)| (source, pixels_off(fit, source).unwrap_or(f64::NAN)));
+    Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
 /// Of drawings not made yet the one that would lower the error of floor lengths most; `None` when
 /// none of them lowers it by a fifth.
 #[must_use]
-pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<DrawNext> {
+pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<Sketch> {
     /// Share of the error that must go, to be worth a click.
     const WORTH: f64 = 0.8;
     let kept: Constraints = without(constraints, &fit.outliers);
@@ -167,26 +106,11 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (then, candidate) = best;
     // A comparison with NaN is false: then nothing is advised.
-    (then < WORTH * now && then.is_finite()).then(|| DrawNext {
+    (then < WORTH * now && then.is_finite()).then(|| Sketch {
+        suggestion: Suggestion { drawing: candidate.drawing, ratio: then / now, floor_length_rel: then },
         kind: candidate.kind,
-        message: format!(
-            "{} would {} (then floor \u{b1} {:.1} %).",
-            candidate.what,
-            gain(then / now),
-            100.0 * then
-        ),
-        segments_px: candidate.pixels(fit),
-        floor_length_rel: then,
+        segments: candidate.pixels(fit),
     })
-}
-
-fn gain(ratio: f64) -> String {
-    match ratio {
-        r if r < 0.28 => "cut the uncertainty of the floor to a fraction".into(),
-        r if r < 0.4 => "cut the uncertainty of the floor to a third".into(),
-        r if r < 0.6 => "halve the uncertainty of the floor".into(),
-        r => format!("lower the uncertainty of the floor by {:.0} %", 100.0 * (1.0 - r)),
-    }
 }
 
 fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
@@ -200,7 +124,7 @@ fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
 /// A drawing that could be made, in undistorted pixels relative to the principal point.
 struct Candidate {
     kind: Kind,
-    what: &'static str,
+    drawing: Drawing,
     segments: Vec<[[f64; 2]; 2]>,
 }
 
@@ -260,8 +184,8 @@ impl Candidate {
     }
 }
 
-/// A kind, what to say of it, and its segments where they are on the image.
-type Sketch = (Kind, &'static str, Vec<Option<[[f64; 2]; 2]>>);
+/// A drawing, its kind, and its segments where they are on the image.
+type Proposal = (Drawing, Kind, Vec<Option<[[f64; 2]; 2]>>);
 
 /// Drawings of every kind at the places where they say most, as the fit sees the floor.
 fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
@@ -271,34 +195,34 @@ fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let floor = |x: f64, y: f64, azimuth: f64, length: f64| floor_at(fit, at(x, y), azimuth, length);
     let half = std::f64::consts::FRAC_PI_2;
     let (away, slant) = (half, 0.5 * half);
-    let list: [Sketch; 6] = [
-        (Kind::Vertical, "A vertical near the left edge of the image", vec![vertical(-0.4)]),
-        (Kind::Vertical, "A vertical near the right edge of the image", vec![vertical(0.4)]),
+    let list: [Proposal; 6] = [
+        (Drawing::VerticalOnTheLeft, Kind::Vertical, vec![vertical(-0.4)]),
+        (Drawing::VerticalOnTheRight, Kind::Vertical, vec![vertical(0.4)]),
         (
+            Drawing::ParallelsAway,
             Kind::Parallel,
-            "Two parallel floor lines that run away from the camera, left and right",
             vec![floor(-0.3, 0.25, away, 1.2), floor(0.3, 0.25, away, 1.2)],
         ),
         (
+            Drawing::ParallelsAcross,
             Kind::Parallel,
-            "Two parallel floor lines across the view, near and far",
             vec![floor(0.0, 0.4, 0.1, 0.8), floor(0.0, 0.05, 0.1, 1.6)],
         ),
         (
+            Drawing::RightAngle,
             Kind::Perpendicular,
-            "A right angle near the middle of the floor, at about 45 degrees to the view,",
             vec![floor(0.05, 0.2, slant, 0.8), floor(-0.05, 0.2, slant + half, 0.8)],
         ),
         (
+            Drawing::EqualLengths,
             Kind::EqualLength,
-            "Three floor segments of equal length, near, far and across,",
             vec![floor(-0.2, 0.35, away, 0.5), floor(0.2, 0.1, away, 0.5), floor(0.0, 0.25, 0.0, 0.5)],
         ),
     ];
     list.into_iter()
-        .filter_map(|(kind, what, segments)| {
+        .filter_map(|(drawing, kind, segments)| {
             let segments: Option<Vec<_>> = segments.into_iter().collect();
-            Some(Candidate { kind, what, segments: segments? })
+            Some(Candidate { drawing, kind, segments: segments? })
         })
         .collect()
 }

@@ -2,16 +2,8 @@
 //! in undistorted pixels relative to the principal point.
 
 use crate::camera::{Lens, Pixel};
+pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, Kind, Known};
-
-/// Which drawing a piece of evidence comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Source {
-    /// Index of the annotation in its camera.
-    pub annotation: usize,
-    /// Index of the segment in its annotation.
-    pub segment: usize,
-}
 
 /// Where a line leads in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -3,8 +3,8 @@
 use nalgebra::Matrix4;
 
 use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
-use crate::finding::{Failure, FailureCode};
 use crate::floor::{STAGE_1_HEIGHT, default_efov};
+use crate::outcome::{Failure, Parameter};
 use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
@@ -115,7 +115,7 @@ impl Fit {
         if weak_prior_used {
             problem.priors.weak_log_focal = Some(weak_prior(options.size[0]));
         }
-        let chosen = choose(&found.minima, &problem, options).ok_or_else(impossible)?;
+        let chosen = choose(&found.minima, &problem, options).ok_or(Failure::NoOrientation)?;
         let dof = problem.dof();
         let inflation = options.sigma.map_or_else(|| inflation(found.minima[chosen].chi2, dof), |_| 1.0);
         let best = &found.minima[chosen];
@@ -225,22 +225,7 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
 fn check_any(problem: &Problem) -> Result<(), Failure> {
     let drawn = problem.lines().count() + problem.lengths().count() + problem.uprights().count();
     let open = problem.free[..3].iter().any(|&free| free);
-    if drawn > 0 || !open {
-        return Ok(());
-    }
-    Err(Failure::new(
-        FailureCode::TooFewLines,
-        "Nothing is drawn that tells how the camera is turned.",
-        "Draw two verticals and two parallel floor lines that run away from the camera.",
-    ))
-}
-
-fn impossible() -> Failure {
-    Failure::new(
-        FailureCode::NoSolution,
-        "No roll, pitch and focal put these lines on a floor.",
-        "Check that floor lines were not drawn as verticals, and lengths above the horizon.",
-    )
+    if drawn > 0 || !open { Ok(()) } else { Err(Failure::NothingDrawn) }
 }
 
 /// An answer whose floor is anybody's guess is none.
@@ -253,14 +238,10 @@ fn check_open(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(),
     if is_told || rel.is_some_and(|rel| rel < HOPELESS) {
         return Ok(());
     }
-    let names = ["roll", "pitch", "focal"];
+    let parameters = [Parameter::Roll, Parameter::Pitch, Parameter::Focal];
     let weakest = (0..3)
         .filter(|&i| problem.free[i])
         .max_by(|&a, &b| best.uncertainty.sigma(a).total_cmp(&best.uncertainty.sigma(b)))
-        .map_or("orientation", |i| names[i]);
-    Err(Failure::new(
-        FailureCode::Underdetermined,
-        format!("The lines leave the {weakest} of the camera open."),
-        "Draw two verticals, one on each side of the image, and two parallel floor lines that run away from the camera.",
-    ))
+        .map(|i| parameters[i]);
+    Err(Failure::Underdetermined { weakest })
 }

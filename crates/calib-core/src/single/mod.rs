@@ -17,9 +17,9 @@ mod fit;
 mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
-pub use advice::{DrawNext, draw_next, warnings};
+pub use advice::{Sketch, draw_next, findings};
 pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Source, Unusable, Upright};
+pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use likelihood::{Prior, Priors};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
@@ -28,8 +28,8 @@ pub use straightness::{Edge, straightness_rms};
 #[cfg(feature = "serde")]
 pub(crate) use accuracy::placed_floor_length_rel;
 #[cfg(feature = "serde")]
-pub(crate) use advice::floor_warning;
-#[cfg(feature = "serde")]
+pub(crate) use advice::floor_finding;
+pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
 #[cfg(feature = "serde")]
 pub(crate) use likelihood::residuals_at;

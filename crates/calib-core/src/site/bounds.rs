@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::single::Known;
+use crate::site::site_error::{Fault, SiteError};
 
 /// Most annotations, control points, links, marks or points in one list.
 pub const MAX_ITEMS: usize = 100_000;
@@ -10,24 +11,6 @@ pub const MAX_ITEMS: usize = 100_000;
 const MAX_NAME: usize = 256;
 /// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
 const MAX_COORDINATE: f64 = 1e9;
-
-/// What is wrong with a site file, and where.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SiteError {
-    /// JSON pointer (RFC 6901) of the value that is wrong.
-    pub pointer: String,
-    /// What was found and what is expected.
-    pub message: String,
-}
-
-impl fmt::Display for SiteError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let pointer = if self.pointer.is_empty() { "the document" } else { &self.pointer };
-        write!(f, "{pointer}: {}", self.message)
-    }
-}
-
-impl std::error::Error for SiteError {}
 
 pub(crate) type Checked = Result<(), SiteError>;
 
@@ -42,13 +25,6 @@ pub(crate) fn pointer_of(path: &serde_path_to_error::Path) -> String {
 
 pub(crate) fn escape(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
-}
-
-pub(crate) fn quoted(text: &str) -> String {
-    /// A hostile name does not fill the screen.
-    pub(crate) const MOST: usize = 60;
-    let short: String = text.chars().take(MOST).collect();
-    if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
 }
 
 /// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
@@ -88,8 +64,8 @@ impl<'a> At<'a> {
     }
 
     pub(crate) fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
-        let message = format!("found {found}, expected {expected}");
-        Err(SiteError { pointer: self.pointer(), message })
+        let fault = Fault::Unexpected { found: found.to_string(), expected: expected.to_string() };
+        Err(SiteError { pointer: self.pointer(), fault, about: None })
     }
 }
 

@@ -8,8 +8,8 @@ use crate::bundle::{
     DistanceMeasurement, InitialPose, Landmark, OutlierCandidate,
 };
 use crate::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
-use crate::finding::Failure;
 use crate::floor::STAGE_1_HEIGHT;
+use crate::outcome::Failure;
 use crate::single::{Fitted, FixedParameters, Priors};
 use crate::site::document::{Site, SiteCamera};
 use crate::site::observations::{LandmarkSource, Shared, Unused};
@@ -144,9 +144,12 @@ impl Site {
 impl<'a> Member<'a> {
     /// `None` for a camera without maximum-likelihood fit, unless it is given with its place.
     fn new(entry: &'a SiteCamera, single: &'a SingleFit) -> Option<Self> {
-        let own = single.solution.camera()?;
-        let takes_part =
-            if entry.is_given() { single.solution.stage > Stage::Partial } else { single.fit.is_some() };
+        let own = single.result.solution.camera()?;
+        let takes_part = if entry.is_given() {
+            single.result.solution.stage > Stage::Partial
+        } else {
+            single.fit.is_some()
+        };
         takes_part.then_some(Self { entry, single, own })
     }
 

@@ -6,11 +6,10 @@ use jiff::Timestamp;
 
 use crate::camera::Coefficient;
 use crate::single::{Annotation, Kind, Shape};
-use crate::site::bounds::{
-    At, Bounds, Checked, MAX_ITEMS, SiteError, count, known, name, optional, pixels, pointer_of, quoted,
-};
+use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
+use crate::site::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain_words, quoted};
 use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
 
 /// Longest text of a site that is read, in bytes; `data:` images included.
@@ -29,22 +28,22 @@ impl Site {
     /// # Errors
     /// The first thing that is wrong, with its JSON pointer.
     pub fn from_json(text: &str) -> Result<Self, SiteError> {
-        let at_root = |message: String| SiteError { pointer: String::new(), message };
         if text.len() > MAX_BYTES {
-            let found = text.len();
-            return Err(at_root(format!("found {found} bytes, expected at most {MAX_BYTES}")));
+            let fault = Fault::TooLong { bytes: text.len(), most: MAX_BYTES };
+            return Err(SiteError::of_document(fault));
         }
         let values = count_values(text);
         if values > MAX_VALUES {
-            return Err(at_root(format!("found about {values} values, expected at most {MAX_VALUES}")));
+            return Err(SiteError::of_document(Fault::TooManyValues { values, most: MAX_VALUES }));
         }
         let mut reader = serde_json::Deserializer::from_str(text);
         let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let pointer = pointer_of(error.path());
-            let message = in_plain_words(&error.into_inner().to_string());
-            named(text, SiteError { pointer, message })
+            let fault = Fault::Unreadable { why: in_plain_words(&error.into_inner()) };
+            named(text, SiteError { pointer, fault, about: None })
         })?;
-        reader.end().map_err(|error| at_root(error.to_string()))?;
+        let beyond = |error: serde_json::Error| Fault::Unreadable { why: error.to_string() };
+        reader.end().map_err(|error| SiteError::of_document(beyond(error)))?;
         site.check().map_err(|error| named(text, error))?;
         Ok(site)
     }
@@ -75,44 +74,27 @@ impl Site {
     }
 }
 
-/// What the JSON reader says, in the words of somebody who writes a site file.
-fn in_plain_words(message: &str) -> String {
-    const WORDS: [(&str, &str); 9] = [
-        ("expected f64", "expected a number, without quotes"),
-        ("expected u32", "expected a whole number, without quotes"),
-        (
-            "expected struct Known",
-            "expected {\"value\": ..., \"fixed\": true} or {\"value\": ..., \"sigma\": ...}",
-        ),
-        ("expected a string", "expected a text in quotes"),
-        ("expected a sequence", "expected a list in [ ]"),
-        ("expected a map", "expected an object in { }"),
-        ("EOF while parsing", "the file ends too early, something is not closed:"),
-        (
-            "trailing characters",
-            "more than there should be: a value too many, or a bracket closed too early or missing",
-        ),
-        ("invalid type:", "found"),
-    ];
-    WORDS.iter().fold(message.to_owned(), |said, (from, to)| said.replace(from, to))
-}
-
 /// The error with the camera and the annotation it is about, by the names the operator gave them.
 fn named(text: &str, error: SiteError) -> SiteError {
-    let Ok(document) = serde_json::from_str::<serde_json::Value>(text) else { return error };
-    let mut parts = error.pointer.split('/').skip(1);
-    let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return error };
+    let document = serde_json::from_str::<serde_json::Value>(text).ok();
+    let about = document.and_then(|document| about(&document, &error.pointer));
+    SiteError { about, ..error }
+}
+
+fn about(document: &serde_json::Value, pointer: &str) -> Option<Box<About>> {
+    let mut parts = pointer.split('/').skip(1);
+    let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return None };
     let text_at = |pointer: String| document.pointer(&pointer).and_then(|v| v.as_str()).map(str::to_owned);
-    let Some(id) = text_at(format!("/cameras/{index}/id")) else { return error };
-    let mut about = format!("camera {}", quoted(&id));
-    if let (Some("annotations"), Some(number)) = (parts.next(), parts.next()) {
-        let at = |field: &str| text_at(format!("/cameras/{index}/annotations/{number}/{field}"));
-        let kind = at("kind").unwrap_or_default();
-        let name =
-            at("name").or_else(|| at("id")).map_or_else(String::new, |name| format!(" {}", quoted(&name)));
-        about = format!("{about}, {kind}{name} (annotation {number})");
-    }
-    SiteError { message: format!("{} ({about})", error.message), ..error }
+    let camera = text_at(format!("/cameras/{index}/id"))?;
+    let annotation = parts.next().filter(|&list| list == "annotations").and(parts.next()).map(|place| {
+        let at = |field: &str| text_at(format!("/cameras/{index}/annotations/{place}/{field}"));
+        NamedAnnotation {
+            kind: at("kind").unwrap_or_default(),
+            name: at("name").or_else(|| at("id")),
+            place: place.to_owned(),
+        }
+    });
+    Some(Box::new(About { camera, annotation }))
 }
 
 /// About how many values a JSON text holds: one for every bracket and comma outside strings.

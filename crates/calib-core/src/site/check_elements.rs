@@ -2,8 +2,9 @@
 
 use std::collections::HashSet;
 
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, quoted};
+use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels};
 use crate::site::document::{Link, LinkKind, Mark, Site};
+use crate::site::site_error::quoted;
 
 /// Links, marks and the distances between them.
 pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {

@@ -5,10 +5,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{FloorPoint, Pixel, PlanPixel, WorldPoint};
-use crate::finding::Failure;
 use crate::floor::MarkKind;
 use crate::single::{Annotation, Known};
-use crate::site::solution::{DistortionEntry, ElementSolution, SiteSolution, Solution, document};
+use crate::site::solution::{
+    DistortionEntry, ElementSolution, FailureEntry, SiteSolution, Solution, document,
+};
 
 /// The only value of [`Site::format`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -125,7 +126,7 @@ document! {
         solution: Option<Solution>,
         /// Why solving found out nothing.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        error: Option<Failure>,
+        error: Option<FailureEntry>,
     }
 
     /// What is known of a lens and of the angles of its camera.

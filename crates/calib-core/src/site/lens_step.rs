@@ -1,10 +1,9 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
 use crate::camera::{Coefficient, Distortion, Lens};
-use crate::finding::{Code, Warning};
+use crate::outcome::Finding;
 use crate::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, line_name,
-    straightness_rms,
+    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -138,88 +137,49 @@ impl LensEstimate {
     }
 
     /// What the operator should know of the lens.
-    pub(crate) fn warnings(&self, annotations: &[Annotation]) -> Vec<Warning> {
+    pub(crate) fn findings(&self, annotations: &[Annotation]) -> Vec<Finding> {
         /// Pixels by which the undistorted corner may be uncertain.
         const MOST: f64 = 10.0;
+        /// Edges that together say enough, however little each says.
+        const ENOUGH: usize = 5;
         let Some(fit) = &self.fit else {
-            return self.unfitted(annotations);
+            return self.unfitted().into_iter().collect();
         };
-        let mut warnings = Vec::new();
         let is_own = |source: &Source| {
             annotations.get(source.annotation).is_some_and(|drawn| drawn.kind == Kind::Straight)
         };
-        let unusable: Vec<&(Source, f64)> =
-            fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
+        let mute: Vec<(Source, f64)> =
+            fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
         let [_, _, corner] = fit.map_error;
-        // Many edges that say little each say enough together, where the corners are known.
-        let is_told = fit.fitted.is_some() && corner <= MOST && unusable.len() > NAMED;
-        if !unusable.is_empty() && !is_told {
-            warnings.push(says_little(annotations, &unusable, self.straightness.len()));
+        let mut findings = Vec::new();
+        // Where the corners are known, many edges are not named for what each of them does not say.
+        let is_told = fit.fitted.is_some() && corner <= MOST && mute.len() >= ENOUGH;
+        if !mute.is_empty() && !is_told {
+            findings.push(Finding::UninformativeEdges {
+                edges: mute.iter().map(|(source, _)| *source).collect(),
+                drawn: self.straightness.len(),
+                bend_px: mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
+            });
         }
         if corner > MOST {
-            let how =
-                if corner.is_finite() { format!("by \u{b1} {corner:.0} px") } else { "altogether".into() };
-            warnings.push(Warning::new(
-                Code::UninformativePolyline,
-                format!("The straight edges leave the corners of the image uncertain {how}."),
-                "Draw straight edges that reach into the corners.",
-            ));
+            findings.push(Finding::UncertainCorners { px: corner });
         }
         if is_misfit(fit.chi2, fit.dof) {
-            let [before, after] = fit.straightness;
-            warnings.push(Warning::new(
-                Code::Misfit,
-                format!("The edges drawn as straight are {after:.2} px rms off straight ({before:.2} px without a lens)."),
-                "Look for an edge that is not straight in space, or fit another model.",
-            ));
+            let [px_without_lens, px] = fit.straightness;
+            findings.push(Finding::BentEdges { px, px_without_lens });
         }
-        warnings
+        findings
     }
 
     /// Straight edges beside a lens that is given: they check it, and change nothing.
-    fn unfitted(&self, annotations: &[Annotation]) -> Vec<Warning> {
+    fn unfitted(&self) -> Option<Finding> {
+        let (first, _) = self.straightness.first()?;
         let count = self.straightness.len();
-        if count == 0 {
-            return Vec::new();
-        }
-        let mean = self.straightness.iter().map(|(_, px)| px).sum::<f64>() / count as f64;
-        let first = self.straightness.first().map_or(0, |(source, _)| source.annotation);
-        let which =
-            if count == 1 { annotations[first].label(first) } else { format!("{count} straight edges") };
-        let bent = if self.lens.distortion == Distortion::None {
-            "no distortion"
-        } else {
-            "the distortion that is given"
-        };
-        vec![Warning::new(
-            Code::UnusedAnnotation,
-            format!(
-                "The fit does not use {which}: {bent} is held. They are {mean:.2} px off straight under it."
-            ),
-            "Take the coefficients out of lens.distortion to have them fitted.",
-        )]
+        Some(Finding::UnusedEdges {
+            first: first.annotation,
+            count,
+            is_undistorted: self.lens.distortion == Distortion::None,
+            px: self.straightness.iter().map(|(_, px)| px).sum::<f64>() / count as f64,
+        })
     }
-}
-
-/// Edges that are named one by one; more are counted.
-const NAMED: usize = 4;
-
-/// Straight edges that would hardly bend, whatever the lens.
-fn says_little(annotations: &[Annotation], unusable: &[&(Source, f64)], drawn: usize) -> Warning {
-    let names: Vec<String> =
-        unusable.iter().map(|(s, _)| line_name(annotations, s.annotation, s.segment)).collect();
-    let most = unusable.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max);
-    let who = match names.len() {
-        1 => format!("{} says", names[0]),
-        2..=NAMED => format!("{} say", names.join(", ")),
-        count => format!("{count} of {drawn} straight edges say"),
-    };
-    let by = if names.len() == 1 { "it by" } else { "none of them by more than" };
-    Warning::new(
-        Code::UninformativePolyline,
-        format!(
-            "{who} next to nothing about the lens: 10 px of distortion in the corner would bend {by} {most:.1} px."
-        ),
-        "Draw long edges far from the image centre that do not point at it.",
-    )
 }

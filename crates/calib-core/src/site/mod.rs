@@ -5,6 +5,9 @@
 mod solution;
 mod document;
 mod conversions;
+mod english;
+mod camera_result;
+mod site_error;
 mod bounds;
 mod check_elements;
 mod check;
@@ -19,16 +22,18 @@ mod overlap;
 mod quality;
 mod pipeline;
 
-pub use bounds::{MAX_ITEMS, SiteError};
+pub use bounds::MAX_ITEMS;
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
 pub use document::{
     ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
     PlacementEntry, Plan, Site, SiteCamera,
 };
+pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
+pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use solution::{
-    Alternative, CovarianceEntry, DistortionEntry, ElementSolution, Method, Overlap, Scale, SeenResidual,
-    Sigmas, SiteSolution, Solution, Stage,
+    Alternative, CovarianceEntry, DistortionEntry, DrawNext, ElementSolution, FailureEntry, Method, Overlap,
+    Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage, Warning,
 };

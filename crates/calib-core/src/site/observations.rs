@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::bundle::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
 use crate::camera::{Pixel, WorldPoint};
-use crate::finding::Failure;
 use crate::floor::Shape3;
+use crate::outcome::Failure;
 use crate::single::{Known, Prior};
 use crate::site::document::{ControlPointEntry, Link, LinkKind, Mark, Site};
 use crate::site::single_step::SingleFit;

@@ -4,19 +4,20 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bundle::floor_disagreements;
 use crate::camera::{Camera, Covariance, FloorPoint};
-use crate::finding::Failure;
 use crate::floor::Extent;
+use crate::outcome::Failure;
 use crate::site::bundle_step::BundleResult;
+use crate::site::camera_result::CameraResult;
 use crate::site::document::Site;
 use crate::site::observations::LandmarkSource;
-use crate::site::solution::{Overlap, Solution, Stage};
+use crate::site::solution::{Overlap, Stage};
 
 impl Site {
     /// Pairs of cameras that share evidence, or floor.
     pub(crate) fn overlaps(
         &self,
         bundle: &BundleResult,
-        solutions: &[(usize, Result<Solution, Failure>)],
+        solutions: &[(usize, Result<CameraResult, Failure>)],
     ) -> Vec<Overlap> {
         let all = bundle.tied_cameras();
         let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
@@ -51,7 +52,7 @@ impl Site {
     fn predicted_overlaps(
         &self,
         bundle: &BundleResult,
-        solutions: &[(usize, Result<Solution, Failure>)],
+        solutions: &[(usize, Result<CameraResult, Failure>)],
     ) -> BTreeMap<[usize; 2], f64> {
         struct Seen {
             index: usize,
@@ -59,8 +60,8 @@ impl Site {
             polygon: Vec<FloorPoint>,
             bounds: [f64; 4],
         }
-        let seen = |(index, solution): &(usize, Result<Solution, Failure>)| {
-            let solution = solution.as_ref().ok().filter(|s| s.stage > Stage::Partial)?;
+        let seen = |(index, solution): &(usize, Result<CameraResult, Failure>)| {
+            let solution = &solution.as_ref().ok().filter(|s| s.solution.stage > Stage::Partial)?.solution;
             let polygon = solution.efov_m.clone();
             let fold = |value: &dyn Fn(&FloorPoint) -> f64, pick: fn(f64, f64) -> f64, start: f64| {
                 polygon.iter().map(value).fold(start, pick)

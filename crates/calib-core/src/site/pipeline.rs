@@ -4,30 +4,38 @@ use std::collections::BTreeSet;
 
 use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
-use crate::finding::{Code, Failure, FailureCode, ResidualOf, Warning};
 use crate::floor::{default_efov, efov_on_floor};
-use crate::single::{Constraints, OPEN_FOCAL, Unusable, line_name};
+use crate::outcome::{Code, Failure, Finding, ResidualOf, Tie};
+use crate::single::{Constraints, OPEN_FOCAL, Unusable};
 use crate::site::bounds::At;
 use crate::site::bundle_step::BundleResult;
+use crate::site::camera_result::CameraResult;
 use crate::site::check::check_solution;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
 use crate::site::single_step::{Lenses, Owners, SingleFit, listed, residuals_when_off, rms};
-use crate::site::solution::{DistortionEntry, ElementSolution, Method, SiteSolution, Solution, Stage};
+use crate::site::solution::{
+    DistortionEntry, ElementSolution, FailureEntry, Method, SiteSolution, Solution, Stage,
+};
 
 /// What calibrating a site found out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// For every camera that was asked for: its index in the site, and the result.
-    pub cameras: Vec<(usize, Result<Solution, Failure>)>,
+    pub cameras: Vec<(usize, Result<Solution, FailureEntry>)>,
+    /// For each of these cameras, in their order: what is to be said of the result, or why there is none,
+    /// as values.
+    pub findings: Vec<Result<Vec<Finding>, Failure>>,
     /// For every link of the site: where it is, if it took part.
     pub links: Vec<Option<ElementSolution>>,
     /// For every mark of the site: where it is, if it took part.
     pub marks: Vec<Option<ElementSolution>>,
-    /// What is to be said of the site as a whole.
+    /// What was found out about the site as a whole.
     pub site: SiteSolution,
+    /// What is to be said of the site as a whole, as values.
+    pub site_findings: Vec<Finding>,
 }
 
 impl Report {
@@ -77,18 +85,24 @@ impl Site {
             Method::MaximumLikelihood | Method::Given => self.join(&single_fits, options.refine),
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
-        let mut cameras: Vec<(usize, Result<Solution, Failure>)> = (0..self.cameras.len())
+        let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
             .filter(|&index| asked(&self.cameras[index]))
             .map(|index| (index, self.finish(index, &single_fits[index], &bundle, options.method)))
             .collect();
         let triangulated = bundle.triangulated();
-        self.add_shared_residuals(&bundle, &triangulated, &mut cameras);
+        self.add_shared_residuals(&bundle, &triangulated, &mut results);
         let [links, marks] = self.elements(&bundle, &triangulated);
-        let mut site = self.quality(&bundle, &triangulated, &cameras);
+        let (mut site, mut site_findings) = self.quality(&bundle, &triangulated, &results);
         if !is_joint {
-            site.warnings.extend(self.unused_elements());
+            site_findings.extend(self.unused_ties());
         }
-        Report { cameras, links, marks, site }
+        site.warnings = self.words(None, &site_findings);
+        let told = |(index, result)| {
+            let (told, found) = self.told(index, result);
+            ((index, told), found)
+        };
+        let (cameras, findings) = results.into_iter().map(told).unzip();
+        Report { cameras, findings, links, marks, site, site_findings }
     }
 
     /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
@@ -130,17 +144,14 @@ impl Site {
     }
 
     /// What ties cameras together is not used while every camera is solved by itself.
-    fn unused_elements(&self) -> Vec<Warning> {
+    fn unused_ties(&self) -> impl Iterator<Item = Finding> {
         let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
         let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
         let distances = self.distances.iter().filter(|distance| !distance.off).count();
-        let unused = |(count, what): (usize, &str)| {
-            let message = format!("{count} {what} are not used: every camera is solved by itself.");
-            let advice = "Let the cameras be refined together, by the maximum-likelihood method.";
-            (count > 0).then(|| Warning::new(Code::UnusedAnnotation, message, advice))
-        };
-        let list = [(links, "links"), (marks, "marks tied to pixels"), (distances, "distances")];
-        list.into_iter().filter_map(unused).collect()
+        [(Tie::Links, links), (Tie::Marks, marks), (Tie::Distances, distances)]
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(ties, count)| Finding::UnusedTies { ties, count })
     }
 
     /// What is written of a camera: stage 1, improved with the others or placed by itself.
@@ -150,16 +161,16 @@ impl Site {
         first: &Result<SingleFit, Failure>,
         bundle: &BundleResult,
         method: Method,
-    ) -> Result<Solution, Failure> {
+    ) -> Result<CameraResult, Failure> {
         let entry = &self.cameras[index];
         let first = first.as_ref().map_err(Clone::clone)?;
-        let mut solution = first.solution.clone();
+        let mut result = first.result.clone();
         if entry.is_given() {
             // What an earlier solve said of what it shares is said anew.
-            solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
-            return check_finite(solution);
+            result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
+            return check_finite(result);
         }
-        let Some(own) = solution.camera() else { return check_finite(solution) };
+        let Some(own) = result.solution.camera() else { return check_finite(result) };
         let joined = bundle.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
@@ -167,31 +178,31 @@ impl Site {
                 // What was told of the height and what the placement says are held against each other
                 // all the same.
                 let mut said = Vec::new();
-                let _ = self.place(entry, first.solution.camera().unwrap_or(own), &mut said);
-                said.retain(|warning| warning.code == Code::ScaleConflict);
-                solution.warnings.extend(said);
+                let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut said);
+                said.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
+                result.findings.extend(said);
                 (joined.camera, Stage::Refined)
             }
-            _ => self.place(entry, own, &mut solution.warnings),
+            _ => self.place(entry, own, &mut result.findings),
         };
         if let Some(joined) = joined {
-            rewrite(entry, &camera, first, joined, &mut solution);
+            rewrite(entry, &camera, first, joined, &mut result);
         }
-        solution.position_m = Some(camera.position);
-        solution.yaw_deg = Some(camera.yaw.to_degrees());
-        solution.stage = stage;
+        result.solution.position_m = Some(camera.position);
+        result.solution.yaw_deg = Some(camera.yaw.to_degrees());
+        result.solution.stage = stage;
         if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
-            placed_uncertainty(entry, &camera, &mut solution);
+            placed_uncertainty(entry, &camera, &mut result);
         }
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
-        solution.residuals.extend(listed(straightness.into_iter(), &[]));
-        solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
-        solution.warnings.extend(first.lens_estimate.warnings(&entry.annotations));
-        unusable(entry, &first.constraints, &mut solution.warnings);
-        check_lens(entry, &camera, &mut solution.warnings);
-        solution.efov_m = efov(entry, &camera, &mut solution.warnings);
-        self.add_control_residuals(entry, &camera, &mut solution);
-        check_finite(solution)
+        result.solution.residuals.extend(listed(straightness.into_iter(), &[]));
+        result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
+        result.findings.extend(first.lens_estimate.findings(&entry.annotations));
+        result.findings.extend(unusable(&first.constraints));
+        result.findings.extend(check_lens(entry, &camera));
+        result.solution.efov_m = efov(entry, &camera, &mut result.findings);
+        self.add_control_residuals(entry, &camera, &mut result);
+        check_finite(result)
     }
 }
 
@@ -201,8 +212,9 @@ fn rewrite(
     camera: &Camera,
     first: &SingleFit,
     joined: &CameraEstimate,
-    solution: &mut Solution,
+    result: &mut CameraResult,
 ) {
+    let CameraResult { solution, findings, .. } = result;
     solution.pitch_deg = Some(camera.pitch.to_degrees());
     solution.roll_deg = Some(camera.roll.to_degrees());
     solution.focal_px = camera.focal;
@@ -219,68 +231,39 @@ fn rewrite(
     let told =
         camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
     if joined.is_connected && told {
-        solution
-            .warnings
-            .retain(|warning| !matches!(warning.code, Code::FocalUnobservable | Code::PriorDominates));
+        findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
     if joined.is_connected && joined.is_misfit {
-        let (chi2, dof) = (joined.chi2, joined.dof);
-        solution.warnings.retain(|warning| warning.code != Code::Misfit);
-        solution.warnings.push(Warning::new(
-            Code::Misfit,
-            format!("The cameras that are fitted together contradict each other: chi-square {chi2:.0} for {dof} degrees of freedom."),
-            "Look for the largest residuals among links, marks and control points.",
-        ));
+        findings.retain(|finding| finding.code() != Code::Misfit);
+        findings.push(Finding::JointMisfit { chi2: joined.chi2, dof: joined.dof });
     }
 }
 
-fn efov(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) -> Vec<FloorPoint> {
+fn efov(entry: &SiteCamera, camera: &Camera, findings: &mut Vec<Finding>) -> Vec<FloorPoint> {
     let Some(corners) = &entry.efov_px else { return default_efov(camera, entry.size()).polygon };
     let efov = efov_on_floor(camera, corners);
     if efov.clipped {
-        let message = if efov.polygon.is_empty() {
-            "The whole EFOV lies above the horizon or outside the lens."
-        } else {
-            "A part of the EFOV lies above the horizon, farther than 50 camera heights, or outside the lens; it was cut off."
-        };
-        let advice = "Draw the far edge of the EFOV lower, where the floor can still be told.";
-        warnings.push(Warning::new(Code::EfovAboveHorizon, message, advice));
+        findings.push(Finding::EfovAboveHorizon { is_whole: efov.polygon.is_empty() });
     }
     efov.polygon
 }
 
-/// Warns when the lens folds back on itself inside the image.
-fn check_lens(entry: &SiteCamera, camera: &Camera, warnings: &mut Vec<Warning>) {
-    if camera.lens.distortion == Distortion::None {
-        return;
-    }
-    if !camera.lens.shows_image(entry.size()) {
-        warnings.push(Warning::new(
-            Code::DistortionNotInvertible,
-            "The distortion folds back on itself inside the image: a corner shows no ray.",
-            "Draw straight edges nearer to the corners, or fit fewer coefficients.",
-        ));
-    }
+/// Whether the lens folds back on itself inside the image.
+fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
+    let is_distorted = camera.lens.distortion != Distortion::None;
+    (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
 }
 
-fn unusable(entry: &SiteCamera, constraints: &Constraints, warnings: &mut Vec<Warning>) {
-    for (source, why) in &constraints.unusable {
-        let label = entry.annotations[source.annotation].label(source.annotation);
-        let (says, advice) = match why {
-            Unusable::OutsideLens => (
-                "has a point where the lens shows nothing",
-                "Move the point inward, or correct the distortion.",
-            ),
-            Unusable::NoLength => ("has no length", "Draw it again, or delete it."),
-        };
-        let name = line_name(&entry.annotations, source.annotation, source.segment);
-        let message = format!("{name} of {label} {says}.");
-        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
-    }
+fn unusable(constraints: &Constraints) -> impl Iterator<Item = Finding> {
+    constraints.unusable.iter().map(|(source, why)| match why {
+        Unusable::OutsideLens => Finding::OutsideLens { line: *source },
+        Unusable::NoLength => Finding::NoLength { line: *source },
+    })
 }
 
 /// A result with a number that is none is no result.
-fn check_finite(solution: Solution) -> Result<Solution, Failure> {
+fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
+    let solution = &result.solution;
     let pose = solution.camera().is_none_or(|camera| {
         let angles = [camera.roll, camera.pitch, camera.yaw, camera.focal];
         let known = camera.covariance.0.iter().flatten().all(|value| value.is_finite());
@@ -292,13 +275,6 @@ fn check_finite(solution: Solution) -> Result<Solution, Failure> {
         [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
     });
     // What cannot be read again must not be written.
-    let readable = check_solution(&At::root(), &solution).is_ok();
-    if pose && quality && others && readable {
-        return Ok(solution);
-    }
-    Err(Failure::new(
-        FailureCode::NoSolution,
-        "The numbers drawn and entered are too extreme to be calculated with.",
-        "Look for a value that is thousands of times too large or too small.",
-    ))
+    let readable = check_solution(&At::root(), solution).is_ok();
+    if pose && quality && others && readable { Ok(result) } else { Err(Failure::TooExtreme) }
 }

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use crate::camera::{Camera, Covariance};
-use crate::finding::{Code, Residual, ResidualOf, Warning};
 use crate::floor::{ControlPoint, from_control_points, with_placement_covariance};
-use crate::single::{floor_warning, grid, placed_floor_length_rel};
-use crate::site::document::{Site, SiteCamera};
+use crate::outcome::{Code, Finding, Residual, ResidualOf};
+use crate::single::{floor_finding, grid, placed_floor_length_rel};
+use crate::site::camera_result::CameraResult;
+use crate::site::document::{ControlPointEntry, Site, SiteCamera};
 use crate::site::solution::{CovarianceEntry, Sigmas, Solution, Stage};
 
 /// Relative: what a hand can tell of a camera's height by dragging a polygon over a plan.
@@ -18,7 +19,7 @@ impl Site {
         &self,
         entry: &SiteCamera,
         first: Camera,
-        warnings: &mut Vec<Warning>,
+        findings: &mut Vec<Finding>,
     ) -> (Camera, Stage) {
         let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
         let points: Vec<ControlPoint> = entry
@@ -29,59 +30,56 @@ impl Site {
             .collect();
         let held = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
         if !fixed && let Some(placed) = from_control_points(&first, &points, held) {
-            scale_conflict(&first, placed.position.z, held.is_some(), warnings);
+            scale_conflict(&first, placed.position.z, held.is_some(), findings);
             let sigma = entry.sigma_px.unwrap_or(1.0);
             return (with_placement_covariance(&placed, &points, sigma), Stage::Placed);
         }
         if !fixed && !points.is_empty() {
-            warnings.push(Warning::new(
-                Code::UnusedAnnotation,
-                format!("{} control point(s) do not place the camera.", points.len()),
-                "Two points far apart inside the lens are needed, and more make it sure.",
-            ));
+            findings.push(Finding::TooFewControlPoints { count: points.len() });
         }
         match &entry.placement {
             Some(placement) => {
                 let by_hand = placement.placement().apply(&first);
-                (join_heights(&first, by_hand, placement.fixed, held, warnings), Stage::Placed)
+                (join_heights(&first, by_hand, placement.fixed, held, findings), Stage::Placed)
             }
             None => (first, Stage::Partial),
         }
     }
 
-    pub(crate) fn add_control_residuals(&self, entry: &SiteCamera, camera: &Camera, solution: &mut Solution) {
-        let mut lost = Vec::new();
+    pub(crate) fn add_control_residuals(
+        &self,
+        entry: &SiteCamera,
+        camera: &Camera,
+        result: &mut CameraResult,
+    ) {
+        let mut hidden = Vec::new();
         for (index, point) in entry.control_points.iter().enumerate() {
-            let id = point.label(index);
             let shown = point.control_point(self.plan.as_ref()).and_then(|p| camera.world_to_pixel(p.world));
             let Some(shown) = shown.filter(|shown| shown.is_finite()) else {
                 if !point.off {
-                    lost.push(id);
+                    hidden.push(index);
                 }
                 continue;
             };
-            solution.residuals.push(Residual {
+            result.solution.residuals.push(Residual {
                 of: ResidualOf::ControlPoint,
                 annotation: None,
                 segment: None,
-                id: Some(id),
+                id: Some(point.label(index)),
                 px: shown.distance(point.px),
                 outlier: false,
             });
         }
-        if !lost.is_empty() && solution.stage > Stage::Partial {
-            solution.warnings.push(Warning::new(
-                Code::Misfit,
-                format!("The camera does not show control points {} where it stands now.", lost.join(", ")),
-                "Check their coordinates and pixels.",
-            ));
+        if !hidden.is_empty() && result.solution.stage > Stage::Partial {
+            result.findings.push(Finding::HiddenControlPoints { points: hidden });
         }
-        far_off(entry, solution);
+        let far = far_off(entry, &result.solution);
+        result.findings.extend(far);
     }
 }
 
 /// Control points that are farther from their pixels than drawing explains.
-fn far_off(entry: &SiteCamera, solution: &mut Solution) {
+fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
     /// Root mean square, in sigmas; pitch and focal carry some of their own error into it.
     const MOST: f64 = 8.0;
     let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
@@ -91,15 +89,14 @@ fn far_off(entry: &SiteCamera, solution: &mut Solution) {
     let points: Vec<&Residual> = solution.residuals.iter().filter(used).collect();
     let rms = (points.iter().map(|r| r.px * r.px).sum::<f64>() / points.len().max(1) as f64).sqrt();
     let worst = points.iter().max_by(|a, b| a.px.total_cmp(&b.px));
-    if let Some(worst) =
-        worst.filter(|_| rms > MOST * entry.sigma_px.unwrap_or(1.0) && solution.stage == Stage::Placed)
-    {
-        let name = worst.id.as_deref().unwrap_or_default();
-        let message =
-            format!("The control points are {rms:.1} px rms off; the worst is {name}: {:.1} px.", worst.px);
-        let advice = "Check the worst one's coordinates and pixel, or switch it off and look again.";
-        solution.warnings.push(Warning::new(Code::Misfit, message, advice));
-    }
+    let worst =
+        worst.filter(|_| rms > MOST * entry.sigma_px.unwrap_or(1.0) && solution.stage == Stage::Placed)?;
+    let is_worst = |(index, point): (usize, &ControlPointEntry)| worst.id == Some(point.label(index));
+    Some(Finding::FarControlPoints {
+        rms_px: rms,
+        worst: entry.control_points.iter().enumerate().position(is_worst)?,
+        worst_px: worst.px,
+    })
 }
 
 /// The height that the hand gave joined with the one that was entered or told by lines; a fixed
@@ -109,11 +106,11 @@ fn join_heights(
     by_hand: Camera,
     fixed: bool,
     held: Option<f64>,
-    warnings: &mut Vec<Warning>,
+    findings: &mut Vec<Finding>,
 ) -> Camera {
     let hand = by_hand.position.z;
     let told = first.covariance.sigma(Covariance::Z);
-    scale_conflict(first, hand, held.is_some(), warnings);
+    scale_conflict(first, hand, held.is_some(), findings);
     let (z, variance) = match (held, told) {
         _ if fixed => (hand, 0.0),
         (Some(height), _) => (height, 0.0),
@@ -134,7 +131,7 @@ fn join_heights(
 }
 
 /// A height that was entered or told by lines and the one that placement gave must be of one opinion.
-fn scale_conflict(first: &Camera, placed: f64, is_held: bool, warnings: &mut Vec<Warning>) {
+fn scale_conflict(first: &Camera, placed: f64, is_held: bool, findings: &mut Vec<Finding>) {
     let told = first.covariance.sigma(Covariance::Z);
     if told.is_none() && !is_held {
         return;
@@ -142,25 +139,16 @@ fn scale_conflict(first: &Camera, placed: f64, is_held: bool, warnings: &mut Vec
     let sigma = told.unwrap_or(0.0).hypot(HAND * placed);
     let height = first.position.z;
     if (height - placed).abs() > 3.0 * sigma {
-        let message = format!(
-            "The camera is {height:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
-        );
-        let advice =
-            "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon.";
-        warnings.push(Warning::new(Code::ScaleConflict, message, advice));
+        findings.push(Finding::ScaleConflict { told: height, placed });
     }
 }
 
 /// Sigmas, covariance and floor error of a camera that was placed, in place of those of stage 1.
-pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, solution: &mut Solution) {
+pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, result: &mut CameraResult) {
     let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
     let rel = placed_floor_length_rel(camera, &grid);
-    solution.sigma = Some(Sigmas::of(camera, rel));
-    solution.covariance = CovarianceEntry::of(camera);
-    solution.warnings.retain(|warning| !matches!(warning.code, Code::Weak | Code::Unusable));
-    let next = solution.draw_next.as_ref().map(|next| next.message.clone());
-    solution.warnings.extend(floor_warning(
-        rel,
-        next.as_deref().unwrap_or("Draw lines elsewhere and in other directions."),
-    ));
+    result.solution.sigma = Some(Sigmas::of(camera, rel));
+    result.solution.covariance = CovarianceEntry::of(camera);
+    result.findings.retain(|finding| !matches!(finding.code(), Code::Weak | Code::Unusable));
+    result.findings.extend(floor_finding(rel, result.suggestion()));
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 
 use crate::bundle::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate};
 use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
-use crate::finding::{Code, Failure, Residual, ResidualOf, Warning};
+use crate::outcome::{Apart, Failure, Finding, Residual, ResidualOf, Subject, WhyUnused};
 use crate::site::bundle_step::BundleResult;
+use crate::site::camera_result::CameraResult;
 use crate::site::document::Site;
 use crate::site::observations::LandmarkSource;
-use crate::site::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage};
+use crate::site::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Stage};
 
 /// Where a landmark is and what every observation of it is off, in pixels.
 #[derive(Clone, Debug)]
@@ -76,12 +77,13 @@ fn name(id: Option<&String>, index: usize) -> String {
     id.cloned().unwrap_or_else(|| index.to_string())
 }
 
-/// "a, b, c and 7 more".
-fn enumerated(names: &[&str]) -> String {
-    const MOST: usize = 6;
-    match names.len() {
-        0..=MOST => names.join(", "),
-        count => format!("{} and {} more", names[..MOST - 1].join(", "), count - MOST + 1),
+impl From<LandmarkSource> for Subject {
+    fn from(source: LandmarkSource) -> Self {
+        match source {
+            LandmarkSource::Link(i) => Self::Link(i),
+            LandmarkSource::Mark(i) => Self::Mark(i),
+            LandmarkSource::ControlPoint { camera, point } => Self::ControlPoint { camera, point },
+        }
     }
 }
 
@@ -103,22 +105,18 @@ impl Site {
         &self,
         bundle: &BundleResult,
         triangulated: &[Option<Triangulated>],
-        solutions: &mut [(usize, Result<Solution, Failure>)],
+        solutions: &mut [(usize, Result<CameraResult, Failure>)],
     ) {
-        let mut d_camera: BTreeMap<usize, &mut Solution> =
+        let mut by_camera: BTreeMap<usize, &mut CameraResult> =
             solutions.iter_mut().filter_map(|(index, s)| Some((*index, s.as_mut().ok()?))).collect();
         for (index, ((of, _), triangulated)) in bundle.landmarks.iter().zip(triangulated).enumerate() {
             let (what, id) = self.landmark_name(*of);
             let outlier = bundle.is_aside(index);
-            if let LandmarkSource::ControlPoint { camera, .. } = of {
-                let Some(solution) = d_camera.get_mut(camera).filter(|_| outlier) else { continue };
-                let own = solution.residuals.iter_mut().filter(|r| r.of == what);
+            if let LandmarkSource::ControlPoint { camera, point } = *of {
+                let Some(result) = by_camera.get_mut(&camera).filter(|_| outlier) else { continue };
+                let own = result.solution.residuals.iter_mut().filter(|r| r.of == what);
                 own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = true);
-                solution.warnings.push(Warning::new(
-                    Code::Outlier,
-                    format!("Control point {id} contradicts the others and was set aside."),
-                    "Check its coordinates and its pixel; \"keep\" has it used all the same.",
-                ));
+                result.findings.push(Finding::ControlPointOutlier { camera, point });
                 continue;
             }
             let mut squares: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
@@ -127,10 +125,10 @@ impl Site {
                 *sum = (sum.0 + px * px, sum.1 + 1.0);
             }
             for (view, (sum, count)) in squares {
-                let Some(solution) = d_camera.get_mut(&view) else { continue };
+                let Some(result) = by_camera.get_mut(&view) else { continue };
                 let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
                 let id = Some(id.clone());
-                solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
+                result.solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
             }
         }
     }
@@ -168,8 +166,8 @@ impl Site {
         &self,
         bundle: &BundleResult,
         triangulated: &[Option<Triangulated>],
-        solutions: &[(usize, Result<Solution, Failure>)],
-    ) -> SiteSolution {
+        solutions: &[(usize, Result<CameraResult, Failure>)],
+    ) -> (SiteSolution, Vec<Finding>) {
         let id = |&view: &usize| self.cameras[view].id.clone();
         let solved: Vec<usize> =
             solutions.iter().filter(|(_, s)| s.is_ok()).map(|(index, _)| *index).collect();
@@ -183,190 +181,107 @@ impl Site {
             })
             .filter(|views: &Vec<usize>| !views.is_empty())
             .collect();
-        let mut warnings = Vec::new();
+        let mut findings = Vec::new();
         let is_shared =
             bundle.landmarks.iter().any(|(of, _)| !matches!(of, LandmarkSource::ControlPoint { .. }));
         if is_shared {
             let alone: Vec<usize> =
                 solved.iter().copied().filter(|view| !components.iter().any(|c| c.contains(view))).collect();
             components.extend(alone.iter().map(|&view| vec![view]));
-            warnings.extend(self.not_connected(&components, bundle, solutions));
+            findings.extend(self.not_connected(&components, bundle, solutions));
         }
         let unscaled = bundle.components.iter().filter(|c| !c.is_scaled);
-        for component in unscaled.clone() {
-            let names: Vec<&str> =
-                component.views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
-            warnings.push(Warning::new(
-                Code::ScaleUnknown,
-                format!(
-                    "Nothing gives the scale of {}: camera {} stands at the height it was placed with.",
-                    enumerated(&names),
-                    id(&component.root)
-                ),
-                "Enter one known distance, height or length, or two points of the plan.",
-            ));
-        }
+        findings.extend(unscaled.clone().map(|component| Finding::ScaleUnknown {
+            cameras: component.views.clone(),
+            root: component.root,
+        }));
         if let Some(&first) = bundle.too_many.first() {
-            warnings.push(Warning::new(
-                Code::UnusedAnnotation,
-                format!(
-                    "{} cameras, {} among them, share more than can be fitted together: each is solved by itself.",
-                    bundle.too_many.len(),
-                    id(&first)
-                ),
-                "Let every link and mark be seen by fewer cameras.",
-            ));
+            findings.push(Finding::TooManyCameras { count: bundle.too_many.len(), first });
         }
-        warnings.extend(self.unused_landmarks(bundle));
+        findings.extend(unused_landmarks(bundle));
         let scale = (!bundle.components.is_empty())
             .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
-        warnings.extend(self.rejected_elements(bundle, triangulated));
-        SiteSolution {
+        findings.extend(rejected_elements(bundle, triangulated));
+        let solution = SiteSolution {
             components: components.iter().map(|views| views.iter().map(id).collect()).collect(),
             scale,
             loop_closure_m: bundle.loop_closure,
             overlaps: self.overlaps(bundle, solutions),
-            warnings,
-        }
+            warnings: Vec::new(),
+        };
+        (solution, findings)
     }
 
     fn not_connected(
         &self,
         components: &[Vec<usize>],
         bundle: &BundleResult,
-        solutions: &[(usize, Result<Solution, Failure>)],
-    ) -> Vec<Warning> {
+        solutions: &[(usize, Result<CameraResult, Failure>)],
+    ) -> Vec<Finding> {
         let largest = components.iter().max_by_key(|views| views.len());
         let apart = components.iter().filter(|views| Some(*views) != largest);
-        let mut warnings: Vec<Warning> = apart
+        let mut findings: Vec<Finding> = apart
             .map(|views| {
-                let names: Vec<&str> = views.iter().map(|&view| self.cameras[view].id.as_str()).collect();
                 let unreached = views.iter().all(|view| bundle.unreached.contains(view));
                 let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
-                let message = match (unreached, by_hand) {
-                    (true, _) => format!(
-                        "What {} shares with other cameras is too little to place it.",
-                        enumerated(&names)
-                    ),
-                    (false, true) => format!(
-                        "Nothing ties {} to the rest of the site: it stands where it was placed.",
-                        enumerated(&names)
-                    ),
-                    (false, false) => format!("Nothing ties {} to the rest of the site.", enumerated(&names)),
+                let apart = match (unreached, by_hand) {
+                    (true, _) => Apart::TooLittle,
+                    (false, true) => Apart::Placed,
+                    (false, false) => Apart::Alone,
                 };
-                Warning::new(
-                    Code::NotConnected,
-                    message,
-                    "Link two points or more with a camera that is tied, or give control points.",
-                )
+                Finding::NotConnected { cameras: views.clone(), apart }
             })
             .collect();
         // Tied, and yet free to slide: a line along its view, a point behind another.
-        for (index, solution) in solutions {
-            let Some(camera) =
-                solution.as_ref().ok().filter(|s| s.stage == Stage::Refined).and_then(Solution::camera)
-            else {
-                continue;
-            };
+        let slides = |result: &CameraResult| {
+            let camera = Some(&result.solution).filter(|s| s.stage == Stage::Refined)?.camera()?;
             let wide =
                 |unknown: usize, limit: f64| camera.covariance.sigma(unknown).is_some_and(|s| s > limit);
-            if wide(Covariance::X, 100.0) || wide(Covariance::Y, 100.0) || wide(Covariance::YAW, 1.0) {
-                let message = format!("The links of {} leave open where it stands.", self.cameras[*index].id);
-                warnings.push(Warning::new(
-                    Code::NotConnected,
-                    message,
-                    "Link points far apart from each other.",
-                ));
-            }
+            Some(wide(Covariance::X, 100.0) || wide(Covariance::Y, 100.0) || wide(Covariance::YAW, 1.0))
+        };
+        let sliding = solutions
+            .iter()
+            .filter(|(_, result)| result.as_ref().ok().and_then(slides) == Some(true))
+            .map(|&(camera, _)| Finding::Sliding { camera });
+        findings.extend(sliding);
+        findings
+    }
+}
+
+/// What is there and was not used, with the reason.
+fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
+    let landmarks = |list: &[usize]| -> Vec<Subject> {
+        list.iter().map(|&landmark| bundle.landmarks[landmark].0.into()).collect()
+    };
+    let list = [
+        (landmarks(&bundle.lost), WhyUnused::OutOfSight),
+        (landmarks(&bundle.unused.landmarks), WhyUnused::SeenOnce),
+        (bundle.unused.distances.iter().copied().map(Subject::Distance).collect(), WhyUnused::Unmeasured),
+        (bundle.unfitted.iter().copied().map(Subject::Camera).collect(), WhyUnused::Unfitted),
+    ];
+    list.into_iter().filter(|(what, _)| !what.is_empty()).map(|(what, why)| Finding::Unused { what, why })
+}
+
+fn rejected_elements(
+    bundle: &BundleResult,
+    triangulated: &[Option<Triangulated>],
+) -> impl Iterator<Item = Finding> {
+    let finding = |candidate: &OutlierCandidate| match *candidate {
+        OutlierCandidate::Landmark(landmark) => {
+            let element = Subject::from(bundle.landmarks[landmark].0);
+            let worst = triangulated[landmark]
+                .as_ref()
+                .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+            let worst = worst.map(|(seen, px)| (seen.view, *px));
+            // Control points are told of with their cameras.
+            let is_element = matches!(element, Subject::Link(_) | Subject::Mark(_));
+            is_element.then_some(Finding::ElementOutlier { element, worst })
         }
-        warnings
-    }
-
-    /// What is there and was not used, with the reason.
-    fn unused_landmarks(&self, bundle: &BundleResult) -> Vec<Warning> {
-        let name = |landmark: &usize| {
-            let (of, id) = self.landmark_name(bundle.landmarks[*landmark].0);
-            let what = match of {
-                ResidualOf::Mark => "mark",
-                ResidualOf::ControlPoint => "control point",
-                ResidualOf::Link | ResidualOf::Annotation => "link",
-            };
-            format!("{what} \"{id}\"")
-        };
-        let distance = |index: &usize| {
-            let [a, b] = &self.distances[*index].between;
-            format!("the distance between \"{a}\" and \"{b}\"")
-        };
-        let camera = |view: &usize| format!("camera {}", self.cameras[*view].id);
-        let list = [
-            (
-                bundle.lost.iter().map(name).collect::<Vec<String>>(),
-                "a camera that shows it cannot see anything where the others put it",
-                "Check that it is drawn below the horizon, inside the lens, and on the same thing in every view.",
-            ),
-            (
-                bundle.unused.landmarks.iter().map(name).collect(),
-                "one camera alone shows it",
-                "Draw it in a second camera, or give it a distance to something else.",
-            ),
-            (
-                bundle.unused.distances.iter().map(distance).collect(),
-                "an end of it has no place, or its length no \"sigma\" and no \"fixed\"",
-                "Measure between links or marks that cameras show, and say how well.",
-            ),
-            (
-                bundle.unfitted.iter().map(camera).collect(),
-                "no place was found from which all that is shared can be seen",
-                "Switch links and marks off one by one, the farthest first.",
-            ),
-        ];
-        let told = |(names, why, advice): (Vec<String>, &str, &str)| {
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            let message = format!("Not used: {}; {why}.", enumerated(&names));
-            (!names.is_empty()).then(|| Warning::new(Code::UnusedAnnotation, message, advice))
-        };
-        list.into_iter().filter_map(told).collect()
-    }
-
-    fn rejected_elements(
-        &self,
-        bundle: &BundleResult,
-        triangulated: &[Option<Triangulated>],
-    ) -> Vec<Warning> {
-        let warning = |candidate: &OutlierCandidate| match *candidate {
-            OutlierCandidate::Landmark(landmark) => {
-                let (of, id) = self.landmark_name(bundle.landmarks[landmark].0);
-                let what = match of {
-                    ResidualOf::Link => "Link",
-                    ResidualOf::Mark => "Mark",
-                    ResidualOf::ControlPoint | ResidualOf::Annotation => return None,
-                };
-                let worst = triangulated[landmark]
-                    .as_ref()
-                    .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
-                let far = worst.map_or(String::new(), |(seen, px)| {
-                    format!(" ({px:.0} px in {})", self.cameras[seen.view].id)
-                });
-                Some(Warning::new(
-                    Code::Outlier,
-                    format!("{what} \"{id}\" contradicts the others and was set aside{far}."),
-                    "Check that every camera shows the same thing there; \"keep\" has it used all the same.",
-                ))
-            }
-            OutlierCandidate::Distance(measurement) => {
-                let entry = &self.distances[bundle.measurements[measurement].0];
-                let [a, b] = &entry.between;
-                Some(Warning::new(
-                    Code::Outlier,
-                    format!(
-                        "The distance between \"{a}\" and \"{b}\" contradicts the rest and was set aside."
-                    ),
-                    "Check the length and its unit.",
-                ))
-            }
-        };
-        bundle.rejected.iter().filter_map(warning).collect()
-    }
+        OutlierCandidate::Distance(measurement) => {
+            Some(Finding::DistanceOutlier { distance: bundle.measurements[measurement].0 })
+        }
+    };
+    bundle.rejected.iter().filter_map(finding)
 }
 
 fn element(

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use crate::camera::{Camera, Covariance, Lens, WorldPoint};
-use crate::finding::{Code, Failure, FailureCode, Residual, ResidualOf, Warning};
 use crate::floor::STAGE_1_HEIGHT;
+use crate::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use crate::single::{
-    Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, LocalMinimum, Orientation, Priors,
-    Shape, Source, draw_next, paper_minimum, residuals_at, warnings,
+    Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
+    Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
 };
+use crate::site::camera_result::CameraResult;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::lens_step::LensEstimate;
@@ -34,16 +35,15 @@ fn held_of(
     match owner {
         None => Ok(own),
         // Of edges alone the focal stays open: each camera's own lines tell it.
-        Some(Ok(owner)) if owner.solution.stage == Stage::Lens && owner.held.focal.is_none() => Ok(own),
+        Some(Ok(owner)) if owner.result.solution.stage == Stage::Lens && owner.held.focal.is_none() => {
+            Ok(own)
+        }
         Some(Ok(owner)) => {
-            Ok(FixedParameters { focal: owner.held.focal.or(Some(owner.solution.focal_px)), ..own })
+            Ok(FixedParameters { focal: owner.held.focal.or(Some(owner.result.solution.focal_px)), ..own })
         }
         Some(Err(failure)) => {
             let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
-            let message =
-                format!("The lens is that of camera \"{like}\", which has no result: {}", failure.message);
-            let advice = format!("Complete camera \"{like}\" first, or give this camera a lens of its own.");
-            Err(Failure::new(FailureCode::MissingValue, message, advice))
+            Err(Failure::NoLens { camera: like.to_owned(), because: Box::new(failure.clone()) })
         }
     }
 }
@@ -51,7 +51,7 @@ fn held_of(
 /// Stage 1 of one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct SingleFit {
-    pub(crate) solution: Solution,
+    pub(crate) result: CameraResult,
     pub(crate) lens_estimate: LensEstimate,
     /// What the lines said through the lens, and what of them was held.
     pub(crate) constraints: Constraints,
@@ -90,8 +90,8 @@ impl Site {
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
         lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
         let lens = lens_estimate.lens;
-        let first = |solution, lens_estimate, constraints, held, fit| SingleFit {
-            solution,
+        let first = |result, lens_estimate, constraints, held, fit| SingleFit {
+            result,
             lens_estimate,
             constraints,
             held,
@@ -99,7 +99,7 @@ impl Site {
         };
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             return Ok(first(
-                given.clone(),
+                CameraResult::new(given.clone()),
                 lens_estimate,
                 Constraints::default(),
                 FixedParameters::default(),
@@ -112,16 +112,15 @@ impl Site {
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
             return Ok(first(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
         }
-        let (solution, fit) = match options.method {
+        let (result, fit) = match options.method {
             Method::Paper => (paper(entry, &constraints, lens, held)?, None),
             Method::MaximumLikelihood | Method::Given => {
                 let weak_prior_used = options.prior;
-                let (solution, fit) =
-                    likelihood(entry, &constraints, lens, held, [weak_prior_used, is_draft])?;
-                (solution, Some(fit))
+                let (result, fit) = likelihood(entry, &constraints, lens, held, [weak_prior_used, is_draft])?;
+                (result, Some(fit))
             }
         };
-        Ok(first(solution, lens_estimate, constraints, held, fit))
+        Ok(first(result, lens_estimate, constraints, held, fit))
     }
 }
 
@@ -132,7 +131,7 @@ fn likelihood(
     lens: Lens,
     held: FixedParameters,
     [prior, keeps_all]: [bool; 2],
-) -> Result<(Solution, Fit), Failure> {
+) -> Result<(CameraResult, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
     let options = FitOptions {
@@ -147,7 +146,7 @@ fn likelihood(
         keep: &keep,
     };
     let fit = Fit::new(constraints, &options)?;
-    let next = draw_next(&fit, constraints, &options);
+    let sketch = draw_next(&fit, constraints, &options);
     let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
     solution.covariance = CovarianceEntry::of(&fit.camera);
@@ -155,13 +154,12 @@ fn likelihood(
     solution.chi2 = Some(fit.chi2);
     solution.dof = usize::try_from(fit.dof).ok();
     solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
-    solution.warnings = warnings(&fit, &entry.annotations, next.as_ref());
-    solution.draw_next = next;
-    unused(&entry.annotations, "The fit does not use", |_| false, &mut solution.warnings);
+    let mut findings = findings(&fit, sketch.as_ref().map(|sketch| sketch.suggestion));
+    findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera);
     solution.residuals = listed(fit.residuals.iter().copied().chain(off), &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    Ok((solution, fit))
+    Ok((CameraResult { solution, findings, sketch }, fit))
 }
 
 /// What is switched off, as far from the prediction of a camera as it is.
@@ -188,7 +186,7 @@ fn paper(
     constraints: &Constraints,
     lens: Lens,
     held: FixedParameters,
-) -> Result<Solution, Failure> {
+) -> Result<CameraResult, Failure> {
     let width = entry.size()[0];
     let (at, _) = paper_minimum(constraints, held, width)?;
     let height = held.height.unwrap_or(STAGE_1_HEIGHT);
@@ -208,9 +206,9 @@ fn paper(
     solution.residuals = listed(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
-    unused(&entry.annotations, "The paper's method does not use", unknown, &mut solution.warnings);
-    priors_unused(entry, &mut solution.warnings);
-    Ok(solution)
+    let mut findings: Vec<Finding> = unused(&entry.annotations, Estimator::Paper, unknown).collect();
+    findings.extend(priors_unused(entry));
+    Ok(CameraResult { findings, ..CameraResult::new(solution) })
 }
 
 pub(crate) fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -> Vec<Residual> {
@@ -241,7 +239,7 @@ fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
 }
 
 /// The solution of a camera whose straight edges are all that was drawn: its lens.
-fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> Solution {
+fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
     // Without a focal the width of the image is the unit of the coefficients.
     let focal =
         entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(entry.size()[0], |focal| focal.value);
@@ -263,8 +261,8 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> Solution {
     solution.residuals =
         listed(lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations).into_iter(), &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    solution.warnings = lens_estimate.warnings(&entry.annotations);
-    solution
+    let findings = lens_estimate.findings(&entry.annotations);
+    CameraResult { findings, ..CameraResult::new(solution) }
 }
 
 /// Root mean square of the residuals of what was used.
@@ -277,40 +275,33 @@ pub(crate) fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<
 /// What a method cannot use is named, never dropped in silence.
 fn unused(
     annotations: &[Annotation],
-    who: &str,
+    by: Estimator,
     unknown: impl Fn(Kind) -> bool,
-    warnings: &mut Vec<Warning>,
-) {
-    for (index, annotation) in annotations.iter().enumerate().filter(|(_, a)| !a.off) {
+) -> impl Iterator<Item = Finding> {
+    annotations.iter().enumerate().filter(|(_, a)| !a.off).filter_map(move |(index, annotation)| {
         let row = annotation.kind.row();
         let drawn = annotation.segments.as_ref().map_or(0, Vec::len);
         let tied = annotation.at_right_angles_to.is_some()
             || annotation.id.is_some() && annotations.iter().any(|a| a.at_right_angles_to == annotation.id);
-        let (why, advice) = if unknown(annotation.kind) {
-            (String::new(), "Switch it off, or use a method that does.")
-        } else if row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0) {
-            (format!(": it has {drawn} segment(s) and needs {}", row.least), "Draw the missing segments.")
-        } else {
-            continue;
-        };
-        let message = format!("{who} {}{why}.", annotation.label(index));
-        warnings.push(Warning::new(Code::UnusedAnnotation, message, advice));
-    }
+        if unknown(annotation.kind) {
+            return Some(Finding::UnusedKind { annotation: index, by });
+        }
+        let is_short = row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0);
+        is_short.then_some(Finding::TooFewSegments { annotation: index, by, drawn, least: row.least })
+    })
 }
 
-fn priors_unused(entry: &SiteCamera, warnings: &mut Vec<Warning>) {
+fn priors_unused(entry: &SiteCamera) -> impl Iterator<Item = Finding> {
     let lens = entry.lens.as_ref();
     let priors = [
-        ("lens.focal_px", lens.and_then(|l| l.focal_px)),
-        ("lens.pitch_deg", lens.and_then(|l| l.pitch_deg)),
-        ("lens.roll_deg", lens.and_then(|l| l.roll_deg)),
-        ("height_m", entry.height_m),
+        (Parameter::Focal, lens.and_then(|l| l.focal_px)),
+        (Parameter::Pitch, lens.and_then(|l| l.pitch_deg)),
+        (Parameter::Roll, lens.and_then(|l| l.roll_deg)),
+        (Parameter::Height, entry.height_m),
     ];
-    for (field, _) in priors.iter().filter(|(_, known)| known.is_some_and(|known| !known.fixed)) {
-        warnings.push(Warning::new(
-            Code::UnusedAnnotation,
-            format!("The paper's method does not use the prior {field}."),
-            "Hold it with \"fixed\": true, or use --method ml.",
-        ));
-    }
+    let is_prior = |known: Option<Known>| known.is_some_and(|known| !known.fixed);
+    priors
+        .into_iter()
+        .filter(move |(_, known)| is_prior(*known))
+        .map(|(parameter, _)| Finding::UnusedPrior { parameter })
 }

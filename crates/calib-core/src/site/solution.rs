@@ -1,18 +1,20 @@
 //! What solving writes into the site file.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Coefficient, DistortionModel, FloorPoint, Pixel, WorldPoint};
-use crate::finding::{Residual, Warning};
-use crate::single::DrawNext;
+use crate::outcome::{Code, FailureCode, Residual};
+use crate::single::Kind;
 
 /// Declares plain structs of the document: strict, with optional fields left out when absent.
 macro_rules! document {
     ($($(#[$attribute:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
-        $(#[$attribute])*
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
         #[serde(deny_unknown_fields)]
+        $(#[$attribute])*
         pub struct $name {
             $($(#[$field_doc])* pub $field: $type,)+
         }
@@ -113,6 +115,39 @@ document! {
         /// The drawing that would help most.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         draw_next: Option<DrawNext>,
+    }
+
+    /// A remark on a result, with what to do about it.
+    struct Warning {
+        /// Which remark.
+        code: Code,
+        /// What is so, in a sentence.
+        message: String,
+        /// What the operator can do, in a sentence.
+        advice: String,
+    }
+
+    /// Why there is no result, with what to do about it.
+    #[cfg_attr(feature = "schema", schemars(rename = "Failure"))]
+    struct FailureEntry {
+        /// Which reason.
+        code: FailureCode,
+        /// What is so, in a sentence.
+        message: String,
+        /// What the operator can do, in a sentence.
+        advice: String,
+    }
+
+    /// A drawing that would help most.
+    struct DrawNext {
+        /// What to draw.
+        kind: Kind,
+        /// Where, in a sentence.
+        message: String,
+        /// Raw pixels of an example, segment by segment.
+        segments_px: Vec<[Pixel; 2]>,
+        /// The predicted relative error of floor lengths with it.
+        floor_length_rel: f64,
     }
 
     /// Standard deviations of what was estimated; absent where nothing was.
@@ -346,6 +381,14 @@ impl Solution {
         }
     }
 }
+
+impl fmt::Display for FailureEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.message, self.advice)
+    }
+}
+
+impl std::error::Error for FailureEntry {}
 
 impl SiteSolution {
     /// Whether there is nothing to be said.

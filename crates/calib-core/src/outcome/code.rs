@@ -1,0 +1,105 @@
+//! The closed list of what can be said of a result, and how much each matters.
+
+use std::fmt;
+
+/// Declares a closed list of codes that read and write in kebab case.
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident { $($(#[$code_doc:meta])* $code:ident = $text:literal),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+        pub enum $name {
+            $($(#[$code_doc])* #[cfg_attr(feature = "serde", serde(rename = $text))] $code),+
+        }
+
+        impl $name {
+            /// Every code of the list.
+            pub const ALL: &'static [Self] = &[$(Self::$code),+];
+
+            /// The code as files and programs know it.
+            #[must_use]
+            pub const fn as_str(self) -> &'static str {
+                match self { $(Self::$code => $text),+ }
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+    };
+}
+
+pub(crate) use codes;
+
+codes! {
+    /// What an operator should know about a result that exists.
+    Code {
+        /// The predicted standard deviation of the focal, before the weak prior, is over 20 %.
+        FocalUnobservable = "focal-unobservable",
+        /// A second minimum has a chi-square within 6 of the best.
+        TwoSolutions = "two-solutions",
+        /// The predicted relative error of floor lengths is over 3 %.
+        Weak = "weak",
+        /// The predicted relative error of floor lengths is over 10 %.
+        Unusable = "unusable",
+        /// One annotation contradicts the others and was rejected.
+        Outlier = "outlier",
+        /// The annotations contradict each other and none of them explains it.
+        Misfit = "misfit",
+        /// The weak prior on the focal lowers its standard deviation by more than half.
+        PriorDominates = "prior-dominates",
+        /// The method does not use this annotation, control point, link or mark.
+        UnusedAnnotation = "unused-annotation",
+        /// A part of the EFOV lies on or above the horizon.
+        EfovAboveHorizon = "efov-above-horizon",
+        /// A polyline says next to nothing about distortion.
+        UninformativePolyline = "uninformative-polyline",
+        /// The distortion folds back on itself inside the image.
+        DistortionNotInvertible = "distortion-not-invertible",
+        /// Nothing gives the scale of the site.
+        ScaleUnknown = "scale-unknown",
+        /// Placement and a height, length or upright disagree beyond 3 sigma.
+        ScaleConflict = "scale-conflict",
+        /// Nothing ties the camera to the rest of the site.
+        NotConnected = "not-connected",
+    }
+}
+
+/// How much a finding matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Good to know; the result stands.
+    Note,
+    /// To be met before the result is relied on.
+    Warning,
+    /// Something is wrong: a line, a value, or the result.
+    Error,
+}
+
+impl Code {
+    /// How much it matters.
+    #[must_use]
+    pub const fn severity(self) -> Severity {
+        match self {
+            Self::Outlier | Self::Unusable | Self::Misfit => Severity::Error,
+            Self::FocalUnobservable | Self::TwoSolutions | Self::DistortionNotInvertible => Severity::Warning,
+            _ => Severity::Note,
+        }
+    }
+
+    /// Whether a site with it must not go into service, whatever its numbers are.
+    #[must_use]
+    pub const fn fails_check(self) -> bool {
+        matches!(
+            self,
+            Self::Unusable
+                | Self::ScaleConflict
+                | Self::DistortionNotInvertible
+                | Self::NotConnected
+                | Self::ScaleUnknown
+        )
+    }
+}

@@ -1,0 +1,29 @@
+//! What to draw next.
+
+/// A drawing that tells more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drawing {
+    /// A vertical near the left edge of the image.
+    VerticalOnTheLeft,
+    /// A vertical near the right edge of the image.
+    VerticalOnTheRight,
+    /// Two parallel floor lines that run away from the camera.
+    ParallelsAway,
+    /// Two parallel floor lines across the view.
+    ParallelsAcross,
+    /// A right angle near the middle of the floor, at about 45 degrees to the view.
+    RightAngle,
+    /// Three floor segments of equal length, near, far and across.
+    EqualLengths,
+}
+
+/// The drawing that would help most, and how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suggestion {
+    /// What to draw.
+    pub drawing: Drawing,
+    /// The predicted relative error of floor lengths with it, over that without.
+    pub ratio: f64,
+    /// The predicted relative error of floor lengths with it.
+    pub floor_length_rel: f64,
+}

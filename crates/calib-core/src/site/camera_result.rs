@@ -1,0 +1,70 @@
+//! A camera's result before it is put into words.
+
+use crate::outcome::{Failure, Finding, Suggestion};
+use crate::single::Sketch;
+use crate::site::document::Site;
+use crate::site::english::{Names, what_to_draw};
+use crate::site::solution::{DrawNext, FailureEntry, Solution, Warning};
+
+/// The numbers of a camera's result, and what is to be said of them.
+#[derive(Clone, Debug)]
+pub(crate) struct CameraResult {
+    /// What the document has of it; words are added last.
+    pub(crate) solution: Solution,
+    pub(crate) findings: Vec<Finding>,
+    /// The drawing that would help most.
+    pub(crate) sketch: Option<Sketch>,
+}
+
+impl CameraResult {
+    /// A result of which there is nothing to be said.
+    pub(crate) const fn new(solution: Solution) -> Self {
+        Self { solution, findings: Vec::new(), sketch: None }
+    }
+
+    pub(crate) fn suggestion(&self) -> Option<Suggestion> {
+        self.sketch.as_ref().map(|sketch| sketch.suggestion)
+    }
+
+    /// The solution as the document has it. What a given one brings along comes first.
+    fn document(&self, site: &Site, camera: usize) -> Solution {
+        let mut solution = self.solution.clone();
+        solution.warnings.extend(site.words(Some(camera), &self.findings));
+        if let Some(sketch) = &self.sketch {
+            solution.draw_next = Some(DrawNext::from(sketch));
+        }
+        solution
+    }
+}
+
+/// What the document has of a camera: its solution, or why it has none.
+pub(crate) type Told = Result<Solution, FailureEntry>;
+
+/// What is to be said of a camera's result, or why it has none.
+pub(crate) type Found = Result<Vec<Finding>, Failure>;
+
+impl Site {
+    /// Findings in the words of the document.
+    pub(crate) fn words(&self, camera: Option<usize>, findings: &[Finding]) -> Vec<Warning> {
+        findings.iter().map(|finding| self.in_english(camera, finding, Names::InFile)).collect()
+    }
+
+    /// A camera's result for the document, and what was found as values.
+    pub(crate) fn told(&self, camera: usize, result: Result<CameraResult, Failure>) -> (Told, Found) {
+        match result {
+            Ok(result) => (Ok(result.document(self, camera)), Ok(result.findings)),
+            Err(failure) => (Err(FailureEntry::from(&failure)), Err(failure)),
+        }
+    }
+}
+
+impl From<&Sketch> for DrawNext {
+    fn from(sketch: &Sketch) -> Self {
+        Self {
+            kind: sketch.kind,
+            message: what_to_draw(&sketch.suggestion),
+            segments_px: sketch.segments.clone(),
+            floor_length_rel: sketch.suggestion.floor_length_rel,
+        }
+    }
+}

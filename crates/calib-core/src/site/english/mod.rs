@@ -1,0 +1,16 @@
+//! Findings, failures and suggestions in English, as files and reports have them.
+//!
+//! Law: the edge of the core. Nothing outside this folder makes a sentence of a result, and nothing looks
+//! into one.
+
+mod suggestion;
+mod advice;
+mod message;
+mod failure;
+
+pub use message::Names;
+
+pub(crate) use suggestion::what_to_draw;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,22 @@
+//! What to draw next.
+
+use crate::outcome::{Drawing, Suggestion};
+
+/// What to draw next, and what it is good for.
+pub(crate) fn what_to_draw(suggestion: &Suggestion) -> String {
+    let what = match suggestion.drawing {
+        Drawing::VerticalOnTheLeft => "A vertical near the left edge of the image",
+        Drawing::VerticalOnTheRight => "A vertical near the right edge of the image",
+        Drawing::ParallelsAway => "Two parallel floor lines that run away from the camera, left and right",
+        Drawing::ParallelsAcross => "Two parallel floor lines across the view, near and far",
+        Drawing::RightAngle => "A right angle near the middle of the floor, at about 45 degrees to the view,",
+        Drawing::EqualLengths => "Three floor segments of equal length, near, far and across,",
+    };
+    let gain = match suggestion.ratio {
+        r if r < 0.28 => "cut the uncertainty of the floor to a fraction".into(),
+        r if r < 0.4 => "cut the uncertainty of the floor to a third".into(),
+        r if r < 0.6 => "halve the uncertainty of the floor".into(),
+        r => format!("lower the uncertainty of the floor by {:.0} %", 100.0 * (1.0 - r)),
+    };
+    format!("{what} would {gain} (then floor \u{b1} {:.1} %).", 100.0 * suggestion.floor_length_rel)
+}
