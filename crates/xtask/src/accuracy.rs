@@ -129,7 +129,7 @@ pub(crate) fn likelihood(annotations: &[Annotation], scene: &RandomScene, noise:
         lens: lens(),
         size: SIZE,
         efov: &scene.efov,
-        held: FixedParameters::default(),
+        fixed: FixedParameters::default(),
         priors: Priors::default(),
         sigma: Some(noise),
         weak_prior: true,

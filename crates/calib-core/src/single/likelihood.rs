@@ -1,55 +1,37 @@
 //! Stage 1 by maximum likelihood: roll, pitch, focal and height together, every constraint one
 //! residual in pixels, so that nothing needs a weight set by hand.
 //!
-//! Core unknowns are roll, pitch, log focal and log height; beside them every floor direction has an
-//! angle and every group of equal segments a log length. A residual depends on the core and on one
-//! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
+//! Core parameters are roll, pitch, log focal and log height; nuisance parameters are an angle of every
+//! floor direction and a log length of every group of equal segments. A residual depends on the core and
+//! on one nuisance at most, so the normal equations are arrow-shaped (`optimize/arrow.rs`).
+//!
+//! All residuals are divided by the standard deviation of a drawn coordinate: their sum of squares is minus
+//! twice the log likelihood, but for a constant. Those of lines are exact, with the true line eliminated;
+//! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
+//! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
 use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
 use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
-    Angles, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, Unrolled, VanishingPoint,
+    Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,
     floor_length, upright_residuals,
 };
 use crate::single::vanishing_point::line_through;
 
-/// A value that an unknown is believed to have.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
-    /// In the unknown's own unit: radians, pixels, metres.
-    pub value: f64,
-    /// Standard deviation, in the same unit.
-    pub sigma: f64,
-}
-
-/// What is believed of roll, pitch, focal and height.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Priors {
-    /// In radians.
-    pub roll: Option<Prior>,
-    /// In radians.
-    pub pitch: Option<Prior>,
-    /// In pixels.
-    pub focal: Option<Prior>,
-    /// In metres.
-    pub height: Option<Prior>,
-    /// Of the log of the focal, where the lines alone do not tell it.
-    pub weak_log_focal: Option<Prior>,
-}
-
-/// The fit of one camera: evidence, what is held and what is believed.
+/// The fit of one camera: constraints, what is fixed, and priors.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem<'a> {
     pub(crate) constraints: &'a Constraints,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
-    /// Which of the core unknowns are free.
+    /// Which of the core parameters are free.
     pub(crate) free: [bool; 4],
-    /// Pieces of evidence rejected.
+    /// Annotations that are rejected.
     pub(crate) rejected: &'a [Source],
-    /// Width of the image, in pixels: the unit of the possible focals.
+    /// Width of the image in pixels, of which the possible focals are multiples.
     pub(crate) width: f64,
 }
 
@@ -70,10 +52,10 @@ impl State {
 }
 
 impl<'a> Problem<'a> {
-    /// The problem of this evidence with what is held, at the start of everything else.
+    /// The problem of all constraints.
     pub(crate) fn new(
         constraints: &'a Constraints,
-        held: FixedParameters,
+        fixed: FixedParameters,
         priors: Priors,
         sigma: f64,
         width: f64,
@@ -81,8 +63,8 @@ impl<'a> Problem<'a> {
         let tells_height = priors.height.is_some()
             || !constraints.uprights.is_empty()
             || constraints.lengths.iter().any(|length| constraints.length_groups[length.group].is_some());
-        let free_height = tells_height && held.height.is_none();
-        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), free_height];
+        let free_height = tells_height && fixed.height.is_none();
+        let free = [fixed.roll.is_none(), fixed.pitch.is_none(), fixed.focal.is_none(), free_height];
         Self { constraints, sigma, priors, free, rejected: &[], width }
     }
 
@@ -97,7 +79,7 @@ impl<'a> Problem<'a> {
         count - unknowns as i64
     }
 
-    /// Which directions and lengths any evidence hangs on.
+    /// Which directions and lengths any constraint depends on.
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances()];
         for line in self.lines() {
@@ -156,7 +138,7 @@ impl<'a> Problem<'a> {
             *angle = 0.5 * sin.atan2(*cos);
         }
         let mut totals = vec![(0.0, 0.0); self.constraints.length_groups.len()];
-        let at = Unrolled::<f64>::new(&parameters);
+        let at = CameraTerms::<f64>::new(&parameters);
         for length in self.lengths() {
             let (log_length, _) = floor_length(&at, &length.ends)?;
             totals[length.group].0 += log_length;
@@ -184,7 +166,7 @@ impl<'a> Problem<'a> {
         }
         self.each_line(state, &mut sink);
         let scale = self.sigma.recip();
-        let at = Unrolled::<N>::new(parameters);
+        let at = CameraTerms::<N>::new(parameters);
         for length in self.lengths() {
             let (log_length, noise) = floor_length(&at, &length.ends)?;
             let index = self.constraints.groups + length.group;
@@ -251,8 +233,8 @@ impl<'a> Problem<'a> {
     fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {
-            if let Some(Prior { value: weak_prior_used, sigma }) = prior {
-                sink((value - weak_prior_used) * sigma.recip());
+            if let Some(Prior { value: believed, sigma }) = prior {
+                sink((value - believed) * sigma.recip());
             }
         };
         let unknown = |index: usize| N::unknown(parameters[index], index);
@@ -324,7 +306,7 @@ pub(crate) fn residuals_at(
     height: f64,
     width: f64,
 ) -> Vec<(Source, f64)> {
-    let held = FixedParameters {
+    let fixed = FixedParameters {
         roll: Some(at.roll),
         pitch: Some(at.pitch),
         focal: Some(at.focal),
@@ -332,14 +314,14 @@ pub(crate) fn residuals_at(
     };
     let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
     let constraints = predictable(constraints, &parameters);
-    let problem = Problem::new(&constraints, held, Priors::default(), 1.0, width);
+    let problem = Problem::new(&constraints, fixed, Priors::default(), 1.0, width);
     problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
 /// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
-    let at = Unrolled::<f64>::new(parameters);
+    let at = CameraTerms::<f64>::new(parameters);
     constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
     constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
     constraints

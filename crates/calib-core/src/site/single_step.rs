@@ -139,7 +139,7 @@ fn likelihood(
         lens,
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
-        held,
+        fixed: held,
         // What is held needs no prior beside it.
         priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
