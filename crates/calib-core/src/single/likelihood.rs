@@ -340,5 +340,6 @@ pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) ->
     constraints
 }
 
+#[path = "likelihood_tests.rs"]
 #[cfg(test)]
 mod tests;
