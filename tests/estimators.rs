@@ -25,7 +25,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
         lens: lens(),
         size: SIZE,
         efov: &scene.efov,
-        held: FixedParameters::default(),
+        fixed: FixedParameters::default(),
         priors: Priors::default(),
         sigma,
         weak_prior: true,

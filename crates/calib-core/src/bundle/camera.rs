@@ -99,7 +99,7 @@ impl<'a> BundleCamera<'a> {
         options: &FitOptions,
     ) -> Self {
         Self {
-            fixed: options.held,
+            fixed: options.fixed,
             priors: options.priors,
             annotations,
             constraints,

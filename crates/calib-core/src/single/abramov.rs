@@ -49,23 +49,24 @@ const FIELDS: [f64; 12] = [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0,
 /// When there are fewer lines than the method needs, saying which.
 pub fn minimum(
     constraints: &Constraints,
-    held: FixedParameters,
+    fixed: FixedParameters,
     width: f64,
 ) -> Result<(Orientation, f64), Failure> {
-    let roll = match held.roll {
+    let roll = match fixed.roll {
         Some(roll) => roll,
         None => roll_of(constraints)?,
     };
-    if let (Some(pitch), Some(focal)) = (held.pitch, held.focal) {
+    if let (Some(pitch), Some(focal)) = (fixed.pitch, fixed.focal) {
         let orientation = Orientation { roll, pitch, focal };
         return Ok((orientation, Criterion::new(constraints, roll).value(pitch, focal)));
     }
     let criterion = Criterion::new(constraints, roll);
-    criterion.check(held)?;
+    criterion.check(fixed)?;
     // A unit of log focal and a radian of pitch are of one size.
     let cost = |[pitch, log_focal]: [f64; 2]| criterion.value(pitch, log_focal.exp());
-    let size = [if held.pitch.is_some() { 0.0 } else { 0.05 }, if held.focal.is_some() { 0.0 } else { 0.1 }];
-    let best = starts(&criterion, held, width)
+    let size =
+        [if fixed.pitch.is_some() { 0.0 } else { 0.05 }, if fixed.focal.is_some() { 0.0 } else { 0.1 }];
+    let best = starts(&criterion, fixed, width)
         .into_iter()
         .filter_map(|start| nelder_mead(cost, start, size))
         .min_by(|a, b| a.1.total_cmp(&b.1));
@@ -118,13 +119,13 @@ fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
 }
 
 /// The lowest local minima of C on a grid, as (pitch, log focal).
-fn starts(criterion: &Criterion, held: FixedParameters, width: f64) -> Vec<[f64; 2]> {
+fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 3;
-    let pitches: Vec<f64> = match held.pitch {
+    let pitches: Vec<f64> = match fixed.pitch {
         Some(pitch) => vec![pitch],
         None => PITCHES.iter().map(|degrees| degrees.to_radians()).collect(),
     };
-    let focals: Vec<f64> = match held.focal {
+    let focals: Vec<f64> = match fixed.focal {
         Some(focal) => vec![focal],
         None => FIELDS.iter().map(|degrees| 0.5 * width / (0.5 * degrees.to_radians()).tan()).collect(),
     };
@@ -189,10 +190,10 @@ impl Criterion {
     }
 
     /// Whether there is anything that tells what is asked for.
-    fn check(&self, held: FixedParameters) -> Result<(), Failure> {
+    fn check(&self, fixed: FixedParameters) -> Result<(), Failure> {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
-        let by_verticals = !self.verticals.is_empty() && (held.focal.is_some() || held.pitch.is_some());
+        let by_verticals = !self.verticals.is_empty() && (fixed.focal.is_some() || fixed.pitch.is_some());
         if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NothingOnTheFloor) }
     }
 

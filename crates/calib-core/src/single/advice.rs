@@ -91,7 +91,7 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
     let grid = grid(&fit.camera, options.efov, options.size);
     let sigma = fit.sigma;
     let rel = |constraints: &Constraints, state: &State| {
-        let problem = Problem::new(constraints, options.held, options.priors, sigma, options.size[0]);
+        let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
         let information = problem.normal(state)?.information(problem.free);
         let uncertainty = Uncertainty::new(&information, problem.free);
         floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, fit.height_known)
@@ -161,7 +161,7 @@ impl Candidate {
         let problem = Problem::new(
             &joined,
             crate::single::abramov::FixedParameters::default(),
-            crate::single::likelihood::Priors::default(),
+            crate::single::prior::Priors::default(),
             1.0,
             1e3,
         );

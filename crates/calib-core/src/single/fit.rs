@@ -8,9 +8,10 @@ use crate::outcome::{Failure, Parameter};
 use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
-use crate::single::likelihood::{Priors, Problem, State, predictable};
-use crate::single::minima::{Found, Minimum, weak_prior};
-use crate::single::outliers::{Search, inflation, is_misfit, solve_without_outliers};
+use crate::single::likelihood::{Problem, State, predictable};
+use crate::single::minima::{Minimum, Solutions, weak_prior};
+use crate::single::outliers::{OutlierSearch, inflation, is_misfit, solve_without_outliers};
+use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 
 /// What the fit of one camera starts from, beside its evidence.
@@ -22,9 +23,9 @@ pub struct FitOptions<'a> {
     pub size: [f64; 2],
     /// Polygon of the effective field of view, raw pixels; empty if none was drawn.
     pub efov: &'a [Pixel],
-    /// What is held.
-    pub held: FixedParameters,
-    /// What is believed.
+    /// What is not estimated.
+    pub fixed: FixedParameters,
+    /// Prior knowledge.
     pub priors: Priors,
     /// Standard deviation of a drawn coordinate, in pixels; judged by the residuals if absent.
     pub sigma: Option<f64>,
@@ -38,8 +39,8 @@ impl FitOptions<'_> {
     /// Nothing known beside the lens and the size of the image; the weak prior may enter.
     #[must_use]
     pub fn new(lens: Lens, size: [f64; 2]) -> Self {
-        let (held, priors) = (FixedParameters::default(), Priors::default());
-        Self { lens, size, efov: &[], held, priors, sigma: None, weak_prior: true, keep: &[] }
+        let (fixed, priors) = (FixedParameters::default(), Priors::default());
+        Self { lens, size, efov: &[], fixed, priors, sigma: None, weak_prior: true, keep: &[] }
     }
 }
 
@@ -95,12 +96,12 @@ impl Fit {
     /// When the evidence leaves more open than a weak prior about the focal can close.
     pub fn new(constraints: &Constraints, options: &FitOptions) -> Result<Self, Failure> {
         let sigma = options.sigma.unwrap_or(1.0);
-        let problem = Problem::new(constraints, options.held, options.priors, sigma, options.size[0]);
+        let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
         check_any(&problem)?;
         let keep = |source: Source| options.keep.contains(&source.annotation);
-        let search = Search {
-            held: options.held,
-            prior: options.weak_prior,
+        let search = OutlierSearch {
+            fixed: options.fixed,
+            weak_prior: options.weak_prior,
             noise_is_known: options.sigma.is_some(),
             keep: &keep,
         };
@@ -121,7 +122,7 @@ impl Fit {
         let best = &found.minima[chosen];
         let camera = camera_of(best, &problem, options, inflation);
         let grid = grid(&camera, options.efov, options.size);
-        let height_known = problem.free[LOG_HEIGHT] || options.held.height.is_some();
+        let height_known = problem.free[LOG_HEIGHT] || options.fixed.height.is_some();
         let core_covariance = best.uncertainty.covariance * inflation;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_open(best, rel, &problem)?;
@@ -156,7 +157,7 @@ impl Fit {
 }
 
 /// Other answers that the evidence cannot rule out, and whether one of them is a minimum of its own.
-fn alternatives(found: &Found, chosen: usize) -> (Vec<LocalMinimum>, bool) {
+fn alternatives(found: &Solutions, chosen: usize) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
     let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
     let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| solved(minimum)).collect();
@@ -194,8 +195,8 @@ fn solved(minimum: &Minimum) -> LocalMinimum {
 fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflation: f64) -> Camera {
     let Orientation { roll, pitch, focal } = minimum.state.orientation();
     // What is held comes back as it was, to the last digit.
-    let focal = options.held.focal.unwrap_or(focal);
-    let height = match options.held.height {
+    let focal = options.fixed.focal.unwrap_or(focal);
+    let height = match options.fixed.height {
         Some(height) => height,
         None if problem.free[LOG_HEIGHT] => minimum.state.parameters[LOG_HEIGHT].exp(),
         None => STAGE_1_HEIGHT,

@@ -1,55 +1,37 @@
 //! Stage 1 by maximum likelihood: roll, pitch, focal and height together, every constraint one
 //! residual in pixels, so that nothing needs a weight set by hand.
 //!
-//! Core unknowns are roll, pitch, log focal and log height; beside them every floor direction has an
-//! angle and every group of equal segments a log length. A residual depends on the core and on one
-//! of these at most: they are eliminated, and what is solved is 4 x 4 whatever was drawn.
+//! Core parameters are roll, pitch, log focal and log height; nuisance parameters are an angle of every
+//! floor direction and a log length of every group of equal segments. A residual depends on the core and
+//! on one nuisance at most, so the normal equations are arrow-shaped (`optimize/arrow.rs`).
+//!
+//! All residuals are divided by the standard deviation of a drawn coordinate: their sum of squares is minus
+//! twice the log likelihood, but for a constant. Those of lines are exact, with the true line eliminated;
+//! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
+//! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
 use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
 use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
-    Angles, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, Unrolled, VanishingPoint,
+    Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,
     floor_length, upright_residuals,
 };
 use crate::single::vanishing_point::line_through;
 
-/// A value that an unknown is believed to have.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
-    /// In the unknown's own unit: radians, pixels, metres.
-    pub value: f64,
-    /// Standard deviation, in the same unit.
-    pub sigma: f64,
-}
-
-/// What is believed of roll, pitch, focal and height.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Priors {
-    /// In radians.
-    pub roll: Option<Prior>,
-    /// In radians.
-    pub pitch: Option<Prior>,
-    /// In pixels.
-    pub focal: Option<Prior>,
-    /// In metres.
-    pub height: Option<Prior>,
-    /// Of the log of the focal, where the lines alone do not tell it.
-    pub weak_log_focal: Option<Prior>,
-}
-
-/// The fit of one camera: evidence, what is held and what is believed.
+/// The fit of one camera: constraints, what is fixed, and priors.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem<'a> {
     pub(crate) constraints: &'a Constraints,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
-    /// Which of the core unknowns are free.
+    /// Which of the core parameters are free.
     pub(crate) free: [bool; 4],
-    /// Pieces of evidence rejected.
+    /// Annotations that are rejected.
     pub(crate) rejected: &'a [Source],
-    /// Width of the image, in pixels: the unit of the possible focals.
+    /// Width of the image in pixels, of which the possible focals are multiples.
     pub(crate) width: f64,
 }
 
@@ -70,10 +52,10 @@ impl State {
 }
 
 impl<'a> Problem<'a> {
-    /// The problem of this evidence with what is held, at the start of everything else.
+    /// The problem of all constraints.
     pub(crate) fn new(
         constraints: &'a Constraints,
-        held: FixedParameters,
+        fixed: FixedParameters,
         priors: Priors,
         sigma: f64,
         width: f64,
@@ -81,8 +63,8 @@ impl<'a> Problem<'a> {
         let tells_height = priors.height.is_some()
             || !constraints.uprights.is_empty()
             || constraints.lengths.iter().any(|length| constraints.length_groups[length.group].is_some());
-        let free_height = tells_height && held.height.is_none();
-        let free = [held.roll.is_none(), held.pitch.is_none(), held.focal.is_none(), free_height];
+        let free_height = tells_height && fixed.height.is_none();
+        let free = [fixed.roll.is_none(), fixed.pitch.is_none(), fixed.focal.is_none(), free_height];
         Self { constraints, sigma, priors, free, rejected: &[], width }
     }
 
@@ -97,7 +79,7 @@ impl<'a> Problem<'a> {
         count - unknowns as i64
     }
 
-    /// Which directions and lengths any evidence hangs on.
+    /// Which directions and lengths any constraint depends on.
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances()];
         for line in self.lines() {
@@ -156,7 +138,7 @@ impl<'a> Problem<'a> {
             *angle = 0.5 * sin.atan2(*cos);
         }
         let mut totals = vec![(0.0, 0.0); self.constraints.length_groups.len()];
-        let at = Unrolled::<f64>::new(&parameters);
+        let at = CameraTerms::<f64>::new(&parameters);
         for length in self.lengths() {
             let (log_length, _) = floor_length(&at, &length.ends)?;
             totals[length.group].0 += log_length;
@@ -183,27 +165,40 @@ impl<'a> Problem<'a> {
             return None;
         }
         self.each_line(state, &mut sink);
-        let scale = self.sigma.recip();
-        let at = Unrolled::<N>::new(parameters);
-        for length in self.lengths() {
-            let (log_length, noise) = floor_length(&at, &length.ends)?;
-            let index = self.constraints.groups + length.group;
-            let (expected, beside) = match self.constraints.length_groups[length.group] {
-                Some(metres) => {
-                    (N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT), false)
-                }
-                None => (N::constant(state.nuisance[index]), true),
-            };
-            let residual = (log_length - expected) / noise * scale;
-            let beside = beside.then(|| (index, -scale / noise.value()));
-            sink(residual, beside, Some(length.source));
-        }
+        let at = CameraTerms::<N>::new(parameters);
+        self.each_length(state, &at, &mut sink)?;
         for upright in self.uprights() {
             for residual in upright_residuals(&at, upright, self.sigma)? {
                 sink(residual, None, Some(upright.source));
             }
         }
         self.each_prior(parameters, |residual| sink(residual, None, None));
+        Some(())
+    }
+
+    /// The residual of every length.
+    #[inline]
+    fn each_length<N: Number>(
+        &self,
+        state: &State,
+        at: &CameraTerms<N>,
+        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) -> Option<()> {
+        let scale = self.sigma.recip();
+        for length in self.lengths() {
+            let (log_length, noise) = floor_length(at, &length.ends)?;
+            let index = self.constraints.groups + length.group;
+            let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
+                Some(metres) => {
+                    let log_height = N::unknown(state.parameters[LOG_HEIGHT], LOG_HEIGHT);
+                    (N::constant(metres.ln()) - log_height, false)
+                }
+                None => (N::constant(state.nuisance[index]), true),
+            };
+            let residual = (log_length - expected) / noise * scale;
+            let nuisance = is_nuisance.then(|| (index, -scale / noise.value()));
+            sink(residual, nuisance, Some(length.source));
+        }
         Some(())
     }
 
@@ -251,8 +246,8 @@ impl<'a> Problem<'a> {
     fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {
-            if let Some(Prior { value: weak_prior_used, sigma }) = prior {
-                sink((value - weak_prior_used) * sigma.recip());
+            if let Some(Prior { value: believed, sigma }) = prior {
+                sink((value - believed) * sigma.recip());
             }
         };
         let unknown = |index: usize| N::unknown(parameters[index], index);
@@ -324,7 +319,7 @@ pub(crate) fn residuals_at(
     height: f64,
     width: f64,
 ) -> Vec<(Source, f64)> {
-    let held = FixedParameters {
+    let fixed = FixedParameters {
         roll: Some(at.roll),
         pitch: Some(at.pitch),
         focal: Some(at.focal),
@@ -332,237 +327,19 @@ pub(crate) fn residuals_at(
     };
     let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
     let constraints = predictable(constraints, &parameters);
-    let problem = Problem::new(&constraints, held, Priors::default(), 1.0, width);
+    let problem = Problem::new(&constraints, fixed, Priors::default(), 1.0, width);
     problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
 /// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
-    let at = Unrolled::<f64>::new(parameters);
+    let at = CameraTerms::<f64>::new(parameters);
     constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
     constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
     constraints
 }
 
+#[path = "likelihood_tests.rs"]
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::optimize::{LevenbergMarquardt, Summary, Termination, least_squares};
-    use crate::single::annotation::Known;
-    use crate::single::constraints::Endpoint;
-    use proptest::prelude::*;
-
-    fn any_end() -> impl Strategy<Value = Endpoint> {
-        ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64).prop_map(
-            |(at, a, b, d)| Endpoint { at, covariance: [a * a + b * b, b * (a + d), d * d + b * b] },
-        )
-    }
-
-    fn source(segment: usize) -> Source {
-        Source { annotation: 0, segment }
-    }
-
-    /// Evidence that agrees with nothing: derivatives do not care.
-    fn any_evidence() -> impl Strategy<Value = Constraints> {
-        let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
-        let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
-        let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
-        (lines, lengths, uprights).prop_map(|(lines, lengths, uprights)| {
-            let direction = |group: usize, orthogonal| match group {
-                0 => Direction::Vertical,
-                _ => Direction::Floor { group: group - 1, orthogonal },
-            };
-            Constraints {
-                lines: lines
-                    .into_iter()
-                    .enumerate()
-                    .map(|(i, (ends, group, orthogonal))| Line {
-                        ends,
-                        direction: direction(group, orthogonal),
-                        source: source(i),
-                    })
-                    .collect(),
-                groups: 2,
-                lengths: lengths
-                    .into_iter()
-                    .enumerate()
-                    .map(|(i, (ends, group))| Length { ends, group, source: source(100 + i) })
-                    .collect(),
-                length_groups: vec![None, Some(2.0)],
-                uprights: uprights
-                    .into_iter()
-                    .enumerate()
-                    .map(|(i, (foot, head, height))| {
-                        let height = Known::prior(height, 0.05);
-                        Upright { foot, head, height, source: source(200 + i) }
-                    })
-                    .collect(),
-                unusable: Vec::new(),
-            }
-        })
-    }
-
-    fn any_core() -> impl Strategy<Value = Parameters> {
-        (-0.3..0.3_f64, 0.3..1.5_f64, 600.0..2500.0_f64, 1.5..6.0_f64)
-            .prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
-    }
-
-    fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
-        let mut rows = Vec::new();
-        problem.each_residual(state, |residual: Dual, beside, _| {
-            let mut row = residual.gradient.to_vec();
-            row.resize(4 + state.nuisance.len(), 0.0);
-            if let Some((index, derivative)) = beside {
-                row[4 + index] = derivative;
-            }
-            rows.push((residual.value, row));
-        })?;
-        Some(rows)
-    }
-
-    fn nudged(state: &State, index: usize, by: f64) -> State {
-        let mut state = state.clone();
-        match index {
-            0..4 => state.parameters[index] += by,
-            _ => state.nuisance[index - 4] += by,
-        }
-        state
-    }
-
-    fn priors() -> Priors {
-        let prior = |value, sigma| Some(Prior { value, sigma });
-        Priors {
-            roll: prior(0.1, 0.02),
-            pitch: prior(0.5, 0.1),
-            focal: prior(1200.0, 50.0),
-            height: prior(3.0, 0.2),
-            weak_log_focal: prior(7.0, 0.35),
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn the_jacobian_is_that_of_differences(constraints in any_evidence(), parameters in any_core()) {
-            const STEP: f64 = 1e-6;
-            let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
-            let state = problem.state_at(parameters);
-            prop_assume!(state.is_some());
-            let Some(state) = state else { return Ok(()) };
-            let rows = residuals(&problem, &state);
-            prop_assume!(rows.is_some());
-            let rows = rows.unwrap_or_default();
-            for index in 0..4 + state.nuisance.len() {
-                let ahead = residuals(&problem, &nudged(&state, index, STEP));
-                let behind = residuals(&problem, &nudged(&state, index, -STEP));
-                let (Some(ahead), Some(behind)) = (ahead, behind) else { continue };
-                for (k, (residual, row)) in rows.iter().enumerate() {
-                    let numeric = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
-                    let scale = 1.0 + row[index].abs() + residual.abs();
-                    // Central differences: rounding 1e-10 of the value, truncation 1e-12 of the third derivative.
-                    prop_assert!((numeric - row[index]).abs() < 2e-4 * scale, "residual {k} by {index}: {numeric} {}", row[index]);
-                }
-            }
-        }
-
-        #[test]
-        fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
-            parameters in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
-            drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
-        ) {
-            let constraints = drawn_toward(&parameters, &drawn);
-            let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 1.0, 1920.0);
-            let start = [parameters[0] + nudge[0], parameters[1] + nudge[1], parameters[2] + nudge[2], parameters[3]];
-            let Some(start) = problem.state_at(start) else { return Ok(()) };
-            let Summary { cost, ending, .. } = least_squares(&problem, start.clone(), 200).unwrap();
-            prop_assert!(ending != Termination::MaxSteps);
-            let oracle = levenberg_marquardt::LevenbergMarquardt::new();
-            let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
-            let theirs = 2.0 * report.objective_function;
-            prop_assert!((theirs - cost).abs() < 1e-7 * cost + 1e-12, "{theirs} there, {cost} here");
-        }
-    }
-
-    /// Lines toward the vertical and two floor directions, drawn with noise across them.
-    fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Constraints {
-        let angles = Angles::new(parameters);
-        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
-        let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
-            let (direction, v) = match i % 3 {
-                0 => (Direction::Vertical, angles.down().at),
-                1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7).at),
-                _ => (
-                    Direction::Floor { group: 0, orthogonal: true },
-                    angles.floor(0.7 + std::f64::consts::FRAC_PI_2).at,
-                ),
-            };
-            let way = [v[0] - a[0] * v[2], v[1] - a[1] * v[2]];
-            let length = way[0].hypot(way[1]);
-            let step = 700.0 * share / length;
-            let b = [
-                a[0] + step * way[0] - noise * way[1] / length,
-                a[1] + step * way[1] + noise * way[0] / length,
-            ];
-            Line { ends: [end(a), end(b)], direction, source: source(i) }
-        });
-        Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
-    }
-
-    /// The problem as the levenberg-marquardt crate wants it.
-    struct Oracle<'a> {
-        problem: &'a Problem<'a>,
-        state: State,
-    }
-
-    impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn> for Oracle<'_> {
-        type ParameterStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
-        type ResidualStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::U1>;
-        type JacobianStorage = nalgebra::VecStorage<f64, nalgebra::Dyn, nalgebra::Dyn>;
-
-        fn set_params(&mut self, x: &nalgebra::DVector<f64>) {
-            self.state.parameters.copy_from_slice(&x.as_slice()[..4]);
-            self.state.nuisance.copy_from_slice(&x.as_slice()[4..]);
-        }
-        fn params(&self) -> nalgebra::DVector<f64> {
-            nalgebra::DVector::from_iterator(
-                4 + self.state.nuisance.len(),
-                self.state.parameters.iter().chain(&self.state.nuisance).copied(),
-            )
-        }
-        fn residuals(&self) -> Option<nalgebra::DVector<f64>> {
-            let rows = residuals(self.problem, &self.state)?;
-            Some(nalgebra::DVector::from_iterator(rows.len(), rows.iter().map(|(residual, _)| *residual)))
-        }
-        fn jacobian(&self) -> Option<nalgebra::DMatrix<f64>> {
-            let rows = residuals(self.problem, &self.state)?;
-            Some(nalgebra::DMatrix::from_fn(rows.len(), 4 + self.state.nuisance.len(), |i, j| rows[i].1[j]))
-        }
-    }
-
-    #[test]
-    fn the_executor_of_argmin_walks_the_same_way() {
-        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
-        let line = |a, b, direction, i| Line { ends: [end(a), end(b)], direction, source: source(i) };
-        let floor = Direction::Floor { group: 0, orthogonal: false };
-        let constraints = Constraints {
-            lines: vec![
-                line([-500.0, -200.0], [-430.0, 200.0], Direction::Vertical, 0),
-                line([480.0, -210.0], [400.0, 220.0], Direction::Vertical, 1),
-                line([-300.0, 400.0], [-100.0, 0.0], floor, 2),
-                line([500.0, 390.0], [120.0, 10.0], floor, 3),
-            ],
-            groups: 1,
-            ..Constraints::default()
-        };
-        let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 1.0, 1920.0);
-        let start = problem.state_at([0.0, 0.5, 1500_f64.ln(), 3_f64.ln()]).unwrap();
-        let Summary { state: direct, cost, .. } = least_squares(&problem, start.clone(), 100).unwrap();
-        let solver = LevenbergMarquardt::new(&problem, start.clone()).unwrap();
-        let run = argmin::core::Executor::new(problem.clone(), solver)
-            .configure(|state| state.param(start).max_iters(100))
-            .run()
-            .unwrap();
-        assert!((run.state.best_cost - cost).abs() < 1e-9 * cost);
-        assert!((run.state.best_param.unwrap().parameters[PITCH] - direct.parameters[PITCH]).abs() < 1e-9);
-    }
-}
+mod tests;

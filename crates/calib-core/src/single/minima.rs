@@ -5,7 +5,8 @@ use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares};
 use crate::single::abramov::FixedParameters;
 use crate::single::constraints::Direction;
-use crate::single::likelihood::{Prior, Problem, State};
+use crate::single::likelihood::{Problem, State};
+use crate::single::prior::Prior;
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 
@@ -15,8 +16,8 @@ const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// Standard deviation of the log focal above which the weak prior enters.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
-/// Steps of one run: Newton doubles its digits, and valleys are left to the weak prior.
-const ROUNDS: usize = 60;
+/// Most accepted steps of a run: near a minimum digits double, and long valleys are left to the weak prior.
+const MAX_STEPS: usize = 60;
 
 /// The weak prior: cameras that are installed have a focal of about 0.8 image widths.
 pub(crate) fn weak_prior(width: f64) -> Prior {
@@ -33,10 +34,10 @@ pub(crate) struct Minimum {
 }
 
 /// Every distinct minimum found, the lowest first; empty when no start is possible.
-pub(crate) fn minima(problem: &Problem, held: FixedParameters) -> Vec<Minimum> {
+pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
-    for start in starts(problem, held) {
-        let Some(reached) = least_squares(problem, start, ROUNDS) else { continue };
+    for start in starts(problem, fixed) {
+        let Some(reached) = least_squares(problem, start, MAX_STEPS) else { continue };
         let Some(minimum) = minimum(problem, reached) else { continue };
         match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
             Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
@@ -48,18 +49,18 @@ pub(crate) fn minima(problem: &Problem, held: FixedParameters) -> Vec<Minimum> {
     found
 }
 
-/// The chi-square reached from a state nearby, as when one piece of evidence is taken away; whether the rest
-/// tells everything is not asked.
+/// The chi-square reached from a state nearby, as when an annotation is left out; whether the rest
+/// determines everything is not asked.
 pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
     let start = problem.state_at(state.parameters)?;
-    least_squares(problem, start, ROUNDS).map(|reached| reached.cost)
+    least_squares(problem, start, MAX_STEPS).map(|reached| reached.cost)
 }
 
 fn minimum(problem: &Problem, reached: Summary<Problem>) -> Option<Minimum> {
     let Summary { mut state, cost: chi2, normal, .. } = reached;
     let parameters = state.parameters;
     fold(&mut state, problem);
-    // The same angles tell the same; a camera turned about has other derivatives.
+    // The normal equations of the run hold for unchanged angles only.
     let uncertainty = if state.parameters == parameters {
         Uncertainty::new(&normal.information(problem.free), problem.free)
     } else {
@@ -71,7 +72,7 @@ fn minimum(problem: &Problem, reached: Summary<Problem>) -> Option<Minimum> {
 /// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.
 fn fold(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
-    // A roll or pitch that is held or believed in keeps the range it was given in.
+    // A roll or pitch that is fixed or has a prior keeps the range it was given in.
     if !problem.free[ROLL]
         || !problem.free[PITCH]
         || problem.priors.roll.is_some()
@@ -111,18 +112,18 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     !(far(a) && far(b))
 }
 
-fn starts(problem: &Problem, held: FixedParameters) -> Vec<State> {
+fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
     const MOST: usize = 4;
     let verticals = problem.lines().filter(|line| line.direction == Direction::Vertical);
     let vanishing = vanishing_point(verticals);
-    let roll = held.roll.unwrap_or_else(|| {
+    let roll = fixed.roll.unwrap_or_else(|| {
         problem.priors.roll.map_or_else(|| vanishing.map_or(0.0, roll_from_verticals), |prior| prior.value)
     });
-    let focals = focals(problem, held);
-    let weak_prior_used = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
-    let log_height = held.height.unwrap_or(weak_prior_used).ln();
+    let focals = focals(problem, fixed);
+    let usual_height = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
+    let log_height = fixed.height.unwrap_or(usual_height).ln();
     let mut rows: Vec<Vec<Parameters>> = Vec::new();
-    match (held.pitch, vanishing) {
+    match (fixed.pitch, vanishing) {
         (Some(pitch), _) => rows.push(focals.iter().map(|f| [roll, pitch, f.ln(), log_height]).collect()),
         (None, Some([x, y, w])) => {
             // d = f cot pitch, with the sign of the pitch.
@@ -140,9 +141,9 @@ fn starts(problem: &Problem, held: FixedParameters) -> Vec<State> {
     lowest(problem, &rows, MOST)
 }
 
-/// Focals to start from: the one held, or a range with the one believed in among them.
-fn focals(problem: &Problem, held: FixedParameters) -> Vec<f64> {
-    if let Some(focal) = held.focal {
+/// Focals to start from: the fixed one, or a range with that of the prior among them.
+fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
+    if let Some(focal) = fixed.focal {
         return vec![focal];
     }
     let mut focals: Vec<f64> =
@@ -152,7 +153,7 @@ fn focals(problem: &Problem, held: FixedParameters) -> Vec<f64> {
     focals
 }
 
-/// States at the local minima of the cost on a grid of cores, lowest first.
+/// States at the local minima of the cost on a grid of parameters, the lowest first.
 fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
     let states: Vec<Vec<Option<(f64, State)>>> = rows
         .iter()
@@ -185,9 +186,9 @@ fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State
         .collect()
 }
 
-/// Minima with the prior about the focal in it, if the lines alone leave the focal open.
+/// Minima with the weak prior about the focal, if the lines alone leave the focal open.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
+pub(crate) struct Solutions {
     /// What is reported, the lowest first.
     pub(crate) minima: Vec<Minimum>,
     /// The lowest without the weak prior, where it entered.
@@ -195,13 +196,13 @@ pub(crate) struct Found {
 }
 
 /// Solves without the weak prior, and again with it where that leaves the focal open.
-pub(crate) fn solve(problem: &Problem, held: FixedParameters, allow_weak_prior: bool) -> Found {
-    let minima_alone = minima(problem, held);
+pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
+    let minima_alone = minima(problem, fixed);
     let open = minima_alone.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
     if !(open && allow_weak_prior && problem.free[LOG_FOCAL]) {
-        return Found { minima: minima_alone, without_weak_prior: None };
+        return Solutions { minima: minima_alone, without_weak_prior: None };
     }
     let mut with_prior = problem.clone();
     with_prior.priors.weak_log_focal = Some(weak_prior(problem.width));
-    Found { minima: minima(&with_prior, held), without_weak_prior: minima_alone.into_iter().next() }
+    Solutions { minima: minima(&with_prior, fixed), without_weak_prior: minima_alone.into_iter().next() }
 }

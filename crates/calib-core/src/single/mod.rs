@@ -8,6 +8,7 @@ mod straightness;
 mod plumb_line;
 mod vanishing_point;
 mod abramov;
+mod prior;
 mod residual;
 mod likelihood;
 mod minima;
@@ -21,8 +22,8 @@ pub use advice::{Sketch, draw_next, findings};
 pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
-pub use likelihood::{Prior, Priors};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
+pub use prior::{Prior, Priors};
 pub use straightness::{Edge, straightness_rms};
 
 #[cfg(feature = "serde")]

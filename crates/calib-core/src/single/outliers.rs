@@ -1,20 +1,30 @@
-//! Wrong lines: a chi-square test, then every piece of evidence is left out in turn.
+//! Outliers among the annotations of one camera: a chi-square test of all residuals, and where it fails
+//! leave-one-out.
+//!
+//! The sum of squared residuals in sigmas of a fit with the right noise is chi-square distributed with the
+//! degrees of freedom nu; the cube root of chi-square over nu is very nearly normal with mean
+//! `1 - 2 / (9 nu)` and variance `2 / (9 nu)` (Wilson and Hilferty 1931), which gives the score of a test
+//! at a level without tables.
+//!
+//! Where the test fails, the fit is repeated without each annotation; the one without which the rest agrees
+//! best is rejected. A large residual is no substitute for that: an outlier pulls the fit toward itself,
+//! and with few lines its residual may be the smallest.
 
 use crate::single::abramov::FixedParameters;
 use crate::single::constraints::Source;
 use crate::single::likelihood::Problem;
-use crate::single::minima::{Found, Minimum, chi2_near, solve};
+use crate::single::minima::{Minimum, Solutions, chi2_near, solve};
 
 /// Normal quantile of the test's level of 1 %: at 5 % good lines would be dropped, and accuracy with them.
 pub(crate) const LEVEL: f64 = 2.326;
 
-/// How many standard deviations a chi-square lies above its mean (Wilson and Hilferty 1931).
+/// The standard normal score of a chi-square (Wilson and Hilferty 1931); 0 without degrees of freedom.
 pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
     if dof < 1 {
         return 0.0;
     }
-    let covariance = 2.0 / (9.0 * dof as f64);
-    ((chi2 / dof as f64).cbrt() - (1.0 - covariance)) / covariance.sqrt()
+    let variance = 2.0 / (9.0 * dof as f64);
+    ((chi2 / dof as f64).cbrt() - (1.0 - variance)) / variance.sqrt()
 }
 
 /// Whether a chi-square is too large to come from drawing noise.
@@ -22,15 +32,15 @@ pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
     chi2_score(chi2, dof) > LEVEL
 }
 
-/// By how much the residuals say that the variance of what was drawn is larger than 1 px^2, where they
-/// are enough to be believed. A misfit of few lines is as good a judge: without it the sigmas would lie.
+/// The factor by which the residuals say that the variance of what was drawn is larger than assumed
+/// (`chi2 / dof`, at least 1), where they are enough to be believed, or too large not to be.
 pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
     /// Least degrees of freedom from which the residuals are believed about the drawing noise.
     const ENOUGH: i64 = 10;
     if dof >= ENOUGH || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
 }
 
-/// Whether a piece of evidence stands out from the scatter of the rest, however large that is: its
+/// Whether an annotation stands out from the scatter of the rest, however large that is: its
 /// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
 /// fit without it, at 1 % for the worst of `count` pieces.
 pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
@@ -49,24 +59,27 @@ pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, cou
     chi2 - chi2_without > student * student * chi2_without / nu
 }
 
-/// What is asked of a search for wrong lines.
+/// How outliers are searched for.
 #[derive(Clone, Copy)]
-pub(crate) struct Search<'a> {
-    pub(crate) held: FixedParameters,
-    pub(crate) prior: bool,
-    /// The drawing noise was given, so that a chi-square is a judgement; else it may be the noise
-    /// that is larger than thought, and more than one line must stand out from the others' scatter.
+pub(crate) struct OutlierSearch<'a> {
+    pub(crate) fixed: FixedParameters,
+    /// The weak prior about the focal may enter.
+    pub(crate) weak_prior: bool,
+    /// The drawing noise was given, so that a chi-square is a judgement; else the noise may be larger than
+    /// assumed, and where more than one annotation is rejected each must stand out from the scatter of the
+    /// others.
     pub(crate) noise_is_known: bool,
-    /// Pieces of evidence that are never rejected.
+    /// What is never rejected.
     pub(crate) keep: &'a dyn Fn(Source) -> bool,
 }
 
-/// The result with wrong lines rejected, and which they are.
+/// The solutions without outliers, and which these are.
 ///
-/// At most a third of the redundancy is spent on it; where nothing explains the misfit, nothing is rejected.
-pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Found, Vec<Source>) {
+/// At most a third of the redundancy is spent on them; where nothing explains the misfit, nothing is
+/// rejected.
+pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -> (Solutions, Vec<Source>) {
     let mut rejected: Vec<Source> = Vec::new();
-    let mut results = vec![solve(problem, search.held, search.prior)];
+    let mut results = vec![solve(problem, search.fixed, search.weak_prior)];
     // How many of the first ones rejected stand out from the rest's own scatter.
     let mut stark = 0;
     let most = (problem.dof() / 3).clamp(1, 4);
@@ -90,15 +103,15 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: Search) -> (Foun
         if stark + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
             stark = rejected.len();
         }
-        results.push(solve(&fewer, search.held, search.prior));
+        results.push(solve(&fewer, search.fixed, search.weak_prior));
     }
     rejected.truncate(stark);
     (results.swap_remove(stark), rejected)
 }
 
-/// The piece of evidence without which the rest agrees best, and the chi-square without it.
-fn worst_outlier(problem: &Problem, best: &Minimum, search: Search) -> Option<(Source, f64)> {
-    /// Pieces that are left out in turn, and those for which every start is tried again.
+/// The annotation without which the rest agrees best, and the chi-square without it.
+fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<(Source, f64)> {
+    /// Most annotations that are left out in turn, and most for which every start is tried again.
     const MOST: usize = 100;
     const EVERYWHERE: usize = 40;
     let suspects = suspects(problem, best, search);
@@ -111,9 +124,9 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: Search) -> Option<(S
         if without.dof() < 1 {
             continue;
         }
-        // Far from the truth a gross error hides it: look everywhere, not only near.
+        // A gross error may have pulled the fit into another valley: all starts are tried, not only this.
         let near = chi2_near(&without, &best.state);
-        let anywhere = (rank < everywhere).then(|| solve(&without, search.held, search.prior));
+        let anywhere = (rank < everywhere).then(|| solve(&without, search.fixed, search.weak_prior));
         let anywhere = anywhere.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
         let chi2 = near.into_iter().chain(anywhere).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
@@ -125,7 +138,7 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: Search) -> Option<(S
 }
 
 /// What may be rejected, the largest residuals first.
-fn suspects(problem: &Problem, best: &Minimum, search: Search) -> Vec<Source> {
+fn suspects(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

@@ -1,5 +1,43 @@
-//! The residuals of stage 1: what a line, a length and an upright say about roll, pitch, focal and
-//! height, in pixels, with their derivatives.
+//! The residuals of stage 1: what a line, a length and an upright say about roll, pitch, focal and height,
+//! in pixels, with their derivatives.
+//!
+//! # A line toward a vanishing point
+//!
+//! A segment is drawn with independent, isotropic noise in its two end points `p1`, `p2`; its true line
+//! passes through the vanishing point V = (Vxy, Vw) of a direction, homogeneous and relative to the
+//! principal point. The unknown line is a nuisance of its own, and is eliminated exactly: of all lines
+//! through V, with `q_i = p_i Vw - Vxy` (from V to the end point, times Vw) and weights `w_i` (inverse
+//! variances of the end points across the segment), the one with unit normal n leaves the weighted sum of
+//! squared distances
+//!
+//! `n' M n / Vw^2`, `M = w1 q1 q1' + w2 q2 q2'`,
+//!
+//! whose least value over n is the smaller eigenvalue of M over `Vw^2`. M is 2 x 2, with
+//! `T = tr M = w1 |q1|^2 + w2 |q2|^2` and `D = det M = w1 w2 (q1 x q2)^2`, so the eigenvalue is
+//! `(T - sqrt(T^2 - 4 D)) / 2 = 2 D / (T + sqrt(T^2 - 4 D))`. With `l = p1 x p2`, `q1 x q2 = Vw (l . V)`, and
+//! Vw cancels: the signed root is
+//!
+//! `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`,
+//!
+//! finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` is that of the full
+//! problem with the line as unknown after the Schur complement. On the sphere of rays `l . V = 0` says that
+//! V lies on the great circle of the segment (in coordinates divided by the focal `(l . V) / (|l| |V|)` is
+//! the sine of its angle to it); r measures the same miss in pixels at the drawn ends, where the noise is.
+//!
+//! r is smooth but where the eigenvalues meet (q1 and q2 orthogonal and of one weighted length); there the
+//! mean of its one-sided derivatives is taken.
+//!
+//! # Lengths
+//!
+//! The log of a length on the floor is compared with that of its group; its variance is carried from the
+//! four coordinates of the ends to first order, `|grad|^2` for noise of 1 px. A residual over its gradient is
+//! the first-order distance of the drawing from one that fulfils the constraint (Sampson 1982; Hartley and
+//! Zisserman 2004, section 4.2.6).
+//!
+//! # Uprights
+//!
+//! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
+//! foot, head and height carried to it, to first order.
 
 use crate::optimize::Number;
 use crate::single::constraints::{Endpoint, Upright};
@@ -8,7 +46,7 @@ use crate::single::vanishing_point::line_through;
 /// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
 pub(crate) type Parameters = [f64; 4];
 
-/// Index of the unknowns in [`Parameters`].
+/// Indices in [`Parameters`].
 pub(crate) const ROLL: usize = 0;
 pub(crate) const PITCH: usize = 1;
 pub(crate) const LOG_FOCAL: usize = 2;
@@ -23,7 +61,7 @@ pub(crate) struct VanishingPoint {
     pub(crate) d_angle: [f64; 3],
 }
 
-/// Sines, cosines and focal of a core.
+/// Sines, cosines and focal at some parameters.
 pub(crate) struct Angles {
     roll: (f64, f64),
     pitch: (f64, f64),
@@ -67,12 +105,7 @@ impl Angles {
 }
 
 /// How far, in pixels, the ends of a segment must move at least so that its line passes through the
-/// homogeneous point V = (Vxy, Vw); signed.
-///
-/// `l = p1 x p2`, `q_i = p_i Vw - Vxy`, `T = w1 |q1|^2 + w2 |q2|^2`, `D = w1 w2 (q1 x q2)^2`,
-/// `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`: the root of the least eigenvalue of
-/// the ends' scatter about V, exact, and finite for V at infinity. The weights `w_i` are the inverse
-/// variances of the ends across the line, 1 without distortion.
+/// homogeneous point V; signed. The weights are 1 without distortion.
 pub(crate) struct LineResidual {
     pub(crate) pixels: f64,
     ends: [[f64; 2]; 2],
@@ -91,7 +124,7 @@ impl LineResidual {
     pub(crate) fn new(ends: &[Endpoint; 2], v: [f64; 3]) -> Self {
         let [p1, p2] = [ends[0].at, ends[1].at];
         let line = line_through(p1, p2);
-        let weights = across(ends, &line);
+        let weights = weights_across(ends, &line);
         let [w1, w2] = weights;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
         let miss = crate::camera::dot(&line, &v);
@@ -134,7 +167,7 @@ fn direction(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
 }
 
 /// Inverse variances of the two ends across the line.
-fn across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
+fn weights_across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
     let [a, b, _] = *line;
     let square = (a * a + b * b).max(f64::MIN_POSITIVE);
     ends.map(|end| {
@@ -143,8 +176,9 @@ fn across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
     })
 }
 
-/// Sines, cosines, focal and height of a core, with their derivatives: what every length and upright asks for.
-pub(crate) struct Unrolled<N> {
+/// Sines, cosines, focal and height at some parameters, with their derivatives: the terms that every length
+/// and upright has in common.
+pub(crate) struct CameraTerms<N> {
     roll: (N, N),
     pitch: (N, N),
     focal: N,
@@ -152,7 +186,7 @@ pub(crate) struct Unrolled<N> {
     per_height: N,
 }
 
-impl<N: Number> Unrolled<N> {
+impl<N: Number> CameraTerms<N> {
     pub(crate) fn new(parameters: &Parameters) -> Self {
         Self {
             roll: N::unknown(parameters[ROLL], ROLL).sin_cos(),
@@ -163,14 +197,14 @@ impl<N: Number> Unrolled<N> {
     }
 }
 
-/// Log of the length on the floor of a segment in camera heights, and its standard deviation for
-/// pixels with one of 1 (Sampson's form: the gradient by all four pixel coordinates).
+/// Log of the length on the floor of a segment in camera heights, and its standard deviation for noise of
+/// 1 px in every coordinate of the ends.
 ///
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
 #[inline]
-pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[Endpoint; 2]) -> Option<(N, N)> {
-    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
+pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2]) -> Option<(N, N)> {
+    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
     let on_floor = |end: &Endpoint| {
         let [x, y] = end.at;
@@ -210,11 +244,11 @@ pub(crate) fn floor_length<N: Number>(at: &Unrolled<N>, ends: &[Endpoint; 2]) ->
 /// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
 pub(crate) fn upright_residuals<N: Number>(
-    at: &Unrolled<N>,
+    at: &CameraTerms<N>,
     upright: &Upright,
     sigma: f64,
 ) -> Option<[N; 2]> {
-    let Unrolled { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
+    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
     let [x, y] = upright.foot.at;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;
@@ -244,8 +278,8 @@ pub(crate) fn upright_residuals<N: Number>(
     };
     let (fuu, fuv, fvv) = turn(upright.foot.covariance);
     let (huu, huv, hvv) = turn(upright.head.covariance);
-    let covariance = upright.height.sigma.unwrap_or(0.0) / sigma;
-    let square = covariance * covariance;
+    let height_sigma = upright.height.sigma.unwrap_or(0.0) / sigma;
+    let square = height_sigma * height_sigma;
     let caa = huu
         + a_by_u * a_by_u * fuu
         + a_by_u * a_by_v * fuv * 2.0

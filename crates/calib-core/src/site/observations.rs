@@ -1,9 +1,9 @@
-//! What a site says that cameras have in common, as landmarks of the joint fit: control points, links,
+//! What cameras of a site observe in common, as landmarks of the bundle adjustment: control points, links,
 //! marks and the distances between them.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use crate::bundle::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
+use crate::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use crate::camera::{Pixel, WorldPoint};
 use crate::floor::Shape3;
 use crate::outcome::Failure;
@@ -36,26 +36,26 @@ pub(crate) struct Shared {
     pub(crate) unused: Unused,
 }
 
-/// What is there and says nothing.
+/// What is there and carries no information.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Unused {
-    /// Landmarks that one camera alone shows, and that have no known place, size or distance.
+    /// Landmarks that one camera alone observes, and that have no known place, size or distance.
     pub(crate) landmarks: Vec<usize>,
-    /// Distances, by their index in the site, to what has no place or with no length that is known.
+    /// Distances, by their index in the site, with an end that is no landmark, or of no known length.
     pub(crate) distances: Vec<usize>,
 }
 
-/// Metres by which a length that is held may be off: what a steel tape is.
-const HELD: f64 = 1e-4;
+/// Standard deviation of a length that is exact, in metres: that of a steel tape.
+const EXACT: f64 = 1e-4;
 
-/// A length as it is believed.
+/// The prior that a known length is; none without a standard deviation.
 fn prior(known: Known) -> Option<Prior> {
-    let sigma = if known.fixed { Some(HELD) } else { known.sigma };
-    sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(HELD) })
+    let sigma = if known.fixed { Some(EXACT) } else { known.sigma };
+    sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(EXACT) })
 }
 
 impl Site {
-    /// All that is there, switched off or not, as far as cameras with a result show it.
+    /// All that is there, switched off or not, as far as cameras that take part observe it.
     pub(crate) fn shared(
         &self,
         single_fits: &[Result<SingleFit, Failure>],
@@ -80,35 +80,25 @@ impl Site {
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
         landmarks.extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), marked(mark, &camera, &noise))));
         let measurements = self.distances_between(&landmarks);
-        let told = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
-        let distances = (0..self.distances.len()).filter(|i| !self.distances[*i].off && !told(i)).collect();
+        let is_used = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
+        let distances =
+            (0..self.distances.len()).filter(|i| !self.distances[*i].off && !is_used(i)).collect();
         let unused = Unused { landmarks: Vec::new(), distances };
         let mut shared = Shared { landmarks, measurements, unused };
-        shared.unusable();
+        shared.switch_off_uninformative();
         shared
     }
 
     fn measured(&self, point: &ControlPointEntry, camera: usize, noise: f64) -> Option<Landmark> {
         let at = point.control_point(self.plan.as_ref())?.world;
-        let place = <[f64; 3]>::from(at);
         let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
-        let priors = sigma.map_or(Vec::new(), |sigma| {
-            (0..LANDMARK_PARAMS).map(|k| (k, Prior { value: place[k], sigma })).collect()
-        });
-        let seen =
-            Observation { view: camera, point: 0, pixel: point.px, sigma: point.sigma_px.unwrap_or(noise) };
-        Some(Landmark {
-            model: LandmarkModel::Measured,
-            place,
-            free: [sigma.is_some(); LANDMARK_PARAMS],
-            priors,
-            observations: vec![seen],
-            keep: point.keep,
-            off: point.off,
-        })
+        let pixel_sigma = point.sigma_px.unwrap_or(noise);
+        let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };
+        Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })
     }
 
-    /// One point does not tell which way a camera looks; that takes a hand, or a link.
+    /// Drops the control point of a camera that has one only: it does not determine the yaw, unless the
+    /// camera is placed or linked.
     fn drop_single_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
         let linked: HashSet<&str> = self
             .links
@@ -168,8 +158,9 @@ impl Site {
 }
 
 impl Shared {
-    /// Switches off what says nothing: seen by one camera alone, and of no known place, size or distance.
-    fn unusable(&mut self) {
+    /// Switches off what carries no information: observed by one camera alone, and of no known place, size
+    /// or distance.
+    fn switch_off_uninformative(&mut self) {
         let measured: HashSet<usize> = self
             .measurements
             .iter()
@@ -177,14 +168,15 @@ impl Shared {
             .flat_map(|(_, measurement)| measurement.between)
             .collect();
         for (index, (_, landmark)) in self.landmarks.iter_mut().enumerate() {
-            let says = match landmark.model {
+            let is_informative = match landmark.model {
                 LandmarkModel::Measured => true,
                 LandmarkModel::Mark { .. } => landmark.redundancy() > 0,
                 LandmarkModel::Post => landmark.views().len() > 1 || landmark.redundancy() > 0,
                 LandmarkModel::Point { .. } | LandmarkModel::Line { .. } => landmark.views().len() > 1,
             };
-            let is_mute = landmark.observations.is_empty() || !(says || measured.contains(&index));
-            if is_mute && !landmark.off {
+            let is_useless =
+                landmark.observations.is_empty() || !(is_informative || measured.contains(&index));
+            if is_useless && !landmark.off {
                 landmark.off = true;
                 self.unused.landmarks.push(index);
             }
@@ -193,8 +185,8 @@ impl Shared {
 }
 
 /// Standard deviation of what is drawn on a camera, in pixels.
-fn noise(first: &Result<SingleFit, Failure>) -> f64 {
-    first.as_ref().ok().and_then(|first| first.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
+fn noise(single: &Result<SingleFit, Failure>) -> f64 {
+    single.as_ref().ok().and_then(|single| single.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
 }
 
 fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
@@ -221,12 +213,12 @@ fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
         LinkKind::Post => LandmarkModel::Post,
         LinkKind::Line => LandmarkModel::Line { origin: [0.0; 2] },
     };
-    let is_held = link.length_m.is_some_and(|known| known.fixed);
+    let is_fixed = link.length_m.is_some_and(|known| known.fixed);
     Landmark {
         model,
         place: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
-        free: [true, true, link.kind == LinkKind::Post && !is_held],
-        priors: length.filter(|_| !is_held).map(|(_, prior)| (2, prior)).into_iter().collect(),
+        free: [true, true, link.kind == LinkKind::Post && !is_fixed],
+        priors: length.filter(|_| !is_fixed).map(|(_, prior)| (2, prior)).into_iter().collect(),
         observations,
         keep: link.keep,
         off: link.off,
@@ -248,13 +240,13 @@ fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
         });
         observations.push(Observation { view, point: index, pixel: seen.px, sigma: noise[view] });
     }
-    // What is seen on the axis alone does not turn.
-    let solve_rotations = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
+    // Points on the axis do not determine the turn.
+    let has_turn = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
     let WorldPoint { x, y, z } = mark.at_m;
     Landmark {
         model: LandmarkModel::Mark { z, points },
         place: [x, y, mark.turn_deg.to_radians()],
-        free: [!mark.fixed, !mark.fixed, !mark.fixed && solve_rotations],
+        free: [!mark.fixed, !mark.fixed, !mark.fixed && has_turn],
         priors: Vec::new(),
         observations,
         keep: mark.keep,

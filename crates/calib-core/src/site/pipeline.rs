@@ -15,7 +15,7 @@ use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
-use crate::site::single_step::{Lenses, Owners, SingleFit, listed, residuals_when_off, rms};
+use crate::site::single_step::{LensOwners, Lenses, SingleFit, listed, residuals_when_off, rms};
 use crate::site::solution::{
     DistortionEntry, ElementSolution, FailureEntry, Method, SiteSolution, Solution, Stage,
 };
@@ -109,23 +109,23 @@ impl Site {
     fn single_fits(&self, known: &LensCache, options: &Options) -> Vec<Result<SingleFit, Failure>> {
         let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
-        let none = Owners::new();
+        let none = LensOwners::new();
         let alone = Lenses { owners: &none, known };
-        let owners: Owners = self
+        let owners: LensOwners = self
             .cameras
             .iter()
             .filter_map(like)
             .collect::<BTreeSet<String>>()
             .into_iter()
             .filter_map(|id| {
-                let first = self.first(self.camera(&id)?, options, None, alone);
+                let first = self.fit_single(self.camera(&id)?, options, None, alone);
                 Some((id, first))
             })
             .collect();
         let lenses = Lenses { owners: &owners, known };
         let first = |camera: &SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
-            _ => self.first(camera, options, None, lenses),
+            _ => self.fit_single(camera, options, None, lenses),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = self.cameras.iter().map(first).collect();
         let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
@@ -137,7 +137,7 @@ impl Site {
             let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.lens_estimate, draft.camera.lens);
-                single_fits[index] = self.first(&self.cameras[index], options, Some(better), lenses);
+                single_fits[index] = self.fit_single(&self.cameras[index], options, Some(better), lenses);
             }
         }
         single_fits

@@ -17,12 +17,12 @@ use crate::site::options::Options;
 use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
-pub(crate) type Owners = BTreeMap<String, Result<SingleFit, Failure>>;
+pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 
 /// What is known of lenses before a camera is asked for its own.
 #[derive(Clone, Copy)]
 pub(crate) struct Lenses<'a> {
-    pub(crate) owners: &'a Owners,
+    pub(crate) owners: &'a LensOwners,
     pub(crate) known: &'a LensCache,
 }
 
@@ -72,7 +72,7 @@ impl Site {
     ///
     /// A lens that is fitted is known better once stage 1 has spoken, too: `better` is what the joint fit
     /// made of the first answer. Until then no line is rejected, for it may be the lens that is wrong.
-    pub(crate) fn first(
+    pub(crate) fn fit_single(
         &self,
         entry: &SiteCamera,
         options: &Options,
@@ -90,7 +90,7 @@ impl Site {
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
         lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
         let lens = lens_estimate.lens;
-        let first = |result, lens_estimate, constraints, held, fit| SingleFit {
+        let single_fit = |result, lens_estimate, constraints, held, fit| SingleFit {
             result,
             lens_estimate,
             constraints,
@@ -98,7 +98,7 @@ impl Site {
             fit,
         };
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            return Ok(first(
+            return Ok(single_fit(
                 CameraResult::new(given.clone()),
                 lens_estimate,
                 Constraints::default(),
@@ -110,7 +110,7 @@ impl Site {
         let constraints = Constraints::new(&entry.annotations, &lens, false);
         let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
-            return Ok(first(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
+            return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
         }
         let (result, fit) = match options.method {
             Method::Paper => (paper(entry, &constraints, lens, held)?, None),
@@ -120,7 +120,7 @@ impl Site {
                 (result, Some(fit))
             }
         };
-        Ok(first(result, lens_estimate, constraints, held, fit))
+        Ok(single_fit(result, lens_estimate, constraints, held, fit))
     }
 }
 
@@ -138,7 +138,7 @@ fn likelihood(
         lens,
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
-        held,
+        fixed: held,
         // What is held needs no prior beside it.
         priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
