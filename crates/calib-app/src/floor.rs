@@ -4,12 +4,12 @@ use calib_core::{Camera, FloorPoint, Pixel, position_ellipse};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
-use crate::hit::Part;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
 use crate::picture::{Picture, Pictures, Piece};
-use crate::session::Session;
 use crate::theme::{self, on_image};
-use crate::tools::{PlanHandle, plan_handles, plan_scale};
+use calib_editor::Part;
+use calib_editor::Session;
+use calib_editor::{PlanHandle, plan_handles, plan_scale};
 
 /// What the floor's canvas needs to know.
 #[derive(Debug)]
@@ -163,7 +163,7 @@ impl Floor<'_> {
 
     fn paint_ghost(&self, painter: &Painter, index: usize, before: &Camera) {
         let Some(entry) = self.session.site.cameras.get(index) else { return };
-        let corners = crate::session::corners_of(entry);
+        let corners = calib_editor::corners_of(entry);
         let outline: Vec<Pos2> = corners
             .iter()
             .chain(corners.first())

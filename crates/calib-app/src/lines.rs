@@ -3,11 +3,11 @@
 use calib_core::{Annotation, Kind, Pixel, Residual, SiteCamera, line_name};
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
-use crate::hit::Part;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, handle, is_lit, line, tag};
 use crate::theme::{self, on_image};
-use crate::units::Units;
+use calib_editor::Part;
+use calib_editor::Units;
 
 impl Overlay<'_> {
     pub(crate) fn paint_annotation(

@@ -8,13 +8,13 @@ use calib_core::{
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
-use crate::epipolar::Trace;
-use crate::family::Family;
-use crate::hit::Part;
 use crate::paint::{Pen, handle, line, ring, tag};
-use crate::session::Session;
 use crate::theme::{self, on_image};
-use crate::units::Units;
+use calib_editor::Family;
+use calib_editor::Part;
+use calib_editor::Session;
+use calib_editor::Trace;
+use calib_editor::Units;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -356,8 +356,8 @@ impl Overlay<'_> {
             return;
         }
         let points: BTreeSet<Part> =
-            crate::edit::points_of(&self.session.site, self.camera, &self.session.selection);
-        let handles = crate::hit::handles(&self.session.site, self.camera);
+            calib_editor::edit::points_of(&self.session.site, self.camera, &self.session.selection);
+        let handles = calib_editor::hit::handles(&self.session.site, self.camera);
         for (part, pixel) in handles.into_iter().filter(|(part, _)| points.contains(part)) {
             let whole = !self.session.selection.contains(&part);
             ring(painter, self.at(pixel), on_image::ACCENT, self.holding && !whole);

@@ -5,8 +5,8 @@ use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
-use crate::session::Session;
 use crate::theme::{self, on_image};
+use calib_editor::Session;
 
 /// From where the scene is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,7 +150,7 @@ fn paint_plan(
     size: [u32; 2],
 ) {
     const CELLS: u32 = 24;
-    let scale = crate::tools::plan_scale(&session.site);
+    let scale = calib_editor::plan_scale(&session.site);
     let mut mesh = egui::Mesh::with_texture(texture);
     let mut seen = Vec::new();
     for row in 0..=CELLS {

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use calib_core::Site;
 
-use crate::files::{Found, Images};
+use calib_editor::Images;
+
+use crate::autosave::Found;
 
 /// A site that is kept.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,9 +3,11 @@
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
+use calib_editor::Action;
+
 use crate::app::App;
 use crate::dialog::Purpose;
-use crate::task::Task;
+use crate::platform::{Here, Platform as _, Task};
 use crate::theme::{self, Palette};
 
 /// What is asked for, and from which state of the site.
@@ -93,7 +95,7 @@ pub fn show(app: &mut App, ctx: &Context) {
 /// Makes what is asked for, off the frame's path, when it differs from what was.
 fn make(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.export.format) else { return };
-    let plan = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let plan = plan.filter(|_| matches!(format.name, "nvidia" | "svg"));
     if plan.is_some() {
         app.ask_for_plan(ctx);
@@ -104,13 +106,13 @@ fn make(app: &mut App, ctx: &Context) {
         format: sheet.format,
         extension: sheet.extension,
         rectified: sheet.rectified,
-        one: sheet.only_this.then_some(app.session.camera),
-        generation: app.session.generation,
+        one: sheet.only_this.then_some(app.editor.session().camera),
+        generation: app.editor.session().generation,
         has_plan: plan.is_some(),
     };
     if sheet.asked != Some(asked) {
         (sheet.asked, sheet.made, sheet.agreed) = (Some(asked), None, false);
-        let site = app.session.solved.write_into(&app.session.site);
+        let site = app.editor.session().solved.write_into(&app.editor.session().site);
         let one = asked.one.and_then(|index| site.cameras.get(index)).map(|camera| camera.id.clone());
         let extension = format.extensions.get(asked.extension).map(|extension| (*extension).to_owned());
         sheet.making = Some(Task::spawn(ctx, move || {
@@ -133,7 +135,7 @@ fn picture(image: &image::RgbImage) -> Result<PlanPicture, String> {
 
 fn choices(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let camera = app.session.entry().map(|entry| entry.id.clone()).unwrap_or_default();
+    let camera = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
     let sheet = &mut app.export;
     let chosen = sheet.format;
     let Some(format) = formats().nth(chosen) else { return };
@@ -232,19 +234,18 @@ impl App {
     /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
     pub(crate) fn write_export(&mut self, folder: &std::path::Path) {
         let Some(files) = self.export.files() else { return };
-        let written =
-            files.iter().try_for_each(|file| crate::files::write(&folder.join(&file.name), &file.bytes));
+        let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
         let count = files.len();
         match written {
             Ok(()) => {
-                self.session.note = Some(if folder.as_os_str().is_empty() {
+                self.act(Action::Note(if folder.as_os_str().is_empty() {
                     format!("{count} files were handed over as downloads.")
                 } else {
                     format!("Wrote {count} files to {}.", folder.display())
-                });
+                }));
                 self.export.close();
             }
-            Err(error) => self.error = Some(error),
+            Err(error) => self.act(Action::Fail(error)),
         }
     }
 }

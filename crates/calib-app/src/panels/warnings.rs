@@ -4,17 +4,18 @@ use calib_core::{Code, Warning};
 use egui::{RichText, Ui};
 
 use crate::app::App;
-use crate::hit::Part;
+use crate::command::Command;
 use crate::icons::{self, Icon};
-use crate::panels::steps::is_grave;
 use crate::theme;
-use crate::{command, command::Command};
+use calib_editor::steps::is_grave;
+use calib_editor::{Action, Part};
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let mut warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let mut warnings =
+        app.editor.session().solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
     for warning in &mut warnings {
-        warning.message = app.session.as_on_screen(app.session.camera, &warning.message);
+        warning.message = app.editor.session().as_on_screen(app.editor.session().camera, &warning.message);
     }
     let mut wish = None;
     for (index, warning) in warnings.iter().enumerate() {
@@ -22,7 +23,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let is_first = index == 0 || warning.code == Code::Outlier;
         card(ui, warning, is_first, |ui| buttons(app, ui, warning, &mut wish));
     }
-    if warnings.is_empty() && app.session.solution().is_some() {
+    if warnings.is_empty() && app.editor.session().solution().is_some() {
         let palette = theme::palette(ui.ctx());
         ui.horizontal(|ui| {
             icons::inline(ui, Icon::Check, palette.ok);
@@ -30,23 +31,22 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         });
     }
     if let Some((command, select)) = wish {
-        app.cancel();
+        app.send(Action::Drop);
         if let Some(part) = select {
-            app.session.selection = [part].into();
+            app.send(Action::Select(part));
             if command.is_none() {
                 app.reveal(part);
             }
         }
         if let Some(command) = command {
-            let ctx = ui.ctx().clone();
-            command::run(app, &ctx, command, egui::Modifiers::NONE);
+            app.tell(command);
         }
     }
 }
 
 /// The warnings of the site as a whole.
 pub fn site(app: &App, ui: &mut Ui) {
-    let warnings = app.session.solved.joint_report().map(|report| report.site.warnings.clone());
+    let warnings = app.editor.session().solved.joint_report().map(|report| report.site.warnings.clone());
     for warning in warnings.unwrap_or_default() {
         card(ui, &warning, true, |_| {});
     }
@@ -85,11 +85,11 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     match warning.code {
         Code::Outlier => {
             // The message begins with the line's name.
-            let part = app.session.solution().and_then(|solution| {
+            let part = app.editor.session().solution().and_then(|solution| {
                 solution.residuals.iter().filter(|r| r.outlier).find_map(|residual| {
                     let (annotation, segment) = (residual.annotation?, residual.segment?);
                     let part = Part::Line { annotation, segment };
-                    let name = app.session.part_name(part);
+                    let name = app.editor.session().part_name(part);
                     let first = warning.message.split([' ', ',']).next();
                     (first == Some(name.as_str())).then_some(part)
                 })
@@ -108,8 +108,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
             });
         }
         Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions
-            if command::is_enabled(app, Command::TakeSuggestion)
-                && ui.button("Draw what helps   N").clicked() =>
+            if app.is_enabled(Command::TakeSuggestion) && ui.button("Draw what helps   N").clicked() =>
         {
             *wish = Some((Some(Command::TakeSuggestion), None));
         }
@@ -118,13 +117,13 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
 }
 
 fn first_outlier(app: &App) -> Option<Part> {
-    let residual = app.session.solution()?.residuals.iter().find(|r| r.outlier)?;
+    let residual = app.editor.session().solution()?.residuals.iter().find(|r| r.outlier)?;
     Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
 }
 
 /// An error that concerns the document.
 pub fn error(app: &mut App, ui: &mut Ui) {
-    let Some(error) = app.error.clone() else { return };
+    let Some(error) = app.editor.error().map(str::to_owned) else { return };
     let palette = theme::palette(ui.ctx());
     let (mut close, mut save) = (false, false);
     egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
@@ -132,14 +131,13 @@ pub fn error(app: &mut App, ui: &mut Ui) {
         ui.label(RichText::new(error).color(palette.bad));
         ui.horizontal(|ui| {
             close = ui.button("Close").clicked();
-            save = !app.session.is_saved() && ui.button("Save the site").clicked();
+            save = !app.editor.session().is_saved() && ui.button("Save the site").clicked();
         });
     });
     if save {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, Command::Save, egui::Modifiers::NONE);
+        app.tell(Command::Save);
     }
     if close {
-        app.error = None;
+        app.send(Action::CloseError);
     }
 }

@@ -18,6 +18,7 @@ mod bundle_step;
 mod overlap;
 mod quality;
 mod pipeline;
+mod lens_family;
 
 pub use bounds::{MAX_ITEMS, SiteError};
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
