@@ -247,7 +247,7 @@ fn canvas(
     app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
-    context::show(app, ui, &response, key, &mapping);
+    context::show(app, &response, key, &mapping);
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     (mapping, painter)

@@ -49,6 +49,13 @@ pub enum Action {
         /// What its images are looked for beside, if files have folders.
         folder: Option<PathBuf>,
     },
+    /// Puts a changed site in place of what it was, as one gesture.
+    Change {
+        /// What it is to be.
+        site: Box<Site>,
+        /// What this does, as it reads after "Undo".
+        name: String,
+    },
     /// Images that the site names came in: the name in the site, and that under which they are stored.
     Attach(Vec<(String, String)>),
     /// Something to be read in the status line.

@@ -1,6 +1,6 @@
 //! What a right click or a long press on a canvas offers: first what can be done to what is under it.
 
-use egui::{Popup, Response, RichText, Ui};
+use egui::{Popup, Response, RichText};
 
 use crate::app::App;
 use crate::canvas::Mapping;
@@ -23,7 +23,7 @@ const ON_IMAGE: [&[Command]; 4] = [
 ];
 
 /// The menu of a canvas, while it is open.
-pub fn show(app: &mut App, ui: &Ui, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.panes.was_idle {
         // The finger that is held draws nothing.
         app.act(Action::Drop);

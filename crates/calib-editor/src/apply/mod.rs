@@ -17,6 +17,7 @@ impl Editor {
         match action {
             Action::Open(opened) => self.open(*opened),
             Action::Saved { path, folder } => self.saved(path, folder),
+            Action::Change { site, name } => self.change(*site, name),
             Action::Attach(names) => self.attach(&names),
             Action::Note(note) => self.session.note = Some(note),
             Action::Complain(error) => self.complain(error),

@@ -21,6 +21,12 @@ impl Editor {
         self.take_tool(0);
     }
 
+    pub(super) fn change(&mut self, site: Site, name: String) {
+        self.cancel();
+        self.session.site = site;
+        self.session.commit(name);
+    }
+
     pub(super) fn saved(&mut self, path: PathBuf, folder: Option<PathBuf>) {
         // From now on images are looked for beside the file.
         if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
