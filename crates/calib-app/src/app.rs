@@ -43,6 +43,8 @@ pub enum Mode {
 enum Sent {
     Action(Action),
     Command(Command),
+    Recover(usize),
+    Discard(usize),
 }
 
 /// The whole app.
@@ -195,6 +197,11 @@ impl App {
         self.sent.push(Sent::Command(command));
     }
 
+    /// Asks for what a crashed session left to be gone on with, or to be discarded.
+    pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
+        self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
+    }
+
     /// Does what panels asked for.
     fn grant(&mut self, ctx: &Context) {
         let sent = std::mem::take(&mut self.sent);
@@ -204,6 +211,8 @@ impl App {
         for one in sent {
             match one {
                 Sent::Action(action) => self.act(action),
+                Sent::Recover(index) => self.recover(index),
+                Sent::Discard(index) => self.discard_found(index),
                 Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),
             }
         }

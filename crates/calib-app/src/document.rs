@@ -166,4 +166,22 @@ impl App {
         change(&mut lens);
         self.send(Action::Lens { lens: Box::new(lens), name: name.to_owned() });
     }
+
+    /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
+    pub(crate) fn write_export(&mut self, folder: &Path) {
+        let Some(files) = self.export.files() else { return };
+        let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
+        let count = files.len();
+        match written {
+            Ok(()) => {
+                self.act(Action::Note(if folder.as_os_str().is_empty() {
+                    format!("{count} files were handed over as downloads.")
+                } else {
+                    format!("Wrote {count} files to {}.", folder.display())
+                }));
+                self.export.close();
+            }
+            Err(error) => self.act(Action::Fail(error)),
+        }
+    }
 }

@@ -1,11 +1,11 @@
 //! The whole image, small, in a corner of a view that shows a part of it; a drag moves the view.
 
+use calib_editor::Pane;
 use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::pane::Place;
-use calib_editor::Pane;
 
 /// Its longer side, in points.
 const SIDE: f32 = 124.0;

@@ -5,16 +5,16 @@ use std::collections::BTreeSet;
 use calib_core::{
     Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, on_image as project,
 };
-use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
-
-use crate::canvas::Mapping;
-use crate::paint::{Pen, handle, line, ring, tag};
-use crate::theme::{self, on_image};
 use calib_editor::Family;
 use calib_editor::Part;
 use calib_editor::Session;
 use calib_editor::Trace;
 use calib_editor::Units;
+use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
+
+use crate::canvas::Mapping;
+use crate::paint::{Pen, handle, line, ring, tag};
+use crate::theme::{self, on_image};
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

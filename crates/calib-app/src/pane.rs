@@ -4,6 +4,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use calib_core::{Distortion, Lens, Pixel};
+use calib_editor::OldStill;
+use calib_editor::{Action, Pane, Phase, Pointer};
+use calib_editor::{Part, hit};
 use egui::{
     Color32, CursorIcon, Event, EventFilter, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2,
     WidgetInfo,
@@ -20,9 +23,6 @@ use crate::paint::{Pen, line};
 use crate::panels::context;
 use crate::picture::Piece;
 use crate::theme::{self, on_image};
-use calib_editor::OldStill;
-use calib_editor::{Action, Pane, Phase, Pointer};
-use calib_editor::{Part, hit};
 
 /// Movement less than this is a click, in points.
 const CLICK: f32 = 4.0;

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use calib_editor::Source;
 use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
 use image::RgbImage;
 
 use crate::canvas::Mapping;
 use crate::platform::{Here, Platform as _, Task};
-use calib_editor::Source;
 
 /// In a browser there are 4 GB at most, and a phone has less.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");

@@ -1,12 +1,12 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
 use calib_core::{FloorPoint, WorldPoint, in_front, position_ellipse, prism};
+use calib_editor::Session;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
 use crate::theme::{self, on_image};
-use calib_editor::Session;
 
 /// From where the scene is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]

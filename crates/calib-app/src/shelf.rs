@@ -4,7 +4,6 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 
 use calib_core::Site;
-
 use calib_editor::Images;
 
 use crate::autosave::Found;

@@ -1,6 +1,8 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
 use calib_core::{Camera, FloorPoint, Kind, SiteCamera, ellipse};
+use calib_editor::Units;
+use calib_editor::corners_of;
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
@@ -11,8 +13,6 @@ use crate::icons::{self, Icon, Look};
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
 use crate::theme;
-use calib_editor::Units;
-use calib_editor::corners_of;
 
 /// Height of the part, in points.
 pub const HEIGHT: f32 = 220.0;

@@ -1,14 +1,14 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
+use calib_editor::Part;
+use calib_editor::{Action, TOOLS, Units};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::icons::{self, Icon};
 use crate::panels::{heading, length_field};
 use crate::theme;
-use calib_editor::Part;
-use calib_editor::{Action, TOOLS, Units};
 
 /// What a row asks for.
 enum Wish {

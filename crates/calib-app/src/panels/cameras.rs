@@ -1,5 +1,6 @@
 //! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
 
+use calib_editor::{Action, steps};
 use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
@@ -9,7 +10,6 @@ use crate::paint::chip;
 use crate::panels::above;
 use crate::picture::cropped;
 use crate::theme;
-use calib_editor::Action;
 
 /// How the list is ordered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,8 +77,7 @@ fn header(app: &mut App, ui: &mut Ui) {
         ui.horizontal(|ui| {
             ui.label(egui::RichText::new("Cameras").font(theme::medium(13.0)));
             let count = app.editor.session().site.cameras.len();
-            let done =
-                (0..count).filter(|&i| calib_editor::steps::is_finished(app.editor.session(), i)).count();
+            let done = (0..count).filter(|&i| steps::is_finished(app.editor.session(), i)).count();
             ui.label(egui::RichText::new(format!("{done} of {count}")).small().color(palette.text3));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let look = Look { size: Vec2::splat(20.0), ..Look::default() };
@@ -121,19 +120,14 @@ fn rows(app: &App) -> Vec<usize> {
         .iter()
         .enumerate()
         .filter(|(_, camera)| camera.id.to_lowercase().contains(&wanted))
-        .filter(|(index, _)| {
-            !app.list.unfinished || !calib_editor::steps::is_finished(app.editor.session(), *index)
-        })
+        .filter(|(index, _)| !app.list.unfinished || !steps::is_finished(app.editor.session(), *index))
         .map(|(index, _)| index)
         .collect();
     match app.list.order {
         Order::Site => {}
-        Order::Missing => {
-            rows.sort_by_key(|&i| std::cmp::Reverse(calib_editor::steps::missing(app.editor.session(), i)))
-        }
+        Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(app.editor.session(), i))),
         Order::Sigma => {
-            let sigma =
-                |i: usize| calib_editor::steps::floor_sigma(app.editor.session(), i).unwrap_or(f64::INFINITY);
+            let sigma = |i: usize| steps::floor_sigma(app.editor.session(), i).unwrap_or(f64::INFINITY);
             rows.sort_by(|&a, &b| sigma(b).total_cmp(&sigma(a)));
         }
     }
@@ -174,7 +168,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     } else {
         words(app, ui, camera, rect, thumb);
     }
-    let response = response.on_hover_text(calib_editor::steps::summary(app.editor.session(), camera));
+    let response = response.on_hover_text(steps::summary(app.editor.session(), camera));
     response.clicked() || response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))
 }
 
@@ -184,13 +178,13 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let left = thumb.right() + 8.0;
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
     let top = egui::pos2(left, rect.top() + 7.0);
-    let sigma = calib_editor::steps::floor_sigma(app.editor.session(), camera);
+    let sigma = steps::floor_sigma(app.editor.session(), camera);
     let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
     name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
-    let (text, is_done) = calib_editor::steps::next(app.editor.session(), camera);
+    let (text, is_done) = steps::next(app.editor.session(), camera);
     let colour = if is_done { palette.ok } else { palette.warn };
     let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);

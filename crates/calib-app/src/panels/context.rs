@@ -1,5 +1,6 @@
 //! What a right click or a long press on a canvas offers: first what can be done to what is under it.
 
+use calib_editor::{Action, Pane};
 use egui::{Popup, Response, RichText};
 
 use crate::app::App;
@@ -8,7 +9,6 @@ use crate::command::Command;
 use crate::pane::Place;
 use crate::panels::topbar;
 use crate::theme;
-use calib_editor::{Action, Pane};
 
 const ON_PLAN: [&[Command]; 3] = [
     &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
@@ -26,7 +26,7 @@ const ON_IMAGE: [&[Command]; 4] = [
 pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.panes.was_idle {
         // The finger that is held draws nothing.
-        app.act(Action::Drop);
+        app.send(Action::Drop);
         app.panes.forget_pointer();
     }
     if response.secondary_clicked() {
@@ -35,7 +35,7 @@ pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Ma
     if response.secondary_clicked() && app.editor.tool().is_idle() {
         let at = response.interact_pointer_pos().map(|at| mapping.document(at));
         if let (Pane::Image(camera), Some(at)) = (key.1, at) {
-            app.act(Action::SelectAt { camera, at, near: mapping.units(theme::HIT) });
+            app.send(Action::SelectAt { camera, at, near: mapping.units(theme::HIT) });
         }
     }
     let mut chosen = None;

@@ -1,6 +1,7 @@
 //! Two cameras that fit what was drawn equally well, side by side; a slider each where a whole family does.
 
 use calib_core::{floor_grid, on_image};
+use calib_editor::{Action, Family, Fit};
 use egui::{Color32, Painter, Rect, RichText, Role, Sense, Slider, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
@@ -11,7 +12,6 @@ use crate::paint::{Pen, line};
 use crate::panels::{above, number};
 use crate::picture::Piece;
 use crate::theme;
-use calib_editor::{Action, Family, Fit};
 
 /// Height of the part, in points.
 pub const HEIGHT: f32 = 236.0;

@@ -1,6 +1,7 @@
 //! What cameras share: marks, links, control points, and how well views agree.
 
 use calib_core::{Link, LinkKind, Mark, MarkKind, Pixel, ResidualOf, WorldPoint};
+use calib_editor::{Action, Part};
 use egui::{DragValue, RichText, Ui, Vec2};
 
 use crate::app::App;
@@ -8,7 +9,6 @@ use crate::command::Command;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{heading, length_field};
 use crate::theme;
-use calib_editor::{Action, Part};
 
 const fn icon(kind: MarkKind) -> Icon {
     match kind {

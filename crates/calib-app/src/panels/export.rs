@@ -3,11 +3,9 @@
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
-use calib_editor::Action;
-
 use crate::app::App;
 use crate::dialog::Purpose;
-use crate::platform::{Here, Platform as _, Task};
+use crate::platform::Task;
 use crate::theme::{self, Palette};
 
 /// What is asked for, and from which state of the site.
@@ -57,7 +55,7 @@ impl Sheet {
     }
 
     /// The files that may be written: there is nothing that is lost without a word.
-    fn files(&self) -> Option<&[calib_formats::File]> {
+    pub(crate) fn files(&self) -> Option<&[calib_formats::File]> {
         let export = self.made.as_ref()?.as_ref().ok()?;
         (self.agreed || export.losses.is_empty()).then_some(export.files.as_slice())
     }
@@ -227,25 +225,5 @@ fn told(ui: &mut Ui, palette: &Palette, export: &Export) {
             let kilobytes = (file.bytes.len() as f64 / 1024.0).ceil();
             ui.label(RichText::new(format!("{kilobytes} kB")).color(palette.text3));
         });
-    }
-}
-
-impl App {
-    /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
-    pub(crate) fn write_export(&mut self, folder: &std::path::Path) {
-        let Some(files) = self.export.files() else { return };
-        let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
-        let count = files.len();
-        match written {
-            Ok(()) => {
-                self.act(Action::Note(if folder.as_os_str().is_empty() {
-                    format!("{count} files were handed over as downloads.")
-                } else {
-                    format!("Wrote {count} files to {}.", folder.display())
-                }));
-                self.export.close();
-            }
-            Err(error) => self.act(Action::Fail(error)),
-        }
     }
 }

@@ -1,12 +1,12 @@
 //! What is known of the camera in hand: its names, its still, its lens.
 
 use calib_core::{Coefficient, DistortionEntry, DistortionModel};
+use calib_editor::{Action, OldStill};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::app::App;
 use crate::panels::heading;
 use crate::theme;
-use calib_editor::{Action, OldStill};
 
 /// Where the distortion comes from.
 #[derive(Clone, Debug, PartialEq)]

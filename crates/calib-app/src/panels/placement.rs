@@ -1,6 +1,7 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
 use calib_core::{STAGE_1_HEIGHT, Sigmas};
+use calib_editor::{Action, Units};
 use egui::{DragValue, RichText, Ui};
 
 use crate::app::App;
@@ -8,7 +9,6 @@ use crate::command::Command;
 use crate::panels::result::cells;
 use crate::panels::{digits, heading, length_field, number};
 use crate::theme;
-use calib_editor::{Action, Units};
 
 /// Where the camera in hand stands, by numbers.
 pub fn show(app: &mut App, ui: &mut Ui) {

@@ -1,13 +1,13 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
 use calib_core::{Known, LensEntry, Solution};
+use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
 use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, heading, number};
 use crate::theme;
-use calib_editor::{Action, Units};
 
 /// A number of the result that can be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -45,10 +45,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new(error).color(palette.bad));
         }
     });
-    match recover {
-        Some((index, true)) => app.recover(index),
-        Some((index, false)) => app.discard_found(index),
-        None => {}
+    if let Some((index, goes_on)) = recover {
+        app.decide(index, goes_on);
     }
     if let Some(command) = chosen {
         app.tell(command);

@@ -1,13 +1,13 @@
 //! The line below: what the next click does, where the cursor is, how the solve went.
 
 use calib_core::Pixel;
+use calib_editor::{Pane, plan_scale};
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, number};
 use crate::theme;
-use calib_editor::{Pane, plan_scale};
 
 /// The status line.
 pub fn show(app: &mut App, ui: &mut Ui) {

@@ -1,11 +1,11 @@
 //! The tools, each with its key.
 
+use calib_editor::{Action, TOOLS};
 use egui::{Align2, Ui, Vec2};
 
 use crate::app::App;
 use crate::icons::{self, Look};
 use crate::theme;
-use calib_editor::{Action, TOOLS};
 
 /// Behind which tools a gap stands.
 const GAPS: [&str; 3] = ["Select", "Upright", "Mark"];

@@ -1,5 +1,6 @@
 //! The middle of the window: one image, image and plan, all cameras, or the scene.
 
+use calib_editor::{Action, Pane};
 use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
 
 use crate::app::{App, Mode};
@@ -9,7 +10,6 @@ use crate::pane::{self, Place};
 use crate::panels::{dock, number};
 use crate::scene3d::{self, Orbit};
 use crate::theme;
-use calib_editor::{Action, Pane};
 
 /// Height of the line above a view, in points.
 const HEADER: f32 = 28.0;

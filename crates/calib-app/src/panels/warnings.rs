@@ -1,14 +1,14 @@
 //! What an operator should know of a result, with what to do about it as a button.
 
 use calib_core::{Code, Warning};
+use calib_editor::steps::is_grave;
+use calib_editor::{Action, Part};
 use egui::{RichText, Ui};
 
 use crate::app::App;
 use crate::command::Command;
 use crate::icons::{self, Icon};
 use crate::theme;
-use calib_editor::steps::is_grave;
-use calib_editor::{Action, Part};
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {

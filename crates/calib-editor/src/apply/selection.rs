@@ -37,7 +37,7 @@ impl Editor {
             Selection::Delete => self.delete(&parts, &name),
             Selection::Duplicate => self.duplicate(&parts, &name),
             Selection::OnOff => {
-                self.flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off)
+                self.flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off);
             }
             Selection::UseAnyway => {
                 self.flags(&parts, &format!("use {name} anyway"), |off, keep| (*off, *keep) = (false, true));

@@ -2,9 +2,9 @@
 
 mod segment;
 mod polyline;
-mod select;
 mod place;
 mod mark;
+mod select;
 mod link;
 mod control;
 mod measure;

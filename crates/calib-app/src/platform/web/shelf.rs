@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 
 use calib_core::Site;
+use calib_editor::Images;
 use egui::Context;
 use js_sys::{Array, Reflect, Uint8Array};
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,6 @@ use wasm_bindgen_futures::{JsFuture, spawn_local};
 
 use super::page;
 use crate::demo;
-use calib_editor::Images;
 
 use crate::autosave::Found;
 use crate::shelf::{Entry, News, Shelf, Work};
