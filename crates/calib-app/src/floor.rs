@@ -1,9 +1,7 @@
 //! What is painted on the floor from above: plan, images laid on it, polygons, cameras, marks. Reads only.
 
 use calib_core::{Camera, FloorPoint, Pixel, position_ellipse};
-use calib_editor::Part;
-use calib_editor::Session;
-use calib_editor::{PlanHandle, plan_handles, plan_scale};
+use calib_editor::{Part, PlanHandle, Session, plan_handles, plan_scale};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;

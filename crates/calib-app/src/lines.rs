@@ -1,8 +1,7 @@
 //! Drawn lines on an image: in the colour of their kind or residual, with a second sign, extended.
 
 use calib_core::{Annotation, Kind, Pixel, Residual, SiteCamera, line_name};
-use calib_editor::Part;
-use calib_editor::Units;
+use calib_editor::{Part, Units};
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::overlay::Overlay;

@@ -5,11 +5,7 @@ use std::collections::BTreeSet;
 use calib_core::{
     Camera, PRISM_HEIGHT, Pixel, Residual, SiteCamera, Solution, floor_grid, on_image as project,
 };
-use calib_editor::Family;
-use calib_editor::Part;
-use calib_editor::Session;
-use calib_editor::Trace;
-use calib_editor::Units;
+use calib_editor::{Family, Part, Session, Trace, Units};
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;

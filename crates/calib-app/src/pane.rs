@@ -4,9 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use calib_core::{Distortion, Lens, Pixel};
-use calib_editor::OldStill;
-use calib_editor::{Action, Pane, Phase, Pointer};
-use calib_editor::{Part, hit};
+use calib_editor::{Action, OldStill, Pane, Part, Phase, Pointer, hit};
 use egui::{
     Color32, CursorIcon, Event, EventFilter, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2,
     WidgetInfo,

@@ -1,8 +1,7 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
 use calib_core::{Camera, FloorPoint, Kind, SiteCamera, ellipse};
-use calib_editor::Units;
-use calib_editor::corners_of;
+use calib_editor::{Units, corners_of};
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;

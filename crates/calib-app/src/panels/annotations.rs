@@ -1,8 +1,7 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
-use calib_editor::Part;
-use calib_editor::{Action, TOOLS, Units};
+use calib_editor::{Action, Part, TOOLS, Units};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
