@@ -15,7 +15,6 @@ use calib_core::Site;
 use calib_editor::{Edge, FileResult, Source};
 use egui::Context;
 use image::RgbImage;
-
 use js_sys::{Reflect, Uint8Array};
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;

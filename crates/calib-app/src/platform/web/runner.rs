@@ -12,10 +12,9 @@ use serde_json::{Value, json};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 
-use super::Task;
 use super::mirror::Mirror;
 use super::shelf::Database;
-use super::{page, read_all};
+use super::{Task, page, read_all};
 use crate::app::App;
 use crate::command::{self, Command};
 use crate::theme;

@@ -14,9 +14,8 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::{JsFuture, spawn_local};
 
 use super::page;
-use crate::demo;
-
 use crate::autosave::Found;
+use crate::demo;
 use crate::shelf::{Entry, News, Shelf, Work};
 
 /// A kept site, as the database has it.

@@ -8,9 +8,8 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 
 use super::{Web, page};
-use crate::platform::Platform as _;
-
 use crate::demo;
+use crate::platform::Platform as _;
 
 /// What has a worker of its own, so that it can be stopped.
 const REFINE: &str = "refine";
