@@ -28,6 +28,8 @@ pub mod command;
 pub mod keys;
 mod loupe;
 mod minimap;
+pub mod panes;
+mod handles;
 pub mod pane;
 pub mod panels;
 pub mod app;

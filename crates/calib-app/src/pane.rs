@@ -1,24 +1,22 @@
 //! Canvases: what the pointer does on them goes to the tool, then they are painted.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
-use calib_core::{Distortion, Lens, Pixel};
+use calib_core::{Distortion, Pixel};
 use calib_editor::{Action, OldStill, Pane, Part, Phase, Pointer, hit};
-use egui::{
-    Color32, CursorIcon, Event, EventFilter, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2,
-    WidgetInfo,
-};
+use egui::{Color32, CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::floor::Floor;
+use crate::handles;
 use crate::keys;
 use crate::loupe;
 use crate::minimap;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
 use crate::panels::context;
+pub use crate::panes::{Panes, Place};
 use crate::picture::Piece;
 use crate::theme::{self, on_image};
 
@@ -28,89 +26,6 @@ const CLICK: f32 = 4.0;
 const OFFER: f32 = 5.0;
 /// Two clicks within this are a double click, in seconds.
 const DOUBLE: f64 = 0.4;
-
-/// Where a pane stands: a camera alone and among others is looked at in two ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Place {
-    /// It has the canvas.
-    Main,
-    /// It stands beside the plan.
-    Half,
-    /// One of many.
-    Tile,
-}
-
-/// What canvases remember between frames.
-#[derive(Debug, Default)]
-pub struct Panes {
-    /// How each is looked at.
-    pub views: HashMap<(Place, Pane), View>,
-    /// What the views were when they were made to fit.
-    fitted: HashMap<(Place, Pane), View>,
-    /// The plan whose picture was shown last.
-    plan: Option<String>,
-    /// Whether there are more tiles than the window shows.
-    pub tiles_overflow: bool,
-    /// Where the cursor is, in the pane's units.
-    pub cursor: Option<(Pane, [f64; 2])>,
-    /// The pane and place that holds the pointer while a button is down.
-    captured: Option<(Place, Pane)>,
-    pressed: Pos2,
-    moved: bool,
-    double: bool,
-    /// Whether nothing was in the hand before the last press.
-    pub(crate) was_idle: bool,
-    last_press: Option<(f64, Pos2)>,
-    /// The pane over which the whole image lies small, and where.
-    pub(crate) minimap: Option<((Place, Pane), Rect)>,
-    /// The pane that was used last: zoom keys mean it.
-    pub active: Option<(Place, Pane)>,
-    /// Where every pane was shown last, for zoom keys and tests.
-    pub rects: HashMap<(Place, Pane), Rect>,
-    /// The middle of the window, whatever it shows.
-    pub middle: Option<Rect>,
-    /// The lenses whose bend is taken out of panes.
-    lenses: HashMap<(Place, Pane), Lens>,
-}
-
-impl Panes {
-    /// Forgets a pointer whose release will never be told.
-    pub fn forget_pointer(&mut self) {
-        (self.captured, self.last_press) = (None, None);
-    }
-
-    /// Forgets where panes were, and a cursor on one that is no longer shown.
-    pub fn begin_frame(&mut self) {
-        let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
-        self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
-        self.rects.clear();
-        self.lenses.clear();
-    }
-
-    /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
-    fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
-        let chosen = self.views.get(&key).copied();
-        let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
-        if was_fitted {
-            self.fitted.insert(key, whole);
-            self.views.insert(key, whole);
-        }
-        chosen.filter(|_| !was_fitted).unwrap_or(whole)
-    }
-
-    /// Whether something lies over a pane there.
-    fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
-        self.minimap.is_some_and(|(own, rect)| own == key && rect.contains(at))
-    }
-
-    /// Where a pane shows its document.
-    #[must_use]
-    pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
-        let lens = self.lenses.get(&(place, pane)).copied();
-        let (view, rect) = (*self.views.get(&(place, pane))?, *self.rects.get(&(place, pane))?);
-        Some(Mapping { view, rect, lens })
-    }
-}
 
 fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
     let pointer = ui.input(|i| i.pointer.hover_pos());
@@ -275,7 +190,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
     offered(app, ui, &painter, camera, &mapping);
     if place != Place::Tile {
-        handles(app, ui, camera, &mapping);
+        handles::on_image(app, ui, camera, &mapping);
     }
     cursor(app, ui, pane, &mapping);
     if place == Place::Main {
@@ -371,44 +286,6 @@ pub(crate) fn overlay<'a>(
     }
 }
 
-/// A name for every handle, for screen readers, the Tab key and tests.
-fn handles(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
-    let list = hit::handles(&app.editor.session().site, camera);
-    let mut chosen = None;
-    for (part, pixel) in list {
-        let at = mapping.screen(pixel.into());
-        if !mapping.rect.contains(at) {
-            continue;
-        }
-        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
-        let id = ui.scope_id().with(("handle", camera, part));
-        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
-        let name = handle_name(app, part);
-        let selected = app.editor.session().selection.contains(&part);
-        response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &name));
-        if response.has_focus() {
-            let arrows =
-                EventFilter { horizontal_arrows: true, vertical_arrows: true, ..EventFilter::default() };
-            ui.memory_mut(|memory| memory.set_focus_lock_filter(id, arrows));
-        }
-        if response.gained_focus() {
-            chosen = Some(part);
-        }
-    }
-    if let Some(part) = chosen {
-        app.act(Action::SelectOn(camera, part));
-    }
-}
-
-fn handle_name(app: &App, part: Part) -> String {
-    let name = app.editor.session().part_name(part);
-    match part {
-        Part::Vertex { vertex, .. } => format!("{name} point {}", vertex + 1),
-        Part::Link { point, .. } if point > 0 => format!("{name} point {}", point + 1),
-        _ => name,
-    }
-}
-
 fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
     let over = ui.input(|i| i.pointer.hover_pos()).filter(|&at| is_over(ui, mapping.rect, at));
     let Some(at) = over else { return };
@@ -482,26 +359,6 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
     }
     floor.paint_scale(&painter);
-    plan_handle_names(app, ui, &mapping);
+    handles::on_plan(app, ui, &mapping);
     self::cursor(app, ui, Pane::Plan, &mapping);
-}
-
-fn plan_handle_names(app: &App, ui: &Ui, mapping: &Mapping) {
-    let Some(entry) = app.editor.session().entry() else { return };
-    for (handle, at) in calib_editor::plan_handles(app.editor.session(), app.editor.session().camera) {
-        let at = mapping.screen(at);
-        if !mapping.rect.contains(at) {
-            continue;
-        }
-        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
-        let id = ui.scope_id().with(("plan handle", handle));
-        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
-        let name = match handle {
-            calib_editor::PlanHandle::Corner(corner) => {
-                format!("corner {} of {} on the plan", corner + 1, entry.id)
-            }
-            other => format!("{} {} on the plan", other.verb(), entry.id),
-        };
-        response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &name));
-    }
 }

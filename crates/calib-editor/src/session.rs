@@ -4,14 +4,13 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use calib_core::{
-    Camera, MarkKind, Method, Pixel, Placement, PlacementEntry, PlanPixel, Report, Site, SiteCamera,
-    Solution, Stage,
+    Camera, MarkKind, Method, Pixel, Placement, PlacementEntry, PlanPixel, Site, SiteCamera, Solution,
 };
 
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::solved::{Solved, keep_polygon};
+use crate::solved::{Solved, joint_of, keep_polygon, report_of};
 use crate::units::Units;
 
 /// A site that is being worked on.
@@ -367,29 +366,6 @@ impl Session {
         self.solved.keep_joint(&self.site, report_of(refined));
         self.commit("refine all cameras");
         self.before_refine = Some(before);
-    }
-}
-
-/// The results of a joint solve that a file brings along.
-fn joint_of(site: &Site) -> Option<Report> {
-    let is_refined = |camera: &SiteCamera| {
-        camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
-    };
-    site.cameras.iter().any(is_refined).then(|| report_of(site))
-}
-
-/// The results that are written into a site.
-fn report_of(site: &Site) -> Report {
-    let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
-        (Some(solution), _) => Some(Ok(solution.clone())),
-        (None, error) => error.clone().map(Err),
-    };
-    let cameras = site.cameras.iter().enumerate();
-    Report {
-        cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
-        links: site.links.iter().map(|link| link.solution.clone()).collect(),
-        marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
-        site: site.solution.clone().unwrap_or_default(),
     }
 }
 

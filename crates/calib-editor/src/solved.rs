@@ -256,6 +256,29 @@ fn is_same_site(known: &Site, site: &Site) -> bool {
         && known.distances == site.distances
 }
 
+/// The results of a joint solve that a file brings along.
+pub(crate) fn joint_of(site: &Site) -> Option<Report> {
+    let is_refined = |camera: &SiteCamera| {
+        camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
+    };
+    site.cameras.iter().any(is_refined).then(|| report_of(site))
+}
+
+/// The results that are written into a site.
+pub(crate) fn report_of(site: &Site) -> Report {
+    let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
+        (Some(solution), _) => Some(Ok(solution.clone())),
+        (None, error) => error.clone().map(Err),
+    };
+    let cameras = site.cameras.iter().enumerate();
+    Report {
+        cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
+        links: site.links.iter().map(|link| link.solution.clone()).collect(),
+        marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
+        site: site.solution.clone().unwrap_or_default(),
+    }
+}
+
 /// A corner where `after` shows it unplaced, and where `before` shows it.
 type Pair = ([f64; 2], [f64; 2]);
 

@@ -7,6 +7,7 @@ pub mod dock;
 pub mod elements;
 pub mod export;
 pub mod lens;
+pub mod marks;
 pub mod palette;
 pub mod placement;
 pub mod result;
@@ -111,7 +112,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
-                section(ui, |ui| elements::marks(app, ui));
+                section(ui, |ui| marks::show(app, ui));
                 section(ui, |ui| elements::links(app, ui));
                 section(ui, |ui| elements::distances(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
