@@ -9,7 +9,10 @@ use calib_tests::root;
 /// The modules that a `lib.rs` or `mod.rs` declares, in its order.
 fn modules(table: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(table).unwrap();
-    text.lines().filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';')).map(str::to_owned).collect()
+    let name = |line: &str| {
+        line.strip_prefix("pub ").unwrap_or(line).strip_prefix("mod ")?.strip_suffix(';').map(str::to_owned)
+    };
+    text.lines().filter_map(name).collect()
 }
 
 /// The code of a file without its comments and its tests.
@@ -27,7 +30,16 @@ fn names(code: &str, parent: &str, module: &str) -> bool {
 
 #[test]
 fn a_folder_of_the_core_uses_only_folders_above_it() {
-    let source = root().join("crates/calib-core/src");
+    uses_only_what_is_above("calib-core");
+}
+
+#[test]
+fn a_file_of_the_editor_uses_only_files_above_it() {
+    uses_only_what_is_above("calib-editor");
+}
+
+fn uses_only_what_is_above(package: &str) {
+    let source = root().join("crates").join(package).join("src");
     let order = modules(&source.join("lib.rs"));
     assert!(order.len() > 5, "the list is read");
     let mut wrong = Vec::new();
@@ -35,9 +47,9 @@ fn a_folder_of_the_core_uses_only_folders_above_it() {
         let mut found = Vec::new();
         let path = source.join(folder);
         if path.is_dir() {
-            files(&path, &mut found)
+            files(&path, &mut found);
         } else {
-            found.push(path.with_extension("rs"))
+            found.push(path.with_extension("rs"));
         }
         for path in found.iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
             let code = code(path);
@@ -102,6 +114,36 @@ fn the_core_makes_sentences_in_one_place() {
         wrong.extend(sentences.map(|text| format!("{}: {text}", path.display())));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_editor_knows_no_screen_no_files_and_no_threads() {
+    let manifest = std::fs::read_to_string(root().join("crates/calib-editor/Cargo.toml")).unwrap();
+    let mut found = Vec::new();
+    files(&root().join("crates/calib-editor/src"), &mut found);
+    for word in ["egui", "eframe", "epaint"] {
+        assert!(!manifest.contains(word), "the editor depends on {word}");
+    }
+    for path in found {
+        for word in ["egui", "std::fs", "std::thread", "std::env", "target_arch"] {
+            assert!(!code(&path).contains(word), "{} has {word}", path.display());
+        }
+    }
+}
+
+#[test]
+fn panels_ask_and_only_the_platform_knows_the_system() {
+    let source = root().join("crates/calib-app/src");
+    let mut found = Vec::new();
+    files(&source, &mut found);
+    for path in found {
+        let (code, name) = (code(&path), path.strip_prefix(&source).unwrap());
+        let asks = !name.starts_with("panels") || !(code.contains(".act(") || code.contains(".apply("));
+        assert!(asks, "{} changes the document in the middle of a frame", name.display());
+        // Where the program begins it is one of the two.
+        let may = name.starts_with("platform") || name == Path::new("main.rs");
+        assert!(may || !code.contains("target_arch"), "{} asks where it runs", name.display());
+    }
 }
 
 #[test]

@@ -10,10 +10,10 @@ use std::io::Write as _;
 use std::time::Instant;
 
 use calib_app::files::Images;
-use calib_app::hit::Part;
-use calib_app::session::Session;
-use calib_app::tools::Pane;
 use calib_core::Site;
+use calib_editor::Pane;
+use calib_editor::Part;
+use calib_editor::Session;
 use desk::{Desk, demo};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 
@@ -66,7 +66,7 @@ fn frames() -> Vec<f64> {
     let mut desk = arrived(site, images, Key::Num3);
     desk.take("Select");
     let foot = desk.site().marks[0].at_m;
-    let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(foot).unwrap();
+    let from = desk.app().editor.session().solved.pose(0).unwrap().world_to_pixel(foot).unwrap();
     let at = desk.screen(Pane::Image(0), from.into());
     let took = dragged(&mut desk, at, PointerButton::Primary, [20.0, 10.0]);
     assert!(desk.site().marks[0].at_m != foot, "the mark was not dragged");
@@ -95,7 +95,7 @@ fn solves() -> Vec<f64> {
     let end = [Part::Vertex { annotation: 0, segment: 0, vertex: 1 }].into();
     let solve = |i: usize| {
         let angle = i as f64 * 0.05;
-        calib_app::edit::shift(&mut session.site, 0, &end, [angle.cos(), angle.sin()]);
+        calib_editor::edit::shift(&mut session.site, 0, &end, [angle.cos(), angle.sin()]);
         let start = Instant::now();
         assert!(session.solve(), "what was dragged is solved again");
         1e3 * start.elapsed().as_secs_f64()

@@ -2,30 +2,26 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Annotation, Camera, PlanPixel, Site, SiteCamera};
+use calib_editor::{Action, Command, Edge, Editor, Pane, Part, edges, edit, hit};
 use egui::{Color32, Context, Painter, Rect, Ui};
 
+use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::{Mapping, View};
-use crate::claim::Claim;
 use crate::command;
 use crate::dialog::{Chosen, Dialog, Purpose};
-use crate::document::Slots;
-use crate::edges::{self, Edge, Edges};
-use crate::files::{Autosave, Found, Images};
-use crate::hit::Part;
+use crate::edges::Edges;
+use crate::keys;
 use crate::overlay::Layers;
 use crate::pane::{Panes, Place};
 use crate::panels;
-use crate::picture::{Pictures, Piece};
+use crate::picture::Pictures;
 use crate::plan::Planning;
+use crate::platform::{Here, Platform, Task};
 use crate::refine::Refining;
 use crate::scene3d::Orbit;
-use crate::session::Session;
-use crate::shelf::{Shelf, Work};
-use crate::stills::{NewStill, OldStill};
-use crate::task::Task;
+use crate::shelf::Shelf;
+use crate::stills::Read;
 use crate::theme;
-use crate::tools::{Pane, TOOLS, Tool};
 
 /// What the middle of the window shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,16 +37,22 @@ pub enum Mode {
     Scene,
 }
 
+/// What panels asked for in this frame.
+#[derive(Debug)]
+enum Sent {
+    Action(Action),
+    Command(Command),
+    Recover(usize),
+    Discard(usize),
+}
+
 /// The whole app.
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct App {
-    /// The open site.
-    pub session: Session,
-    /// The tool in hand.
-    pub tool: Box<dyn Tool>,
-    /// Its row in the list.
-    pub tool_row: usize,
+    /// The document.
+    pub editor: Editor,
+    sent: Vec<Sent>,
     /// What the middle shows.
     pub mode: Mode,
     /// How canvases are looked at.
@@ -82,9 +84,7 @@ pub struct App {
     /// When the suspect changed, for its blinking, in seconds.
     pub suspect_since: f64,
     suspect: Option<(usize, usize, usize)>,
-    /// What else fits the camera of this index as well.
-    pub family: Option<(usize, crate::family::Family)>,
-    /// The two are shown side by side.
+    /// Two cameras that fit equally well are shown side by side.
     pub compares_views: bool,
     /// A field for text had the focus when the last frame ended.
     was_typing: bool,
@@ -100,16 +100,8 @@ pub struct App {
     pub pair: [String; 2],
     /// How the list of cameras is filtered and sorted.
     pub list: panels::cameras::List,
-    /// Annotations that were copied, with the size of their image.
-    pub copied: Option<(Vec<Annotation>, [u32; 2])>,
-    /// An error that concerns the document, until it is closed.
-    pub error: Option<String>,
     /// Work of crashed sessions, offered, each with where it is kept.
     pub found: Vec<(Autosave, Found)>,
-    /// The still that was replaced.
-    pub old_still: Option<OldStill>,
-    /// A saved version to compare with.
-    pub compared: Option<Site>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
     /// Where a browser keeps sites.
@@ -119,15 +111,15 @@ pub struct App {
     /// Where autosaves are.
     pub(crate) folder: Option<PathBuf>,
     /// The autosaves that no other window touches while this one lives.
-    pub(crate) claims: Vec<(PathBuf, Claim)>,
+    pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
     pub(crate) kept: u64,
     pub(crate) dialog: Option<Dialog>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
     pub(crate) pictured: Option<Vec<u8>>,
-    pub(crate) adding: Vec<Task<NewStill>>,
+    pub(crate) adding: Vec<Task<Read>>,
     /// The id of the camera whose still is asked for, or read.
     pub(crate) replaced: String,
-    pub(crate) replacing: Option<Task<NewStill>>,
+    pub(crate) replacing: Option<Task<Read>>,
     pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
 }
@@ -139,9 +131,8 @@ impl App {
         theme::install(ctx);
         let Slots { found, autosave, claims } = Slots::of(folder.as_deref());
         Self {
-            session: Session::new(Site::new(), Images::default(), None),
-            tool: (TOOLS[0].make)(),
-            tool_row: 0,
+            editor: Editor::default(),
+            sent: Vec::new(),
             mode: Mode::Image,
             panes: Panes::default(),
             pictures: Pictures::default(),
@@ -158,7 +149,6 @@ impl App {
             lit: None,
             suspect_since: 0.0,
             suspect: None,
-            family: None,
             compares_views: false,
             was_typing: false,
             palette: panels::palette::Palette::default(),
@@ -167,11 +157,7 @@ impl App {
             about: false,
             pair: Default::default(),
             list: panels::cameras::List::default(),
-            copied: None,
-            error: None,
             found,
-            old_still: None,
-            compared: None,
             chooser: Dialog::open,
             shelf: None,
             arriving: Vec::new(),
@@ -195,28 +181,46 @@ impl App {
         self.waiting() > 0 || self.dialog.is_some() || self.refining.is_some() || !self.arriving.is_empty()
     }
 
-    /// Opens a site in place of the one that is open.
-    pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
-        self.put_aside();
-        let (units, snap) = (self.session.units, self.session.snap);
-        self.session = Session::new(site, images, path);
-        (self.session.units, self.session.snap) = (units, snap);
-        if let Some(shelf) = &mut self.shelf {
-            shelf.begin();
+    /// Has the editor do something now: for canvases, which show in this frame what the pointer does.
+    pub fn act(&mut self, action: Action) {
+        self.editor.apply(action);
+    }
+
+    /// Asks for something to be done at the end of the frame: for panels, which show one state of the site.
+    pub fn send(&mut self, action: Action) {
+        self.sent.push(Sent::Action(action));
+    }
+
+    /// Asks for a command to be run at the end of the frame.
+    pub fn tell(&mut self, command: Command) {
+        self.sent.push(Sent::Command(command));
+    }
+
+    /// Asks for what a crashed session left to be gone on with, or to be discarded.
+    pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
+        self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
+    }
+
+    /// Does what panels asked for.
+    fn grant(&mut self, ctx: &Context) {
+        let sent = std::mem::take(&mut self.sent);
+        if !sent.is_empty() {
+            ctx.request_repaint();
         }
-        self.pictures.clear();
-        self.edges.clear();
-        self.panes = Panes::default();
-        self.orbit = None;
-        self.kept = 0;
-        (self.compared, self.error, self.family) = (None, None, None);
-        // Nothing that was asked for the old site lands in the new one.
-        self.adding.clear();
-        (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
-        (self.picture, self.pictured, self.old_still) = (None, None, None);
-        (self.export, self.tour) = (panels::export::Sheet::default(), panels::tour::Tour::default());
-        self.compares_views = false;
-        self.take_tool(0);
+        for one in sent {
+            match one {
+                Sent::Action(action) => self.act(action),
+                Sent::Recover(index) => self.recover(index),
+                Sent::Discard(index) => self.discard_found(index),
+                Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),
+            }
+        }
+    }
+
+    /// Whether a command would do something now.
+    #[must_use]
+    pub fn is_enabled(&self, command: Command) -> bool {
+        self.editor.is_enabled(command, self.is_working())
     }
 
     /// Asks for files.
@@ -224,29 +228,15 @@ impl App {
         self.dialog = Some((self.chooser)(purpose));
     }
 
-    /// Puts a tool in the hand.
-    pub fn take_tool(&mut self, index: usize) {
-        self.cancel();
-        if let Some(row) = TOOLS.get(index) {
-            (self.tool, self.tool_row) = ((row.make)(), index);
-        }
-    }
-
-    /// The kind of annotation that the tool in hand draws.
-    #[must_use]
-    pub fn tool_kind(&self) -> Option<calib_core::Kind> {
-        TOOLS.get(self.tool_row)?.kind
-    }
-
     /// Looks at a part of the image in hand so that it fills a good deal of the canvas.
     pub fn reveal(&mut self, part: Part) {
-        let camera = self.session.camera;
+        let camera = self.editor.session().camera;
         let key = (Place::Main, Pane::Image(camera));
-        let parts = crate::edit::points_of(&self.session.site, camera, &[part].into());
-        let site = &mut self.session.site;
-        let points: Vec<[f64; 2]> = parts
+        let parts = edit::points_of(self.editor.site(), camera, &[part].into());
+        let points: Vec<[f64; 2]> = hit::handles(self.editor.site(), camera)
             .into_iter()
-            .filter_map(|part| crate::edit::pixel_mut(site, camera, part).map(|pixel| (*pixel).into()))
+            .filter(|(part, _)| parts.contains(part))
+            .map(|(_, pixel)| pixel.into())
             .collect();
         let Some(mapping) = self.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else { return };
         let points: Vec<[f64; 2]> = points.into_iter().map(|at| mapping.flat(at)).collect();
@@ -265,14 +255,15 @@ impl App {
         at: calib_core::Pixel,
         radius: f64,
     ) -> Option<Edge> {
-        let draws = self.tool_kind().is_some_and(|kind| kind != calib_core::Kind::Straight);
+        let draws = self.editor.tool_kind().is_some_and(|kind| kind != calib_core::Kind::Straight);
         if !draws || !self.layers.edges {
             return None;
         }
-        let name = self.session.site.cameras.get(camera)?.image.as_deref()?;
+        let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;
         // What stands upright is not offered what lies flat.
         let plumb = self
+            .editor
             .tool_kind()
             .is_some_and(|kind| matches!(kind, calib_core::Kind::Vertical | calib_core::Kind::Upright));
         let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
@@ -280,25 +271,18 @@ impl App {
         (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)
     }
 
-    /// Ends a gesture that is under way; the site is as it was before it.
-    pub fn cancel(&mut self) {
-        self.tool.cancel();
-        self.session.revert();
-        self.session.solve();
-    }
-
     /// Begins to improve all cameras together.
     pub(crate) fn refine(&mut self, ctx: &Context) {
         if self.refining.is_none() {
-            self.refining = Some(Refining::begin(ctx, &self.session.site));
+            self.refining = Some(Refining::begin(ctx, self.editor.site()));
         }
     }
 
     fn poll_refining(&mut self) {
         let Some(refining) = self.refining.take() else { return };
         match refining.poll() {
-            Some(Ok(refined)) => self.session.take_refined(&refining.from, &refined),
-            Some(Err(error)) => self.complain(format!("Refining stopped: {error}")),
+            Some(Ok(refined)) => self.act(Action::Refined(Box::new((refining.from.clone(), refined)))),
+            Some(Err(error)) => self.act(Action::Complain(format!("Refining stopped: {error}"))),
             None => self.refining = Some(refining),
         }
     }
@@ -306,8 +290,8 @@ impl App {
     /// Shows another view.
     pub fn show(&mut self, mode: Mode) {
         // A control point that waits for the plan waits through this.
-        if !self.session.history.is_at(&self.session.site) {
-            self.cancel();
+        if !self.editor.is_at_rest() {
+            self.act(Action::Drop);
         }
         self.mode = mode;
     }
@@ -315,17 +299,21 @@ impl App {
     /// Closes what is open above the window. Whether anything was.
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.export.close();
-        let was_open =
-            exported || self.palette.is_open() || self.shortcuts || self.about || self.error.is_some();
+        let was_open = exported
+            || self.palette.is_open()
+            || self.shortcuts
+            || self.about
+            || self.editor.error().is_some();
         self.palette.close();
-        (self.shortcuts, self.about, self.error) = (false, false, None);
+        (self.shortcuts, self.about) = (false, false);
+        self.act(Action::CloseError);
         was_open
     }
 
     /// The canvas that zoom keys mean.
     #[must_use]
     pub fn zoom_key(&self) -> (Place, Pane) {
-        let own = Pane::Image(self.session.camera);
+        let own = Pane::Image(self.editor.session().camera);
         match (self.mode, self.panes.active) {
             (Mode::Image, _) => (Place::Main, own),
             (Mode::Plan, None) => (Place::Half, own),
@@ -334,69 +322,10 @@ impl App {
         }
     }
 
-    /// The floor that is worth looking at, in metres.
-    #[must_use]
-    pub fn floor_bounds(&self) -> [[f64; 2]; 2] {
-        let session = &self.session;
-        let count = session.site.cameras.len();
-        let fields = (0..count).filter_map(|i| session.solved.solution(i)).flat_map(|s| &s.efov_m);
-        let feet = (0..count).filter_map(|i| session.solved.pose(i)).map(|pose| pose.position.on_floor());
-        let points: Vec<[f64; 2]> =
-            fields.copied().chain(feet).chain(self.plan_corners()).map(Into::into).collect();
-        if points.is_empty() {
-            return [[-5.0, -2.0], [5.0, 10.0]];
-        }
-        let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        let margin = 0.06 * (high(0) - low(0)).hypot(high(1) - low(1));
-        [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
-    }
-
-    /// Where the corners of the plan's picture lie on the floor.
-    fn plan_corners(&self) -> Vec<calib_core::FloorPoint> {
-        let name = self.session.site.plan.as_ref().and_then(|plan| plan.image.as_ref());
-        let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
-        let [w, h] = picture.size().map(f64::from);
-        let scale = crate::tools::plan_scale(&self.session.site);
-        let corner = |[x, y]: [f64; 2]| scale.floor_from_plan(PlanPixel::new(x, y));
-        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
-    }
-
-    /// Poses to be shown as ghosts: those before the gesture under way, of a compared version, or before Refine.
-    #[must_use]
-    pub fn poses_before(&self) -> Vec<Option<Camera>> {
-        if !self.tool.is_idle() {
-            return self.session.settled().to_vec();
-        }
-        if let Some(compared) = self.compared.as_ref().filter(|_| self.show_before) {
-            let pose = |camera: &SiteCamera| compared.camera(&camera.id).and_then(SiteCamera::camera);
-            return self.session.site.cameras.iter().map(pose).collect();
-        }
-        self.session.before_refine.clone().filter(|_| self.show_before).unwrap_or_default()
-    }
-
-    /// Starts decoding of the plan.
-    pub fn ask_for_plan(&mut self, ctx: &Context) {
-        let name = self.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-        if let Some(name) = name {
-            let images = &self.session.images;
-            self.pictures.get(ctx, &name, || images.reader(&name));
-        }
-    }
-
-    /// The plan's picture, in pieces, as sharp as it is.
-    pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
-        let name = self.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-        let Some(name) = name else { return Vec::new() };
-        let images = &self.session.images;
-        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
-        picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
-    }
-
     /// Paints a still, or says why it is not there.
     pub fn paint_still(&mut self, painter: &Painter, name: Option<&str>, mapping: &Mapping, rect: Rect) {
         let Some(name) = name else { return };
-        let images = &self.session.images;
+        let images = &self.editor.session().images;
         if let Some(picture) = self.pictures.get(painter.ctx(), name, || images.reader(name)) {
             picture.paint(painter, mapping, Color32::WHITE);
             return;
@@ -412,7 +341,7 @@ impl App {
     pub fn logic(&mut self, ctx: &Context) {
         self.pictures.begin_frame(ctx);
         // What comes in waits until the hand is empty: it would end the gesture that is under way.
-        if self.tool.is_idle() && (!self.awaits() || self.session.history.is_at(&self.session.site)) {
+        if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_at_rest()) {
             self.poll_dialog(ctx);
             self.poll_stills();
             self.poll_refining();
@@ -420,7 +349,7 @@ impl App {
             self.poll_shelf();
         }
         self.poll_picture(ctx);
-        for (command, modifiers) in command::pressed(ctx, self.was_typing) {
+        for (command, modifiers) in keys::pressed(ctx, self.was_typing) {
             command::run(self, ctx, command, modifiers);
         }
     }
@@ -428,47 +357,25 @@ impl App {
     /// One frame.
     pub fn show_ui(&mut self, ui: &mut Ui) {
         self.logic(&ui.ctx().clone());
-        self.session.solve();
+        self.editor.solve();
         self.watch_suspect(ui);
         self.panes.begin_frame();
         panels::show(self, ui);
         self.was_typing = ui.ctx().text_edit_focused();
+        self.grant(&ui.ctx().clone());
         self.remember();
     }
 
     /// A new suspect begins to blink.
     fn watch_suspect(&mut self, ui: &Ui) {
-        let camera = self.session.camera;
-        let suspect = self.session.solution().and_then(|solution| {
+        let camera = self.editor.session().camera;
+        let suspect = self.editor.session().solution().and_then(|solution| {
             let residual = solution.residuals.iter().find(|residual| residual.outlier)?;
             Some((camera, residual.annotation?, residual.segment?))
         });
         if suspect != self.suspect {
             self.suspect = suspect;
             self.suspect_since = ui.input(|i| i.time);
-        }
-    }
-
-    /// Keeps every finished gesture where a crash does not reach it.
-    fn remember(&mut self) {
-        if self.kept == self.session.generation {
-            return;
-        }
-        self.kept = self.session.generation;
-        if self.autosave.is_none() && self.folder.is_some() && self.session.generation == 1 {
-            self.session.note =
-                Some("Not kept against a crash: nine unsaved sites wait already. Save it as a file.".into());
-        }
-        if let Some(shelf) = &mut self.shelf {
-            let (site, session) = (self.session.history.site(), &self.session);
-            let last = session.history.undo_name().unwrap_or_default();
-            shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
-        }
-        let Some(autosave) = &self.autosave else { return };
-        // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
-        let site = self.session.history.site();
-        if let Err(error) = autosave.keep(&site, &self.session.images, self.session.path.as_deref()) {
-            self.error = Some(format!("Autosave: {error}"));
         }
     }
 }

@@ -4,12 +4,13 @@ use std::io::Cursor;
 use std::path::PathBuf;
 
 use calib_core::Site;
+use calib_editor::Images;
 
-use crate::files::{Images, data_dir};
+use crate::platform::{Here, Platform as _};
 
 /// The folder in which rendered images are kept.
 fn folder() -> Option<PathBuf> {
-    data_dir().map(|folder| folder.join("demonstration"))
+    Here::data_dir().map(|folder| folder.join("demonstration"))
 }
 
 /// The site, and where its images come from.
@@ -38,7 +39,7 @@ pub fn render(name: &str) -> Result<Vec<u8>, String> {
         .map_err(|error| error.to_string())?;
     if let Some(folder) = folder() {
         // A picture that cannot be kept is rendered again.
-        let _ = crate::files::write(&folder.join(name), &bytes);
+        let _ = Here::write(&folder.join(name), &bytes);
     }
     Ok(bytes)
 }

@@ -1,72 +1,69 @@
-//! What is done with the document as a whole: recovered, saved; cameras renamed, removed, given lenses.
+//! What is done with the document as a whole: opened, recovered, saved.
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{Annotation, LensEntry};
+use calib_core::{LensEntry, Site};
+use calib_editor::{Action, Images, Opened};
 
 use crate::app::App;
-use crate::claim::Claim;
-use crate::files::{self, Autosave, Found};
-use crate::shelf::News;
-
-/// What a browser saves is a download, and lies beside nothing.
-const HAS_FOLDERS: bool = cfg!(not(target_arch = "wasm32"));
-
-/// The autosaves of a folder, as one window finds them.
-#[derive(Debug, Default)]
-pub(crate) struct Slots {
-    /// What crashed sessions left.
-    pub(crate) found: Vec<(Autosave, Found)>,
-    /// Where this one keeps its own.
-    pub(crate) autosave: Option<Autosave>,
-    pub(crate) claims: Vec<(PathBuf, Claim)>,
-}
-
-impl Slots {
-    pub(crate) fn of(folder: Option<&Path>) -> Self {
-        let mut slots = Self::default();
-        for slot in folder.into_iter().flat_map(Autosave::slots) {
-            // What another window keeps is its own; what was found stays until the operator has decided.
-            let Some(claim) = Claim::of(slot.folder()) else { continue };
-            let folder = slot.folder().to_path_buf();
-            match slot.find() {
-                Some(work) => slots.found.push((slot, work)),
-                None if slots.autosave.is_none() => slots.autosave = Some(slot),
-                None => continue,
-            }
-            slots.claims.push((folder, claim));
-        }
-        slots
-    }
-}
+use crate::autosave::{Autosave, Found};
+use crate::files;
+use crate::pane::Panes;
+use crate::panels;
+use crate::platform::{Here, Platform as _};
+use crate::shelf::{News, Work};
 
 impl App {
+    /// Opens a site in place of the one that is open.
+    pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
+        self.open(Opened { site, images, path, is_unsaved: false });
+    }
+
+    fn open(&mut self, opened: Opened) {
+        self.put_aside();
+        self.kept = u64::from(opened.is_unsaved);
+        self.act(Action::Open(Box::new(opened)));
+        if let Some(shelf) = &mut self.shelf {
+            shelf.begin();
+        }
+        self.pictures.clear();
+        self.edges.clear();
+        self.panes = Panes::default();
+        self.orbit = None;
+        // Nothing that was asked for the old site lands in the new one.
+        self.adding.clear();
+        (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
+        (self.picture, self.pictured) = (None, None);
+        (self.export, self.tour) = (panels::export::Sheet::default(), panels::tour::Tour::default());
+        self.compares_views = false;
+    }
+
     /// Goes on with what a crashed session left.
     pub fn recover(&mut self, index: usize) {
         if index >= self.found.len() {
             return;
         }
-        let (slot, found) = self.found.remove(index);
-        self.open_site(found.site, found.images, found.path);
-        self.autosave = Some(slot);
+        let (slot, Found { site, images, path }) = self.found.remove(index);
         // It differs from its file, and is kept already.
-        (self.session.generation, self.kept) = (1, 1);
+        self.open(Opened { site, images, path, is_unsaved: true });
+        self.autosave = Some(slot);
     }
 
     /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
-    pub(crate) fn put_aside(&mut self) {
+    fn put_aside(&mut self) {
         let Some(slot) = self.autosave.clone() else { return };
-        if self.session.is_saved() {
+        let session = self.editor.session();
+        if session.is_saved() {
             slot.forget();
             return;
         }
-        let (images, path) = (self.session.images.clone(), self.session.path.clone());
-        self.found.push((slot, Found { site: self.session.history.site(), images, path }));
+        let (images, path) = (session.images.clone(), session.path.clone());
+        self.found.push((slot, Found { site: session.history.site(), images, path }));
         self.autosave = None;
         for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
             let own = self.claims.iter().any(|(folder, _)| folder == slot.folder());
-            let claim = if own { None } else { Claim::of(slot.folder()) };
+            let claim = if own { None } else { Here::claim(slot.folder()) };
             if is_taken || !(own || claim.is_some()) || slot.find().is_some() {
                 continue;
             }
@@ -91,134 +88,100 @@ impl App {
                 News::Opened(found) => {
                     // It stays the shelf's: what follows is kept in its place.
                     let shelf = self.shelf.take();
-                    self.open_site(found.site, found.images, found.path);
+                    let Found { site, images, path } = *found;
+                    self.open(Opened { site, images, path, is_unsaved: true });
                     self.shelf = shelf;
-                    (self.session.generation, self.kept) = (1, 1);
                 }
-                News::Trouble(error) => self.error = Some(error),
-                News::Note(note) => self.session.note = Some(note),
+                News::Trouble(error) => self.act(Action::Fail(error)),
+                News::Note(note) => self.act(Action::Note(note)),
                 News::Again => self.kept = u64::MAX,
             }
         }
     }
 
+    /// Keeps every finished gesture where a crash does not reach it.
+    pub(crate) fn remember(&mut self) {
+        let generation = self.editor.session().generation;
+        if self.kept == generation {
+            return;
+        }
+        self.kept = generation;
+        if self.autosave.is_none() && self.folder.is_some() && generation == 1 {
+            let note = "Not kept against a crash: nine unsaved sites wait already. Save it as a file.";
+            self.act(Action::Note(note.into()));
+        }
+        let session = self.editor.session();
+        // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
+        let site = session.history.site();
+        if let Some(shelf) = &mut self.shelf {
+            let last = session.history.undo_name().unwrap_or_default();
+            shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
+        }
+        let Some(autosave) = &self.autosave else { return };
+        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref()) {
+            self.act(Action::Fail(format!("Autosave: {error}")));
+        }
+    }
+
     /// Saves the site without its images: a file to lie beside them.
     pub(crate) fn save_plain(&mut self, path: &Path) {
-        let solved = self.session.solved.write_into(&self.session.site);
-        let site = self.session.images.name_into(&solved);
-        match files::write(path, site.to_json().as_bytes()) {
-            Ok(()) => self.session.note = Some(format!("Saved {} without its images.", path.display())),
-            Err(error) => self.error = Some(error),
-        }
+        let session = self.editor.session();
+        let site = session.images.name_into(&session.solved.write_into(&session.site));
+        self.act(match Here::write(path, site.to_json().as_bytes()) {
+            Ok(()) => Action::Note(format!("Saved {} without its images.", path.display())),
+            Err(error) => Action::Fail(error),
+        });
     }
 
     /// Saves to the site's own file.
     pub fn save(&mut self) {
-        let Some(path) = self.session.path.clone() else { return };
-        let solved = self.session.solved.write_into(&self.session.site);
-        match files::save(&path, &solved, &self.session.images) {
+        if let Some(path) = self.editor.session().path.clone() {
+            self.save_to(path);
+        }
+    }
+
+    /// Saves to a file, which is the site's own from then on.
+    pub(crate) fn save_to(&mut self, path: PathBuf) {
+        let session = self.editor.session();
+        let solved = session.solved.write_into(&session.site);
+        if let Err(error) = files::save(&path, &solved, &session.images) {
+            self.act(Action::Fail(error));
+            return;
+        }
+        let folder = path.parent().filter(|_| Here::HAS_FOLDERS).map(Path::to_path_buf);
+        if folder.is_some() && folder != session.images.folder {
+            self.pictures.clear();
+        }
+        self.act(Action::Saved { path, folder });
+        if let Some(autosave) = &self.autosave {
+            autosave.forget();
+        }
+        self.kept = self.editor.session().generation;
+    }
+
+    /// Asks for what is known of the lens of the camera in hand to be changed.
+    pub(crate) fn change_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
+        let Some(entry) = self.editor.session().entry() else { return };
+        let mut lens = entry.lens.clone().unwrap_or_default();
+        change(&mut lens);
+        self.send(Action::Lens { lens: Box::new(lens), name: name.to_owned() });
+    }
+
+    /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
+    pub(crate) fn write_export(&mut self, folder: &Path) {
+        let Some(files) = self.export.files() else { return };
+        let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
+        let count = files.len();
+        match written {
             Ok(()) => {
-                // From now on images are looked for beside the file.
-                let folder = path.parent().filter(|_| HAS_FOLDERS).map(Path::to_path_buf);
-                if let Some(folder) = folder.filter(|f| self.session.images.folder.as_ref() != Some(f)) {
-                    self.session.rebase(&folder);
-                    self.pictures.clear();
-                }
-                self.session.saved = self.session.generation;
-                self.session.note = Some(format!("Saved {}.", path.display()));
-                if let Some(autosave) = &self.autosave {
-                    autosave.forget();
-                }
-                self.kept = self.session.generation;
+                self.act(Action::Note(if folder.as_os_str().is_empty() {
+                    format!("{count} files were handed over as downloads.")
+                } else {
+                    format!("Wrote {count} files to {}.", folder.display())
+                }));
+                self.export.close();
             }
-            Err(error) => self.error = Some(error),
+            Err(error) => self.act(Action::Fail(error)),
         }
-    }
-
-    /// Changes what is known of the lens of the camera in hand.
-    pub fn with_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
-        let empty = LensEntry::default();
-        if let Some(entry) = self.session.entry_mut() {
-            change(entry.lens.get_or_insert_with(|| empty.clone()));
-            entry.lens.take_if(|lens| *lens == empty);
-            self.session.commit(name);
-        }
-    }
-
-    /// Adds the copied annotations to the camera in hand, scaled to its image.
-    pub fn paste_lines(&mut self) {
-        let Some((copied, from)) = self.copied.clone() else { return };
-        let Some(entry) = self.session.entry_mut() else { return };
-        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
-        let id = entry.id.clone();
-        let taken: Vec<String> = entry.annotations.iter().filter_map(|known| known.id.clone()).collect();
-        for mut annotation in copied {
-            scale(&mut annotation, ratio);
-            annotation.id.take_if(|id| taken.contains(id));
-            // What it was tied to has lost its id, or is another's by now.
-            annotation.at_right_angles_to.take_if(|id| taken.contains(id));
-            entry.annotations.push(annotation);
-        }
-        self.session.commit(format!("paste annotations onto {id}"));
-    }
-
-    /// Gives the camera in hand another id, everywhere.
-    pub fn rename_camera(&mut self, id: &str) {
-        let session = &mut self.session;
-        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            session.note = Some("Every camera needs an id of its own.".into());
-            return;
-        }
-        let Some(entry) = session.entry_mut() else { return };
-        let old = std::mem::replace(&mut entry.id, id.to_owned());
-        let links =
-            session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
-        let marks =
-            session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
-        let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
-        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
-            id.clone_into(name);
-        }
-        session.commit(format!("rename {old}"));
-        if let Some(still) = self.old_still.as_mut().filter(|still| still.camera == old) {
-            id.clone_into(&mut still.camera);
-        }
-    }
-
-    /// Removes the camera in hand and what refers to it.
-    pub fn remove_camera(&mut self) {
-        let session = &mut self.session;
-        if session.camera >= session.site.cameras.len() {
-            return;
-        }
-        let id = session.site.cameras.remove(session.camera).id;
-        for link in &mut session.site.links {
-            link.seen.retain(|seen| seen.camera != id);
-        }
-        session.site.links.retain(|link| !link.seen.is_empty());
-        for mark in &mut session.site.marks {
-            mark.seen.retain(|seen| seen.camera != id);
-        }
-        for camera in &mut session.site.cameras {
-            if let Some(lens) = &mut camera.lens {
-                lens.like.take_if(|like| *like == id);
-            }
-        }
-        crate::edit::keep_distances(&mut session.site);
-        session.selection.clear();
-        session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
-        if self.old_still.as_ref().is_some_and(|old| old.camera == id) {
-            self.old_still = None;
-        }
-        self.session.commit(format!("remove {id}"));
-    }
-}
-
-/// Moves the points of an annotation to an image of another size.
-pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
-    let segments = annotation.segments.iter_mut().flatten().flatten();
-    let points = annotation.points.iter_mut().flatten();
-    for pixel in segments.chain(points).chain(&mut annotation.foot).chain(&mut annotation.head) {
-        (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
     }
 }

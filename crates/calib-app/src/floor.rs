@@ -2,17 +2,15 @@
 
 use calib_core::{Camera, FloorPoint};
 use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
+use calib_editor::{Part, PlanHandle, Session, plan_handles, plan_scale};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
-use crate::hit::Part;
 use crate::mesh::{fill, lay};
 use crate::overlay::Shown;
 use crate::paint::{Pen, chip, handle, line, ring, tag};
 use crate::picture::{Pictures, Piece};
-use crate::session::Session;
 use crate::theme::{self, on_image};
-use crate::tools::{PlanHandle, plan_handles, plan_scale};
 
 /// What the floor's canvas needs to know.
 #[derive(Debug)]
@@ -168,7 +166,7 @@ impl Floor<'_> {
             return;
         }
         let Some(entry) = self.session.site.cameras.get(index) else { return };
-        let corners = crate::session::corners_of(entry);
+        let corners = calib_editor::corners_of(entry);
         let outline: Vec<Pos2> = corners
             .iter()
             .chain(corners.first())

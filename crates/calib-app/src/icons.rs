@@ -27,6 +27,27 @@ macro_rules! icons {
     };
 }
 
+impl From<calib_editor::Icon> for Icon {
+    fn from(tool: calib_editor::Icon) -> Self {
+        use calib_editor::Icon as Tool;
+        match tool {
+            Tool::Select => Self::Select,
+            Tool::Vertical => Self::Vertical,
+            Tool::Parallel => Self::Parallel,
+            Tool::Perpendicular => Self::Perpendicular,
+            Tool::Equal => Self::Equal,
+            Tool::Known => Self::Known,
+            Tool::Straight => Self::Straight,
+            Tool::Upright => Self::Upright,
+            Tool::Field => Self::Field,
+            Tool::Control => Self::Control,
+            Tool::Link => Self::Link,
+            Tool::Mark => Self::Box,
+            Tool::Measure => Self::Measure,
+        }
+    }
+}
+
 icons! {
     /// An arrow.
     Select = [Line(&[[4.0, 2.5], [12.5, 8.5], [8.5, 9.3], [10.5, 13.5], [8.7, 14.2], [7.0, 10.0], [4.0, 12.5], [4.0, 2.5]])],

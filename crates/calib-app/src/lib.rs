@@ -1,34 +1,24 @@
 //! The app: annotate stills, see the site solved as you draw, place the polygons, check in every view.
 //!
-//! A frame, in order: finished work arrives ([`app::App::logic`]), keys become commands ([`command`]),
-//! the pointer goes to the tool ([`tools`]) through a canvas ([`pane`]), what differs is solved
-//! ([`solved`]), everything is painted, and a finished gesture is kept ([`files::Autosave`]).
+//! The document is `calib_editor`'s; this is the window about it. A frame, in order: finished work arrives
+//! ([`app::App::logic`]), keys become commands ([`command`]), the pointer goes to the tool in hand through a
+//! canvas ([`pane`]), everything is painted, what panels asked for is done, and a finished gesture is kept
+//! ([`autosave`]).
 
+pub mod platform;
 pub mod theme;
-mod units;
 pub mod icons;
 pub mod paint;
-pub mod task;
-mod claim;
 mod drawing;
 pub mod picture;
 pub mod files;
-pub mod work;
+pub mod autosave;
 pub mod shelf;
 pub mod demo;
 pub mod dialog;
 pub mod canvas;
-pub mod hit;
-pub mod edit;
-pub mod history;
-pub mod solved;
-pub mod session;
 pub mod refine;
-pub mod family;
-pub mod snap;
 pub mod edges;
-pub mod epipolar;
-pub mod tools;
 pub mod overlay;
 mod horizon;
 mod lines;
@@ -36,9 +26,11 @@ mod mesh;
 pub mod floor;
 pub mod scene3d;
 pub mod command;
-mod deeds;
+pub mod keys;
 mod loupe;
 mod minimap;
+pub mod panes;
+mod handles;
 pub mod pane;
 pub mod panels;
 pub mod app;
@@ -47,8 +39,5 @@ mod arrivals;
 mod stills;
 mod plan;
 mod import;
-#[cfg(target_arch = "wasm32")]
-pub mod web;
 
 pub use app::App;
-pub use units::Units;

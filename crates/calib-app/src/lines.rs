@@ -2,9 +2,9 @@
 
 use calib_core::{Pixel, line_name};
 use calib_draw::{Laid, Line, Look, Meaning, Sign, extension, lay};
+use calib_editor::Part;
 use egui::{Align2, Color32, Painter, Pos2, Shape, Stroke, Vec2};
 
-use crate::hit::Part;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, is_lit, line, tag};
 use crate::theme::{self, on_image};

@@ -28,7 +28,7 @@ pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at:
     let large = Mapping { view, rect, ..*mapping };
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
-    let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
+    let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.clone());
     app.paint_still(&painter, name.as_deref(), &large, rect);
     let mut overlay = overlay(app, ui, camera, large, Place::Tile);
     (overlay.labels, overlay.cursor, overlay.lines) = (false, None, true);

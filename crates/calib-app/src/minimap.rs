@@ -1,11 +1,11 @@
 //! The whole image, small, in a corner of a view that shows a part of it; a drag moves the view.
 
+use calib_editor::Pane;
 use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::pane::Place;
-use crate::tools::Pane;
 
 /// Its longer side, in points.
 const SIDE: f32 = 124.0;
@@ -32,13 +32,13 @@ pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
 pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, size: [f64; 2]) {
     let key = (Place::Main, Pane::Image(camera));
     // What is drawn or dragged may have to go there.
-    let rect = rect(mapping, size).filter(|_| app.tool.is_idle());
+    let rect = rect(mapping, size).filter(|_| app.editor.tool().is_idle());
     app.panes.minimap = rect.map(|rect| (key, rect));
     let Some(rect) = rect else { return };
     let small = Mapping::new(View::of([0.0, 0.0], size, rect, false, true), rect);
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 0.0, Color32::BLACK);
-    let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.clone());
+    let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.clone());
     app.paint_still(&painter, name.as_deref(), &small, rect);
     painter.rect_filled(rect, 0.0, Color32::from_black_alpha(90));
     let shown = [mapping.rect.min, mapping.rect.max].map(|at| small.screen(mapping.document(at)));

@@ -7,16 +7,12 @@ use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
+use calib_editor::{Family, Part, Session, Trace, Units};
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
-use crate::epipolar::Trace;
-use crate::family::Family;
-use crate::hit::Part;
 use crate::paint::{Pen, handle, line, ring, tag};
-use crate::session::Session;
 use crate::theme::{self, on_image};
-use crate::units::Units;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -322,8 +318,8 @@ impl Overlay<'_> {
             return;
         }
         let points: BTreeSet<Part> =
-            crate::edit::points_of(&self.session.site, self.camera, &self.session.selection);
-        let handles = crate::hit::handles(&self.session.site, self.camera);
+            calib_editor::edit::points_of(&self.session.site, self.camera, &self.session.selection);
+        let handles = calib_editor::hit::handles(&self.session.site, self.camera);
         for (part, pixel) in handles.into_iter().filter(|(part, _)| points.contains(part)) {
             let whole = !self.session.selection.contains(&part);
             ring(painter, self.at(pixel), on_image::ACCENT, self.holding && !whole);

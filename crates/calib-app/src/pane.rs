@@ -1,27 +1,24 @@
 //! Canvases: what the pointer does on them goes to the tool, then they are painted.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
-use calib_core::{Distortion, Lens, Pixel};
-use egui::{
-    Color32, CursorIcon, Event, EventFilter, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2,
-    WidgetInfo,
-};
+use calib_core::{Distortion, Pixel};
+use calib_editor::{Action, OldStill, Pane, Part, Phase, Pointer, hit};
+use egui::{Color32, CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::floor::Floor;
-use crate::hit::{self, Part};
+use crate::handles;
+use crate::keys;
 use crate::loupe;
 use crate::minimap;
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
 use crate::panels::context;
+pub use crate::panes::{Panes, Place};
 use crate::picture::Piece;
-use crate::stills::OldStill;
 use crate::theme::{self, on_image};
-use crate::tools::{Pane, Phase, Pointer};
 
 /// Movement less than this is a click, in points.
 const CLICK: f32 = 4.0;
@@ -29,89 +26,6 @@ const CLICK: f32 = 4.0;
 const OFFER: f32 = 5.0;
 /// Two clicks within this are a double click, in seconds.
 const DOUBLE: f64 = 0.4;
-
-/// Where a pane stands: a camera alone and among others is looked at in two ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Place {
-    /// It has the canvas.
-    Main,
-    /// It stands beside the plan.
-    Half,
-    /// One of many.
-    Tile,
-}
-
-/// What canvases remember between frames.
-#[derive(Debug, Default)]
-pub struct Panes {
-    /// How each is looked at.
-    pub views: HashMap<(Place, Pane), View>,
-    /// What the views were when they were made to fit.
-    fitted: HashMap<(Place, Pane), View>,
-    /// The plan whose picture was shown last.
-    plan: Option<String>,
-    /// Whether there are more tiles than the window shows.
-    pub tiles_overflow: bool,
-    /// Where the cursor is, in the pane's units.
-    pub cursor: Option<(Pane, [f64; 2])>,
-    /// The pane and place that holds the pointer while a button is down.
-    captured: Option<(Place, Pane)>,
-    pressed: Pos2,
-    moved: bool,
-    double: bool,
-    /// Whether nothing was in the hand before the last press.
-    pub(crate) was_idle: bool,
-    last_press: Option<(f64, Pos2)>,
-    /// The pane over which the whole image lies small, and where.
-    pub(crate) minimap: Option<((Place, Pane), Rect)>,
-    /// The pane that was used last: zoom keys mean it.
-    pub active: Option<(Place, Pane)>,
-    /// Where every pane was shown last, for zoom keys and tests.
-    pub rects: HashMap<(Place, Pane), Rect>,
-    /// The middle of the window, whatever it shows.
-    pub middle: Option<Rect>,
-    /// The lenses whose bend is taken out of panes.
-    lenses: HashMap<(Place, Pane), Lens>,
-}
-
-impl Panes {
-    /// Forgets a pointer whose release will never be told.
-    pub fn forget_pointer(&mut self) {
-        (self.captured, self.last_press) = (None, None);
-    }
-
-    /// Forgets where panes were, and a cursor on one that is no longer shown.
-    pub fn begin_frame(&mut self) {
-        let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
-        self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
-        self.rects.clear();
-        self.lenses.clear();
-    }
-
-    /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
-    fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
-        let chosen = self.views.get(&key).copied();
-        let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
-        if was_fitted {
-            self.fitted.insert(key, whole);
-            self.views.insert(key, whole);
-        }
-        chosen.filter(|_| !was_fitted).unwrap_or(whole)
-    }
-
-    /// Whether something lies over a pane there.
-    fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
-        self.minimap.is_some_and(|(own, rect)| own == key && rect.contains(at))
-    }
-
-    /// Where a pane shows its document.
-    #[must_use]
-    pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
-        let lens = self.lenses.get(&(place, pane)).copied();
-        let (view, rect) = (*self.views.get(&(place, pane))?, *self.rects.get(&(place, pane))?);
-        Some(Mapping { view, rect, lens })
-    }
-}
 
 fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
     let pointer = ui.input(|i| i.pointer.hover_pos());
@@ -202,7 +116,7 @@ fn pressed(
         .last_press
         .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
     panes.double = recent;
-    panes.was_idle = app.tool.is_idle();
+    panes.was_idle = app.editor.tool().is_idle();
     panes.last_press = (!recent).then_some((time, at));
     (panes.captured, panes.active) = (Some(key), Some(key));
     (panes.pressed, panes.moved) = (at, false);
@@ -213,7 +127,7 @@ fn pressed(
 fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
     let (mut still, mut offer) = (None, None);
     if let Pane::Image(camera) = pane {
-        let name = app.session.site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
+        let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
         offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), mapping.units(OFFER));
     }
@@ -221,18 +135,14 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
         pane,
         at: mapping.document(at),
         phase,
-        modifiers,
+        modifiers: keys::held(modifiers),
         radius: mapping.units(theme::HIT),
         moved: app.panes.moved,
         double: app.panes.double,
         offer,
         still,
     };
-    if phase == Phase::Press {
-        app.session.note = None;
-    }
-    app.tool.pointer(&mut app.session, &pointer);
-    app.session.solve();
+    app.act(Action::Pointer(pointer));
 }
 
 /// Pans and zooms a canvas, sends the pointer to the tool, and clears it for painting.
@@ -250,7 +160,7 @@ fn canvas(
     app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
-    context::show(app, ui, &response, key, &mapping);
+    context::show(app, &response, key, &mapping);
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     (mapping, painter)
@@ -258,7 +168,7 @@ fn canvas(
 
 /// The image of a camera.
 pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
-    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let (size, name) = (entry.size(), entry.image.clone());
     let pane = Pane::Image(camera);
     let label = format!("Image of {}", entry.id);
@@ -266,7 +176,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let key = (place, pane);
     let view = app.panes.fitted_or_chosen(key, whole);
     let straight = app.layers.straight && place == Place::Main;
-    let lens = app.session.solved.pose(camera).filter(|_| straight).map(|pose| pose.lens);
+    let lens = app.editor.session().solved.pose(camera).filter(|_| straight).map(|pose| pose.lens);
     let lens = lens.filter(|lens| lens.distortion != Distortion::None);
     let mapping = Mapping { view, rect, lens };
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
@@ -274,19 +184,19 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     blend_old(app, &painter, camera, &mapping, size);
     let overlay = overlay(app, ui, camera, mapping, place);
     overlay.paint(&painter);
-    for points in app.tool.rubber(pane) {
+    for points in app.editor.tool().rubber(pane) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
     offered(app, ui, &painter, camera, &mapping);
     if place != Place::Tile {
-        handles(app, ui, camera, &mapping);
+        handles::on_image(app, ui, camera, &mapping);
     }
     cursor(app, ui, pane, &mapping);
     if place == Place::Main {
         minimap::show(app, ui, camera, &mapping, size);
     }
-    if let Some((held, at)) = app.tool.held()
+    if let Some((held, at)) = app.editor.tool().held()
         && held == pane
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
@@ -296,11 +206,13 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
 
 /// The still that was replaced, over the new one.
 fn blend_old(app: &mut App, painter: &Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
-    let Some(OldStill { camera: own, image: name, share, .. }) = app.old_still.clone() else { return };
-    let images = &app.session.images;
+    let Some(OldStill { camera: own, image: name, share, .. }) = app.editor.old_still().cloned() else {
+        return;
+    };
+    let images = &app.editor.session().images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
     if let Some(picture) =
-        picture.filter(|_| app.session.site.cameras.get(camera).is_some_and(|entry| entry.id == own))
+        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| entry.id == own))
     {
         let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
         whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
@@ -310,11 +222,11 @@ fn blend_old(app: &mut App, painter: &Painter, camera: usize, mapping: &Mapping,
 /// The edge under the cursor, as a ghost that a click takes.
 fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
     let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
-    if !app.tool.is_idle() {
+    if !app.editor.tool().is_idle() {
         return;
     }
     let Some(edge) = app.offer(ui.ctx(), camera, at.into(), mapping.units(OFFER)) else { return };
-    let colour = app.tool_kind().map_or(on_image::WHITE, theme::kind);
+    let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
     let ends = edge.map(|pixel| mapping.screen(pixel.into()));
     line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
     for end in ends {
@@ -332,11 +244,18 @@ pub(crate) fn overlay<'a>(
 ) -> Overlay<'a> {
     let cursor =
         app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
-    let lit = app.lit.filter(|_| camera == app.session.camera).or_else(|| {
-        let pose = app.session.solved.pose(camera);
+    let lit = app.lit.filter(|_| camera == app.editor.session().camera).or_else(|| {
+        let pose = app.editor.session().solved.pose(camera);
         let near = mapping.units(theme::HIT);
-        let over = cursor.filter(|_| app.tool_row == 0 && app.tool.is_idle());
-        let hit = hit::pick(&app.session.site, camera, pose, over?, near, &app.session.selection)?;
+        let over = cursor.filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle());
+        let hit = hit::pick(
+            &app.editor.session().site,
+            camera,
+            pose,
+            over?,
+            near,
+            &app.editor.session().selection,
+        )?;
         match hit.part {
             Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
                 Some((annotation, segment))
@@ -345,61 +264,25 @@ pub(crate) fn overlay<'a>(
         }
     });
     Overlay {
-        session: &app.session,
+        session: app.editor.session(),
         camera,
         mapping,
         layers: app.layers,
-        cursor: cursor.filter(|_| app.tool.is_idle()),
+        cursor: cursor.filter(|_| app.editor.tool().is_idle()),
         lit,
-        holding: !app.tool.is_idle(),
+        holding: !app.editor.tool().is_idle(),
         time: ui.input(|i| i.time) - app.suspect_since,
         family: app
-            .family
-            .as_ref()
-            .filter(|(of, _)| *of == camera && place == Place::Main && app.tool.is_idle())
+            .editor
+            .family()
+            .filter(|(of, _)| *of == camera && place == Place::Main && app.editor.tool().is_idle())
             .map(|(_, family)| family)
-            .filter(|family| app.session.site.cameras.get(camera).is_some_and(|now| family.is_of(now))),
-        begun: app.tool.begun(&app.session),
+            .filter(|family| {
+                app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
+            }),
+        begun: app.editor.tool().begun(app.editor.session()),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
-        lines: place != Place::Tile || app.tool_kind().is_some(),
-    }
-}
-
-/// A name for every handle, for screen readers, the Tab key and tests.
-fn handles(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
-    let list = hit::handles(&app.session.site, camera);
-    let mut chosen = None;
-    for (part, pixel) in list {
-        let at = mapping.screen(pixel.into());
-        if !mapping.rect.contains(at) {
-            continue;
-        }
-        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
-        let id = ui.scope_id().with(("handle", camera, part));
-        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
-        let name = handle_name(app, part);
-        let selected = app.session.selection.contains(&part);
-        response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &name));
-        if response.has_focus() {
-            let arrows =
-                EventFilter { horizontal_arrows: true, vertical_arrows: true, ..EventFilter::default() };
-            ui.memory_mut(|memory| memory.set_focus_lock_filter(id, arrows));
-        }
-        if response.gained_focus() {
-            chosen = Some(part);
-        }
-    }
-    if let Some(part) = chosen {
-        app.session.select_only(camera, part);
-    }
-}
-
-fn handle_name(app: &App, part: Part) -> String {
-    let name = app.session.part_name(part);
-    match part {
-        Part::Vertex { vertex, .. } => format!("{name} point {}", vertex + 1),
-        Part::Link { point, .. } if point > 0 => format!("{name} point {}", point + 1),
-        _ => name,
+        lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }
 }
 
@@ -410,13 +293,20 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         return;
     }
-    let icon = match (app.tool.held(), app.tool_row, pane) {
+    let icon = match (app.editor.tool().held(), app.editor.tool_row(), pane) {
         (Some((held, _)), _, _) if held == pane => CursorIcon::None,
         (_, 0, Pane::Image(camera)) => {
-            let pose = app.session.solved.pose(camera);
+            let pose = app.editor.session().solved.pose(camera);
             let at = Pixel::from(mapping.document(at));
             let near = mapping.units(theme::HIT);
-            match hit::pick(&app.session.site, camera, pose, at, near, &app.session.selection) {
+            match hit::pick(
+                &app.editor.session().site,
+                camera,
+                pose,
+                at,
+                near,
+                &app.editor.session().selection,
+            ) {
                 Some(_) => CursorIcon::Move,
                 None => CursorIcon::Default,
             }
@@ -431,8 +321,8 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
     // A plan whose picture has just arrived is looked at as a whole.
-    let shown = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.tool.is_idle());
+    let shown = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.editor.tool().is_idle());
     if shown.is_some() && app.panes.plan != shown && app.panes.views.get(&key) == app.panes.fitted.get(&key) {
         app.panes.views.remove(&key);
     }
@@ -443,15 +333,15 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let whole = View::of(low, high, rect, true, false);
     // Once cameras are moved about, the floor under them stays put.
     let view = match app.panes.views.get(&key) {
-        Some(view) if app.session.history.depth() > 0 => *view,
+        Some(view) if app.editor.session().history.depth() > 0 => *view,
         _ => app.panes.fitted_or_chosen(key, whole),
     };
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
     let pieces = app.plan_pieces(ui.ctx());
-    let before = app.poses_before();
+    let before = app.editor.poses_before(app.show_before);
     let floor = Floor {
-        session: &app.session,
+        session: app.editor.session(),
         mapping,
         opacity: app.opacity(ui.ctx()),
         blend: app.blend,
@@ -464,31 +354,11 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
     floor.paint_elements(&painter, cursor);
-    for points in app.tool.rubber(Pane::Plan) {
+    for points in app.editor.tool().rubber(Pane::Plan) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
     }
     floor.paint_scale(&painter);
-    plan_handle_names(app, ui, &mapping);
+    handles::on_plan(app, ui, &mapping);
     self::cursor(app, ui, Pane::Plan, &mapping);
-}
-
-fn plan_handle_names(app: &App, ui: &Ui, mapping: &Mapping) {
-    let Some(entry) = app.session.entry() else { return };
-    for (handle, at) in crate::tools::plan_handles(&app.session, app.session.camera) {
-        let at = mapping.screen(at);
-        if !mapping.rect.contains(at) {
-            continue;
-        }
-        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * theme::HIT));
-        let id = ui.scope_id().with(("plan handle", handle));
-        let response = ui.interact(rect, id, Sense::focusable_noninteractive());
-        let name = match handle {
-            crate::tools::PlanHandle::Corner(corner) => {
-                format!("corner {} of {} on the plan", corner + 1, entry.id)
-            }
-            other => format!("{} {} on the plan", other.verb(), entry.id),
-        };
-        response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &name));
-    }
 }

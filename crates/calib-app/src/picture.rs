@@ -1,21 +1,17 @@
 //! Stills: bytes to image off the frame's path, texture tiles no larger than the GL limit, thumbnails.
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
 use std::sync::Arc;
 
+use calib_editor::Source;
 use egui::{Color32, ColorImage, Context, Painter, Pos2, Rect, TextureHandle, TextureOptions, Vec2};
-use image::{DynamicImage, ImageDecoder as _, ImageReader, RgbImage};
+use image::RgbImage;
 
 use crate::canvas::Mapping;
-use crate::files::Source;
-use crate::task::Task;
-use crate::work;
+use crate::platform::{Here, Platform as _, Task};
 
 /// In a browser there are 4 GB at most, and a phone has less.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");
-/// Most memory that decoding one image may take, in bytes.
-const MAX_IMAGE_BYTES: u64 = if IS_SMALL { 1 << 28 } else { 1 << 30 };
 /// Side of a tile, in pixels: WebGL2 promises no more.
 const TILE: u32 = 2048;
 /// Longer side of the small copy that rails, plan and floor show, in pixels.
@@ -80,22 +76,6 @@ impl std::fmt::Debug for Pictures {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Pictures").field("slots", &self.slots.len()).finish_non_exhaustive()
     }
-}
-
-/// Turns bytes into an image, upright as its EXIF data says.
-///
-/// # Errors
-/// When the bytes are no image, or one too large.
-pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
-    let mut limits = image::Limits::default();
-    limits.max_alloc = Some(MAX_IMAGE_BYTES);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(|e| e.to_string())?;
-    let orientation = decoder.orientation().map_err(|e| e.to_string())?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?;
-    image.apply_orientation(orientation);
-    Ok(image.into_rgb8())
 }
 
 fn cut(image: RgbImage) -> Decoded {
@@ -242,10 +222,10 @@ impl Pictures {
     /// A still; the first question starts the decoding of what `bytes` fetches.
     pub fn get(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> Source) -> Option<&mut Picture> {
         let frame = self.frame;
-        let slot = self
-            .slots
-            .entry(name.to_owned())
-            .or_insert_with(|| Slot { state: State::Loading(work::decode(ctx, bytes(), cut)), shown: frame });
+        let slot = self.slots.entry(name.to_owned()).or_insert_with(|| Slot {
+            state: State::Loading(Here::picture(ctx, bytes(), cut)),
+            shown: frame,
+        });
         slot.shown = frame;
         match &mut slot.state {
             State::Ready(picture) => Some(picture),
@@ -323,10 +303,5 @@ mod tests {
         assert!(widths.iter().all(|&width| width <= TILE as usize), "{widths:?}");
         let (at, last) = decoded.tiles.last().unwrap();
         assert_eq!(at[0] as usize + last.size[0], 2 * TILE as usize + 100);
-    }
-
-    #[test]
-    fn what_is_no_image_is_an_error() {
-        assert!(decode(b"not an image").is_err());
     }
 }

@@ -2,57 +2,46 @@
 
 use std::path::Path;
 
-use calib_core::{Plan, PlanPixel};
-use calib_formats::{FORMATS, File, Format};
+use calib_core::{FloorPoint, Plan, PlanPixel};
+use calib_editor::file_name::{has_ending, is_image};
+use calib_editor::{Action, plan_scale, plan_told_by, world_endings};
+use calib_formats::File;
 use egui::Context;
 
 use crate::app::{App, Mode};
 use crate::dialog::Chosen;
-use crate::files;
-use crate::stills::NewStill;
-use crate::task::Task;
-use crate::tools::TOOLS;
+use crate::picture::Piece;
+use crate::platform::Task;
+use crate::stills::Read;
 
 /// A plan whose picture is being read.
 #[derive(Debug)]
 pub(crate) struct Planning {
-    picture: Task<NewStill>,
+    picture: Task<Read>,
     /// What its world file says.
     told: Option<Plan>,
 }
 
-/// World files, among the formats that are read.
-fn format() -> Option<&'static Format> {
-    FORMATS.iter().find(|format| format.is_of_plan)
-}
-
-/// Endings of world files.
-pub(crate) fn world_endings() -> &'static [&'static str] {
-    format().map_or(&[], |format| format.extensions)
-}
-
 pub(crate) fn is_world_file(file: &Chosen) -> bool {
-    world_endings().iter().any(|ending| files::has_ending(Path::new(&file.name), ending))
+    world_endings().iter().any(|ending| has_ending(Path::new(&file.name), ending))
 }
 
 /// Whether a world file is that of a picture: plan.pgw and plan.png. A drawing has no pixels to be told of.
 fn is_of(world: &Chosen, picture: &Chosen) -> bool {
     let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
-    files::is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
+    is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
 }
 
-/// The plan without its picture, as a world file has it.
+/// The plan that a world file tells of.
 fn told_by(file: Chosen) -> Result<Plan, String> {
     let name = file.name.clone();
     let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
-    let format = format().ok_or_else(|| format!("{name}: no world files are read"))?;
-    let read = calib_formats::import(format, &[File { name, bytes }]).map_err(|error| error.to_string())?;
-    read.site.plan.ok_or_else(|| "A world file without a plan.".into())
+    plan_told_by(File { name, bytes })
 }
 
 /// The world file beside a picture on disk.
 fn beside(picture: &Chosen) -> Option<Chosen> {
-    let path = picture.path.as_deref().filter(|path| files::is_image(path))?;
+    let path = picture.path.as_deref().filter(|path| is_image(path))?;
     let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
     let name = path.file_name()?.to_string_lossy().into_owned();
     Some(Chosen { name, path: Some(path), bytes: None })
@@ -77,14 +66,14 @@ impl App {
         }
         let left: Vec<String> = pictures.into_iter().chain(worlds).map(|file| file.name).collect();
         if !left.is_empty() {
-            self.complain(format!("Not taken, a site has one plan: {}.", left.join(", ")));
+            self.act(Action::Complain(format!("Not taken, a site has one plan: {}.", left.join(", "))));
         }
     }
 
     /// Begins to read the picture of a plan that lies as `world` says.
     fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
         let told = world.map(told_by).transpose().unwrap_or_else(|error| {
-            self.complain(error);
+            self.act(Action::Complain(error));
             None
         });
         self.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
@@ -95,55 +84,21 @@ impl App {
         match planning.picture.poll() {
             None => self.planning = Some(planning),
             Some(Ok(still)) => {
-                let name = self.stored(&still);
-                self.set_plan(name, still.size, planning.told);
+                let still = self.stored(still);
+                self.act(Action::LoadPlan(still, planning.told));
+                self.show(Mode::Plan);
+                self.panes.views.clear();
             }
-            Some(Err(error)) => self.complain(error),
-        }
-    }
-
-    fn set_plan(&mut self, image: String, size: [u32; 2], told: Option<Plan>) {
-        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
-        let bare = Plan {
-            image: None,
-            metres_per_px,
-            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
-            x_axis_deg: 0.0,
-            georeference: None,
-        };
-        let is_scaled = told.is_some();
-        let plan = Plan { image: Some(image), ..told.unwrap_or(bare) };
-        self.session.site.plan = Some(plan);
-        self.session.note = is_scaled.then(|| "The scale is that of the world file.".into());
-        self.session.commit("load a plan");
-        self.show(Mode::Plan);
-        self.panes.views.clear();
-        if !is_scaled {
-            let measure = TOOLS.iter().position(|tool| tool.title == "Measure plan").unwrap_or(0);
-            self.take_tool(measure);
+            Some(Err(error)) => self.act(Action::Complain(error)),
         }
     }
 
     fn take_world_file(&mut self, file: Chosen) {
         let name = file.name.clone();
-        match told_by(file) {
-            Ok(told) => self.lay_plan(&told, &name),
-            Err(error) => self.complain(error),
-        }
-    }
-
-    /// Lays the plan that is there as another says, by whose name it is told.
-    pub(crate) fn lay_plan(&mut self, told: &Plan, name: &str) {
-        let Some(plan) = &mut self.session.site.plan else {
-            self.complain(format!(
-                "{name}: there is no plan whose place it could tell. Load the plan's picture together with it."
-            ));
-            return;
-        };
-        (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
-            (told.metres_per_px, told.origin_px, told.x_axis_deg);
-        self.session.note = Some("The scale is that of the world file.".into());
-        self.session.commit(format!("lay the plan as {name} says"));
+        self.act(match told_by(file) {
+            Ok(told) => Action::LayPlan(told, name),
+            Err(error) => Action::Complain(error),
+        });
     }
 
     /// Takes world files, and the pictures of the same name that they make plans, out of what was dropped.
@@ -156,5 +111,51 @@ impl App {
             others.into_iter().partition(|file| worlds.iter().any(|world| is_of(world, file)));
         *dropped = others;
         self.load_plan(ctx, pictures.into_iter().chain(worlds).collect());
+    }
+
+    /// The floor that is worth looking at, in metres.
+    #[must_use]
+    pub fn floor_bounds(&self) -> [[f64; 2]; 2] {
+        let session = self.editor.session();
+        let count = session.site.cameras.len();
+        let fields = (0..count).filter_map(|i| session.solved.solution(i)).flat_map(|s| &s.efov_m);
+        let feet = (0..count).filter_map(|i| session.solved.pose(i)).map(|pose| pose.position.on_floor());
+        let points: Vec<[f64; 2]> =
+            fields.copied().chain(feet).chain(self.plan_corners()).map(Into::into).collect();
+        if points.is_empty() {
+            return [[-5.0, -2.0], [5.0, 10.0]];
+        }
+        let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+        let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let margin = 0.06 * (high(0) - low(0)).hypot(high(1) - low(1));
+        [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
+    }
+
+    /// Where the corners of the plan's picture lie on the floor.
+    fn plan_corners(&self) -> Vec<FloorPoint> {
+        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
+        let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
+        let [w, h] = picture.size().map(f64::from);
+        let scale = plan_scale(self.editor.site());
+        let corner = |[x, y]: [f64; 2]| scale.floor_from_plan(PlanPixel::new(x, y));
+        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
+    }
+
+    /// Starts decoding of the plan.
+    pub fn ask_for_plan(&mut self, ctx: &Context) {
+        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
+        if let Some(name) = name {
+            let images = &self.editor.session().images;
+            self.pictures.get(ctx, &name, || images.reader(&name));
+        }
+    }
+
+    /// The plan's picture, in pieces, as sharp as it is.
+    pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
+        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
+        let Some(name) = name else { return Vec::new() };
+        let images = &self.editor.session().images;
+        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
+        picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 }

@@ -1,11 +1,11 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
 use calib_core::{FloorPoint, WorldPoint, in_front, position_ellipse, prism};
+use calib_editor::Session;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
-use crate::session::Session;
 use crate::theme::{self, on_image};
 
 /// From where the scene is looked at.
@@ -150,7 +150,7 @@ fn paint_plan(
     size: [u32; 2],
 ) {
     const CELLS: u32 = 24;
-    let scale = crate::tools::plan_scale(&session.site);
+    let scale = calib_editor::plan_scale(&session.site);
     let mut mesh = egui::Mesh::with_texture(texture);
     let mut seen = Vec::new();
     for row in 0..=CELLS {

@@ -4,8 +4,9 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 
 use calib_core::Site;
+use calib_editor::Images;
 
-use crate::files::{Found, Images};
+use crate::autosave::Found;
 
 /// A site that is kept.
 #[derive(Clone, Debug, Default, PartialEq)]

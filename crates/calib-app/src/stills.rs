@@ -2,72 +2,69 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::SiteCamera;
+use calib_editor::file_name::{has_ending, is_image, mime};
+use calib_editor::{Action, NewStill, parse};
 use egui::Context;
 
 use crate::app::{App, Mode};
-use crate::arrivals::mime;
 use crate::dialog::{Chosen, Purpose};
-use crate::document::scale;
 use crate::files;
-use crate::task::Task;
+use crate::platform::{Here, Platform as _, Task};
 
 /// A picture that was read, to become a still or the plan.
 #[derive(Debug)]
-pub(crate) struct Still {
-    /// What the site calls it.
-    name: String,
-    /// What the operator calls it.
-    title: String,
-    /// In pixels.
-    pub(crate) size: [u32; 2],
+pub(crate) struct Picture {
+    still: NewStill,
     /// A drawing as the picture that stands for it.
     drawn: Option<Vec<u8>>,
 }
 
-/// The still that a camera had before the one it has.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OldStill {
-    /// Id of the camera.
-    pub camera: String,
-    /// What the site called it.
-    pub image: String,
-    /// How much of it shows.
-    pub share: f32,
-    /// Its size, where that is another and nothing was rescaled yet.
-    pub size: Option<[u32; 2]>,
-}
-
 /// What reading gives.
-pub(crate) type NewStill = Result<Still, String>;
+pub(crate) type Read = Result<Picture, String>;
 
 impl App {
-    pub(crate) fn take_file(&mut self, ctx: &Context, purpose: Purpose, file: Chosen) {
-        match (purpose, file.path.clone()) {
-            (Purpose::OpenSite, Some(path)) => self.open_path(&path),
-            (Purpose::OpenSite, None) => self.take_together(ctx, vec![file]),
-            (Purpose::SaveSite, Some(path)) => {
-                self.session.path = Some(path);
-                self.save();
+    /// What was chosen goes where it was asked for: every purpose has its arm.
+    fn take_chosen(&mut self, ctx: &Context, purpose: Purpose, chosen: Vec<Chosen>) {
+        match purpose {
+            Purpose::OpenSite => self.open_chosen(ctx, chosen),
+            Purpose::SaveSite => each_path(chosen, |path| self.save_to(path)),
+            Purpose::SavePlain => each_path(chosen, |path| self.save_plain(&path)),
+            Purpose::AddImages => chosen.into_iter().for_each(|file| self.add_still(ctx, file)),
+            Purpose::LoadPlan => self.load_plan(ctx, chosen),
+            Purpose::ReplaceStill => {
+                chosen.into_iter().for_each(|file| self.replacing = Some(self.read_still(ctx, file)));
             }
-            (Purpose::SavePlain, Some(path)) => self.save_plain(&path),
-            (Purpose::Compare, _) => {
-                let name = file.name.clone();
-                match file.into_text().and_then(|text| files::parse(&text, None)) {
-                    Ok((site, _)) => self.compared = Some(site),
-                    Err(error) => self.error = Some(format!("{name}: {error}")),
+            Purpose::Compare => chosen.into_iter().for_each(|file| self.compare_with(file)),
+            Purpose::Import => self.import(chosen),
+            Purpose::Export => each_path(chosen, |folder| self.write_export(&folder)),
+            Purpose::SavePicture => {
+                for file in chosen {
+                    self.save_picture(&file.path.unwrap_or_else(|| PathBuf::from(&file.name)));
                 }
             }
-            (Purpose::AddImages, _) => self.add_still(ctx, file),
-            (Purpose::ReplaceStill, _) => self.replacing = Some(self.read_still(ctx, file)),
-            (Purpose::Export, Some(folder)) => self.write_export(&folder),
-            (Purpose::SavePicture, path) => {
-                self.save_picture(&path.unwrap_or_else(|| PathBuf::from(&file.name)));
-            }
-            // What belongs together is taken together.
-            (Purpose::Import | Purpose::LoadPlan, _)
-            | (Purpose::SaveSite | Purpose::SavePlain | Purpose::Export, None) => {}
         }
+    }
+
+    /// Opens what was chosen: from a disk by its path, else together with its images.
+    fn open_chosen(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
+        if chosen.iter().all(|file| file.path.is_none()) {
+            self.take_together(ctx, chosen);
+            return;
+        }
+        for file in chosen {
+            match &file.path {
+                Some(path) => self.open_path(path),
+                None => self.take_together(ctx, vec![file]),
+            }
+        }
+    }
+
+    fn compare_with(&mut self, file: Chosen) {
+        let name = file.name.clone();
+        self.act(match file.into_text().and_then(|text| parse(&text, None)) {
+            Ok((site, _)) => Action::Compare(Some(Box::new(site))),
+            Err(error) => Action::Fail(format!("{name}: {error}")),
+        });
     }
 
     /// Begins to read a still that becomes a camera.
@@ -76,69 +73,58 @@ impl App {
         self.adding.push(task);
     }
 
-    pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<NewStill> {
+    pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
         let title = Path::new(&file.name)
             .file_stem()
             .map_or_else(|| file.name.clone(), |stem| stem.to_string_lossy().into_owned());
         let name = match (&file.path, file.bytes) {
             (Some(path), _) => path.to_string_lossy().into_owned(),
-            (None, Some(bytes)) => {
-                self.session.images.store(bytes.into(), mime(&file.name), Some(&file.name))
-            }
+            (None, Some(bytes)) => self.editor.store_image(bytes.into(), mime(&file.name), Some(&file.name)),
             (None, None) => file.name.clone(),
         };
-        let read = self.session.images.reader(&name);
-        crate::work::read(ctx, file.name, read, |size, drawn| Still { name, title, size, drawn })
+        let read = self.editor.session().images.reader(&name);
+        Here::size_of(ctx, file.name, read, |size, drawn| Picture {
+            still: NewStill { image: name, title, size },
+            drawn,
+        })
     }
 
     pub(crate) fn poll_stills(&mut self) {
-        let was_empty = self.session.site.cameras.is_empty();
+        let was_empty = self.editor.site().cameras.is_empty();
         // Threads finish in any order; cameras come in that of their files.
         while let Some(still) = self.adding.first().and_then(Task::outcome) {
             self.adding.remove(0);
             match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
-                Ok(still) => {
-                    let name = self.stored(&still);
-                    self.add_camera(name, &still.title, still.size);
+                Ok(picture) => {
+                    let still = self.stored(picture);
+                    self.act(Action::AddCamera(still));
                 }
-                Err(error) => self.complain(error),
+                Err(error) => self.act(Action::Complain(error)),
             }
         }
-        if was_empty && !self.session.site.cameras.is_empty() {
-            self.session.camera = 0;
+        if was_empty && !self.editor.site().cameras.is_empty() {
+            self.act(Action::Choose(0));
         }
         if let Some(task) = self.replacing.take() {
             match task.poll() {
                 None => self.replacing = Some(task),
-                Some(Ok(still)) => {
-                    let name = self.stored(&still);
-                    self.replace_still(name, still.size);
+                Some(Ok(picture)) => {
+                    let still = self.stored(picture);
+                    self.act(Action::ReplaceStill(self.replaced.clone(), still));
                 }
-                Some(Err(error)) => self.complain(error),
+                Some(Err(error)) => self.act(Action::Complain(error)),
             }
         }
         self.poll_plan();
     }
 
-    /// Shows one more thing that went wrong: one error does not hide another.
-    pub(crate) fn complain(&mut self, error: String) {
-        match &mut self.error {
-            Some(told) if !told.contains(&error) => *told = format!("{told}\n{error}"),
-            Some(_) => {}
-            none => *none = Some(error),
-        }
-    }
-
-    /// What the site calls a picture; one that was drawn is stored.
-    pub(crate) fn stored(&mut self, still: &Still) -> String {
-        let drawn = still.drawn.as_ref();
-        drawn.map_or_else(
-            || still.name.clone(),
-            |png| {
-                let name = format!("{}.png", still.title);
-                self.session.images.store(png.as_slice().into(), "image/png", Some(&name))
-            },
-        )
+    /// The still of a picture; one that was drawn is stored.
+    pub(crate) fn stored(&mut self, picture: Picture) -> NewStill {
+        let Picture { still, drawn } = picture;
+        let Some(png) = drawn else { return still };
+        let name = format!("{}.png", still.title);
+        let image = self.editor.store_image(png.into(), "image/png", Some(&name));
+        NewStill { image, ..still }
     }
 
     /// How many files were chosen and are not taken yet.
@@ -159,7 +145,7 @@ impl App {
     /// Waits no longer for images, edges and refined cameras.
     pub fn stop_work(&mut self) {
         if self.refining.take().is_some() {
-            self.session.note = Some("Cancelled: no camera was moved.".into());
+            self.act(Action::Note("Cancelled: no camera was moved.".into()));
             return;
         }
         let count = self.waiting();
@@ -167,84 +153,29 @@ impl App {
         (self.replacing, self.planning) = (None, None);
         self.pictures.stop();
         self.edges.stop();
-        self.session.note = Some(match count {
+        self.act(Action::Note(match count {
             0 => "Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into(),
             count => format!("Cancelled: {count} images were not taken. Add them again if they are wanted."),
-        });
-    }
-
-    pub(crate) fn add_camera(&mut self, image: String, title: &str, size: [u32; 2]) {
-        let site = &mut self.session.site;
-        let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
-        let id = std::iter::once(title.to_owned())
-            .chain((2..).map(|number| format!("{title}-{number}")))
-            .find(|id| !taken(id))
-            .unwrap_or_default();
-        site.cameras.push(SiteCamera { image: Some(image), ..SiteCamera::new(id.clone(), size) });
-        self.session.commit(format!("add {id}"));
-    }
-
-    /// Another still of the camera that it was asked for: what is drawn stays where it is, in pixels.
-    pub(crate) fn replace_still(&mut self, image: String, size: [u32; 2]) {
-        let id = self.replaced.clone();
-        let Some(entry) = self.session.site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
-        let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
-        let size = Some(from).filter(|from| *from != size);
-        self.old_still = old.map(|image| OldStill { camera: id.clone(), image, share: 0.5, size });
-        self.session.commit(format!("replace the still of {id}"));
-        if let Some([w, h]) = size {
-            self.session.note = Some(format!(
-                "The old still was {w} \u{d7} {h} px: what is drawn can be rescaled in the panel."
-            ));
-        }
-    }
-
-    /// Brings everything that is drawn on the replaced still to the size of the new one.
-    pub(crate) fn rescale_to_still(&mut self) {
-        let Some(OldStill { camera: id, size, .. }) = &mut self.old_still else { return };
-        let (id, Some(from)) = (id.clone(), size.take()) else { return };
-        let site = &mut self.session.site;
-        let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
-        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
-        for annotation in &mut entry.annotations {
-            scale(annotation, ratio);
-        }
-        if let Some(lens) = &mut entry.lens {
-            crate::import::scale_lens(lens, ratio[0]);
-        }
-        let points = entry.efov_px.iter_mut().flatten();
-        let points = points.chain(entry.control_points.iter_mut().map(|point| &mut point.px));
-        let pins = site.marks.iter_mut().flat_map(|mark| &mut mark.seen);
-        let pins = pins.filter(|seen| seen.camera == id).map(|seen| &mut seen.px);
-        let sightings =
-            site.links.iter_mut().flat_map(|link| &mut link.seen).filter(|seen| seen.camera == id);
-        let sightings = sightings.flat_map(|seen| {
-            let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
-            ends.chain(seen.segment.iter_mut().flatten())
-        });
-        for pixel in points.chain(pins).chain(sightings) {
-            (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
-        }
-        self.session.commit(format!("rescale what is drawn on {id}"));
+        }));
     }
 
     /// Takes what was dropped or named: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
-        if files::has_ending(&path, "json") {
+        if has_ending(&path, "json") {
             self.open_path(&path);
             return;
         }
-        if files::has_ending(&path, "svg") {
+        if has_ending(&path, "svg") {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
             self.load_plan(ctx, vec![Chosen { name, path: Some(path), bytes: None }]);
             return;
         }
-        let images = if files::is_image(&path) { vec![path.clone()] } else { files::images_in(&path) };
+        let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
         if images.is_empty() {
-            self.complain(format!(
+            self.act(Action::Complain(format!(
                 "{}: neither a site (.json) nor an image (.png, .jpg), nor a folder of images",
                 path.display()
-            ));
+            )));
         }
         for path in images {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -287,15 +218,15 @@ impl App {
                 self.pictured = Some(png.into_inner());
                 self.ask(Purpose::SavePicture);
             }
-            Err(error) => self.error = Some(error),
+            Err(error) => self.act(Action::Fail(error)),
         }
     }
 
     fn save_picture(&mut self, path: &Path) {
         let Some(png) = self.pictured.take() else { return };
-        match files::write(path, &png) {
-            Ok(()) => self.session.note = Some(format!("Saved {}.", path.display())),
-            Err(error) => self.error = Some(error),
+        match Here::write(path, &png) {
+            Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
+            Err(error) => self.act(Action::Fail(error)),
         }
     }
 
@@ -308,27 +239,24 @@ impl App {
         let (purpose, is_just_opened) = (dialog.purpose, dialog.is_just_opened());
         self.dialog = None;
         if chosen.is_empty() && is_just_opened {
-            self.error = Some(
+            self.act(Action::Fail(
                 "The system's file chooser did not open: install xdg-desktop-portal or zenity. Files can also be \
                  dropped on this window, or named when it is started."
                     .into(),
-            );
+            ));
         }
-        match purpose {
-            Purpose::Import => self.import(chosen),
-            Purpose::LoadPlan => self.load_plan(ctx, chosen),
-            Purpose::OpenSite if chosen.iter().all(|file| file.path.is_none()) => {
-                self.take_together(ctx, chosen);
-            }
-            _ => chosen.into_iter().for_each(|file| self.take_file(ctx, purpose, file)),
-        }
+        self.take_chosen(ctx, purpose, chosen);
     }
 
     /// Opens a site file; what is wrong with it is shown.
     pub fn open_path(&mut self, path: &Path) {
         match files::open(path) {
             Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
-            Err(error) => self.error = Some(error),
+            Err(error) => self.act(Action::Fail(error)),
         }
     }
+}
+
+fn each_path(chosen: Vec<Chosen>, act: impl FnMut(PathBuf)) {
+    chosen.into_iter().filter_map(|file| file.path).for_each(act);
 }

@@ -6,6 +6,8 @@ use calib_core::Kind;
 use calib_draw::{KindLook, Rgb};
 use egui::{Color32, CornerRadius, FontData, FontFamily, FontId, Stroke, TextStyle, Theme, Visuals};
 
+use crate::platform::{Here, Platform as _};
+
 /// The colours of the chrome; lines on images have one colour in both themes.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
@@ -194,10 +196,7 @@ pub fn install(ctx: &egui::Context) {
     };
     add("plex", include_bytes!("../assets/IBMPlexSans-Regular.ttf"));
     // A second weight would be a twentieth of the page.
-    #[cfg(target_arch = "wasm32")]
-    add("plex-medium", include_bytes!("../assets/IBMPlexSans-Regular.ttf"));
-    #[cfg(not(target_arch = "wasm32"))]
-    add("plex-medium", include_bytes!("../assets/IBMPlexSans-Medium.ttf"));
+    add("plex-medium", Here::MEDIUM_FONT);
     let fallback = fonts.families.get(&FontFamily::Proportional).cloned().unwrap_or_default();
     let before = |first: &str| -> Vec<String> {
         std::iter::once(first.to_owned()).chain(fallback.iter().cloned()).collect()
@@ -223,8 +222,7 @@ pub fn install(ctx: &egui::Context) {
         style.spacing.interact_size = egui::vec2(24.0, 20.0);
         style.spacing.scroll = egui::style::ScrollStyle::thin();
         style.interaction.tooltip_delay = 0.4;
-        #[cfg(target_arch = "wasm32")]
-        if crate::web::wants_stillness() {
+        if Here::wants_stillness() {
             style.animation_time = 0.0;
         }
         ctx.set_style_of(theme, style);

@@ -12,6 +12,7 @@ use std::time::Duration;
 use calib_app::App;
 use calib_app::files::Images;
 use calib_core::Pixel;
+use calib_editor::{Action, Part};
 use egui::{Context, Key, Modifiers};
 
 const FOLDER: &str = "CALIB_CRASH_FOLDER";
@@ -26,14 +27,12 @@ fn progress(site: &calib_core::Site) -> f64 {
 /// The program that is killed: nudges and saves for ever, and says what it finished.
 fn work(folder: &Path) {
     let mut app = App::new(&Context::default(), Some(folder.to_path_buf()));
-    app.open_site(desk::demo(), Images::default(), None);
+    app.open_site(desk::demo(), Images::default(), Some(folder.join("site.json")));
+    app.act(Action::Select(Part::Vertex { annotation: 0, segment: 0, vertex: 0 }));
     let mut harness = egui_kittest::Harness::builder()
         .with_size([1000.0, 700.0])
         .with_context_setup(calib_app::theme::install)
         .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
-    harness.state_mut().session.selection =
-        [calib_app::hit::Part::Vertex { annotation: 0, segment: 0, vertex: 0 }].into();
-    harness.state_mut().session.path = Some(folder.join("site.json"));
     for step in 1.. {
         harness.key_press_modifiers(Modifiers::SHIFT, Key::ArrowRight);
         harness.run_steps(2);
@@ -42,7 +41,7 @@ fn work(folder: &Path) {
             harness.run_steps(2);
         }
         let mut out = std::io::stdout().lock();
-        writeln!(out, "done {}", progress(&harness.state().session.site)).unwrap();
+        writeln!(out, "done {}", progress(&harness.state().editor.session().site)).unwrap();
         out.flush().unwrap();
     }
 }
@@ -97,8 +96,7 @@ fn two_windows_at_once_keep_their_work_apart() {
     };
     let mut windows = [open(), open()];
     for (window, name) in windows.iter_mut().zip(["left", "right"]) {
-        window.state_mut().session.site.name = Some(name.into());
-        window.state_mut().session.commit("name the site");
+        desk::change(window.state_mut(), "name the site", |site| site.name = Some(name.into()));
         window.run_steps(2);
     }
     let third = App::new(&Context::default(), Some(folder.path().to_path_buf()));
@@ -119,8 +117,7 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
         let mut harness = egui_kittest::Harness::builder()
             .with_context_setup(calib_app::theme::install)
             .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
-        harness.state_mut().session.site.name = Some(name.into());
-        harness.state_mut().session.commit("name the site");
+        desk::change(harness.state_mut(), "name the site", |site| site.name = Some(name.into()));
         harness.run_steps(2);
     };
     edit(start(), "first");
@@ -130,7 +127,7 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
     let names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
     assert_eq!(names, ["first", "second"]);
     app.recover(0);
-    assert_eq!(app.session.site.name.as_deref(), Some("first"));
+    assert_eq!(app.editor.session().site.name.as_deref(), Some("first"));
     app.discard_found(0);
     drop(app);
     assert_eq!(start().found.len(), 1, "what is gone on with is kept until it is saved");

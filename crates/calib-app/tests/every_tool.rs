@@ -6,9 +6,9 @@ mod desk;
 
 use calib_app::app::Mode;
 use calib_app::command::{self, Command};
-use calib_app::hit::Part;
-use calib_app::tools::{Pane, TOOLS};
+use calib_app::keys;
 use calib_core::{Kind, Pixel, Shape, Site};
+use calib_editor::{Action, Pane, Part, TOOLS};
 use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
@@ -17,7 +17,7 @@ use egui_kittest::kittest::Queryable as _;
 fn draw(desk: &mut Desk, tool: usize) {
     let row = &TOOLS[tool];
     let image = Pane::Image(0);
-    desk.key(row.key);
+    desk.key(keys::key(row.key));
     let many = row.title == "Field of view" || row.kind.is_some_and(|k| k.row().shape == Shape::Polyline);
     match row.title {
         "Select" => {
@@ -33,7 +33,7 @@ fn draw(desk: &mut Desk, tool: usize) {
             desk.key(Key::Num2);
             desk.click(Pane::Plan, [10.0, 5.0]);
             desk.click(Pane::Plan, [14.0, 5.0]);
-            assert!(desk.app().session.measured.is_some(), "two clicks measure");
+            assert!(desk.app().editor.session().measured.is_some(), "two clicks measure");
             let label = desk.harness.get_by_label_contains("px are").rect();
             assert!(label.width() > 0.0);
             // The length is typed in the panel.
@@ -65,7 +65,7 @@ fn every_tool_draws_undoes_and_redoes() {
         draw(&mut desk, tool);
         let after = desk.site().clone();
         assert!(after != before, "{} draws nothing", TOOLS[tool].title);
-        assert_eq!(desk.app().session.history.depth(), 1, "{} is one gesture", TOOLS[tool].title);
+        assert_eq!(desk.app().editor.session().history.depth(), 1, "{} is one gesture", TOOLS[tool].title);
         desk.undo();
         assert!(*desk.site() == before, "{} is not undone", TOOLS[tool].title);
         desk.redo();
@@ -84,9 +84,9 @@ fn what_a_tool_drew_is_edited_and_deleted() {
         let drawn = desk.site().clone();
         desk.key(Key::Num1);
         desk.take("Select");
-        if desk.app().session.selection.is_empty() {
+        if desk.app().editor.session().selection.is_empty() {
             let link = desk.site().links.len() - 1;
-            desk.app().session.selection = [Part::Link { link, seen: 0, point: 0 }].into();
+            desk.app().act(Action::Select(Part::Link { link, seen: 0, point: 0 }));
         }
         desk.keys(Modifiers::SHIFT, Key::ArrowRight);
         assert!(*desk.site() != drawn, "{} is not nudged", row.title);
@@ -99,7 +99,7 @@ fn what_a_tool_drew_is_edited_and_deleted() {
         };
         assert_eq!(count(left), count(&before), "{} is not deleted", row.title);
         assert_eq!(left.cameras[0].efov_px.is_none(), is_field);
-        while desk.app().session.history.depth() > 0 {
+        while desk.app().editor.session().history.depth() > 0 {
             desk.undo();
         }
         assert!(*desk.site() == before, "the site differs");
@@ -117,7 +117,7 @@ fn a_line_is_drawn_by_two_clicks_as_by_a_drag() {
     drag.take("Vertical");
     drag.drag(Pane::Image(0), a, b);
     assert!(clicks.site() == drag.site(), "the sites differ");
-    assert_eq!(drag.app().session.history.undo_name(), Some("add V7"));
+    assert_eq!(drag.app().editor.session().history.undo_name(), Some("add V7"));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn every_command_runs_and_what_it_does_is_undone() {
     for row in command::all().filter(|row| !matches!(row.command, Command::Demo | Command::Tour)) {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();
-        desk.app().session.selection = [Part::Line { annotation: 0, segment: 0 }].into();
+        desk.app().act(Action::Select(Part::Line { annotation: 0, segment: 0 }));
         let ctx = desk.harness.ctx.clone();
         command::run(desk.app(), &ctx, row.command, Modifiers::NONE);
         desk.harness.run_steps(3);
@@ -163,7 +163,7 @@ fn every_command_runs_and_what_it_does_is_undone() {
             assert!(desk.site().cameras.is_empty());
             continue;
         }
-        while desk.app().session.history.depth() > 0 {
+        while desk.app().editor.session().history.depth() > 0 {
             desk.undo();
         }
         assert!(*desk.site() == before, "{}", row.text);

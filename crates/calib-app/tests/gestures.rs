@@ -4,10 +4,11 @@
 
 mod desk;
 
-use calib_app::hit::Part;
+use calib_app::keys;
 use calib_app::pane::Place;
-use calib_app::tools::{Pane, TOOLS, plan_scale};
 use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage, WorldPoint};
+use calib_editor::command::Gesture;
+use calib_editor::{Action, Pane, Part, TOOLS, plan_scale};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
@@ -76,13 +77,15 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         draw_camera(&mut desk, camera, &model);
     }
     place_first(&mut desk, &model);
-    let stage = |desk: &mut Desk, camera| desk.app().session.solved.solution(camera).map(|s| s.stage);
+    let stage =
+        |desk: &mut Desk, camera| desk.app().editor.session().solved.solution(camera).map(|s| s.stage);
     assert_eq!(stage(&mut desk, 0), Some(Stage::Placed), "{:?}", desk.site().cameras[0].control_points.len());
     // The others by dragging their feet on the plan.
     desk.take("Select");
     for camera in 1..model.cameras.len() {
         desk.key(Key::CloseBracket);
-        let foot: [f64; 2] = desk.app().session.solved.pose(camera).unwrap().position.on_floor().into();
+        let foot: [f64; 2] =
+            desk.app().editor.session().solved.pose(camera).unwrap().position.on_floor().into();
         let to = model.cameras[camera].placement.as_ref().unwrap().move_m;
         let (from, to) = (desk.screen(Pane::Plan, foot), desk.screen(Pane::Plan, to.into()));
         let aside = from + egui::vec2(30.0, -20.0);
@@ -134,7 +137,7 @@ fn place_first(desk: &mut Desk, model: &Site) {
 /// Goes on until the first camera is in hand.
 fn to_first(desk: &mut Desk, model: &Site) {
     for _ in 0..model.cameras.len() {
-        if desk.app().session.camera == 0 {
+        if desk.app().editor.session().camera == 0 {
             return;
         }
         desk.key(Key::CloseBracket);
@@ -150,7 +153,7 @@ fn a_polygon_stays_where_it_lies_when_stage_1_changes() {
     let mut desk = Desk::new(site);
     let corners = desk.site().cameras[0].efov_px.clone().unwrap();
     let places = |desk: &mut Desk| -> Vec<FloorPoint> {
-        let pose = *desk.app().session.solved.pose(0).unwrap();
+        let pose = *desk.app().editor.session().solved.pose(0).unwrap();
         corners.iter().map(|&corner| pose.pixel_to_floor(corner, 0.0).unwrap()).collect()
     };
     let before = places(&mut desk);
@@ -184,14 +187,14 @@ fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
     // Two points of marks, dragged with Alt from where the camera shows them to where the image does.
     for (mark, point) in [(2, "b0"), (3, "b0")] {
         let there = desk.site().marks[mark].shape().point(point).unwrap();
-        let shown = desk.app().session.solved.pose(1).unwrap().world_to_pixel(there);
+        let shown = desk.app().editor.session().solved.pose(1).unwrap().world_to_pixel(there);
         let real = truth[1].1.world_to_pixel(there);
         let (Some(shown), Some(real)) = (shown, real) else { panic!("{point} of mark {mark} is not seen") };
         let points: Vec<Pos2> =
             [shown, real].iter().map(|&pixel| desk.screen(Pane::Image(1), pixel.into())).collect();
         desk.drag_screen(&points, Modifiers::ALT);
     }
-    let pose = desk.app().session.solved.pose(1).copied().unwrap();
+    let pose = desk.app().editor.session().solved.pose(1).copied().unwrap();
     let off = pose.position.distance(truth[1].1.position);
     assert!(off < 0.25, "{off:.2} m off after two pins, {:?}", desk.site().marks[2].seen);
     assert_eq!(desk.site().marks[2].seen.len() + desk.site().marks[3].seen.len(), 2);
@@ -237,17 +240,18 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
     for link in links.iter().filter(|link| link.kind == calib_core::LinkKind::Point) {
         for (i, seen) in link.seen.iter().enumerate() {
             let camera = camera_of(&seen.camera);
-            desk.app().session.choose(camera);
+            desk.app().act(Action::Choose(camera));
             desk.harness.run_steps(2);
             let px = seen.px.unwrap();
             if i == 0 {
-                desk.app().session.mark_kind = calib_core::MarkKind::Cross;
+                desk.app().act(Action::MarkKind(calib_core::MarkKind::Cross));
                 desk.take("Mark");
                 desk.click(Pane::Image(camera), px.into());
                 desk.take("Select");
             }
             let mark = desk.site().marks.last().unwrap().at_m;
-            let shown = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(mark).unwrap();
+            let shown =
+                desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(mark).unwrap();
             let points = [shown, px].map(|pixel| desk.screen(Pane::Image(camera), pixel.into()));
             desk.drag_screen(&points, Modifiers::ALT);
         }
@@ -258,13 +262,13 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
     for mark in &desk.site().marks {
         let shape = mark.shape();
         for seen in &mark.seen {
-            let pose = desk.harness.state().session.solved.pose(camera_of(&seen.camera)).unwrap();
+            let pose = desk.harness.state().editor.session().solved.pose(camera_of(&seen.camera)).unwrap();
             let off = pose.world_to_pixel(shape.point(&seen.point).unwrap()).unwrap().distance(seen.px);
             assert!(off < 2.0, "{:?} is {off:.1} px off in {}", mark.id, seen.camera);
         }
     }
     for index in 1..3 {
-        let solution = desk.harness.state().session.solved.solution(index).unwrap();
+        let solution = desk.harness.state().editor.session().solved.solution(index).unwrap();
         assert_eq!(solution.stage, Stage::Refined);
         let (sigma, at) = (solution.sigma.as_ref().unwrap(), solution.position_m.unwrap());
         let off = at.distance(in_first(&truth, index).position);
@@ -279,7 +283,7 @@ fn a_mark_dragged_in_one_view_moves_in_all() {
     desk.key(Key::Num3);
     desk.take("Select");
     let before = desk.site().marks[0].at_m;
-    let from = desk.app().session.solved.pose(0).unwrap().world_to_pixel(before).unwrap();
+    let from = desk.app().editor.session().solved.pose(0).unwrap().world_to_pixel(before).unwrap();
     let points: Vec<Pos2> = [from, Pixel::new(from.u - 60.0, from.v + 20.0)]
         .iter()
         .map(|&pixel| desk.screen(Pane::Image(0), pixel.into()))
@@ -306,7 +310,7 @@ fn linking() -> (Desk, WorldPoint) {
 fn links_go_from_view_to_view() {
     let (mut desk, there) = linking();
     for camera in [0, 2] {
-        let at = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap();
+        let at = desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there).unwrap();
         desk.click(Pane::Image(camera), at.into());
     }
     let links = &desk.site().links;
@@ -314,10 +318,10 @@ fn links_go_from_view_to_view() {
     assert_eq!(links[0].seen.len(), 2, "{links:?}");
     // One view at a time, the other camera chosen by key.
     desk.key(Key::Enter);
-    desk.app().session.choose(0);
+    desk.app().act(Action::Choose(0));
     desk.key(Key::Num1);
     for (camera, next) in [(0, true), (1, true), (2, false)] {
-        let at = desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there);
+        let at = desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there);
         if let Some(at) = at.filter(|at| (0.0..1920.0).contains(&at.u) && (0.0..1080.0).contains(&at.v)) {
             desk.click(Pane::Image(camera), at.into());
         }
@@ -335,7 +339,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
     let (mut desk, there) = linking();
     let top = WorldPoint { z: there.z + 0.6, ..there };
     let shown = |desk: &mut Desk, camera: usize, at| {
-        desk.app().session.solved.pose(camera).unwrap().world_to_pixel(at).unwrap()
+        desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(at).unwrap()
     };
     for camera in [0, 2] {
         let (foot, head) = (shown(&mut desk, camera, there), shown(&mut desk, camera, top));
@@ -344,7 +348,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
         if camera == 0 {
             // A drag is a floor line until the operator says that it stands.
             assert_eq!(desk.site().links[0].kind, calib_core::LinkKind::Line);
-            desk.app().session.selection = [Part::Link { link: 0, seen: 0, point: 0 }].into();
+            desk.app().act(Action::Select(Part::Link { link: 0, seen: 0, point: 0 }));
             desk.harness.run_steps(2);
             desk.harness.get_by_label("It is a post").click();
             desk.harness.run_steps(2);
@@ -364,13 +368,13 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
 fn a_link_that_is_selected_goes_on_whichever_waits() {
     let (mut desk, there) = linking();
     let at = |desk: &mut Desk, camera: usize| {
-        desk.app().session.solved.pose(camera).unwrap().world_to_pixel(there).unwrap()
+        desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there).unwrap()
     };
     let first = at(&mut desk, 0);
     desk.click(Pane::Image(0), first.into());
     desk.key(Key::Enter);
     desk.click(Pane::Image(0), [first.u - 40.0, first.v]);
-    desk.app().session.select_only(0, Part::Link { link: 0, seen: 0, point: 0 });
+    desk.app().act(Action::SelectOn(0, Part::Link { link: 0, seen: 0, point: 0 }));
     let second = at(&mut desk, 2);
     desk.click(Pane::Image(2), second.into());
     let views = |desk: &Desk| desk.site().links.iter().map(|link| link.seen.len()).collect::<Vec<_>>();
@@ -434,7 +438,7 @@ fn random_gesture(desk: &mut Desk, random: &mut Random) {
     ];
     match random.next(10) {
         0 => {
-            let tool = TOOLS[random.next(TOOLS.len())].key;
+            let tool = keys::key(TOOLS[random.next(TOOLS.len())].key);
             desk.key(tool);
         }
         1 | 2 => {
@@ -468,8 +472,8 @@ fn a_thousand_random_gestures_are_undone_bit_for_bit() {
         desk.key(Key::Escape);
         desk.key(Key::Escape);
         desk.key(Key::Escape);
-        while desk.app().session.history.depth() > 0 {
-            desk.app().session.undo();
+        while desk.app().editor.session().history.depth() > 0 {
+            desk.app().act(Action::Gesture(Gesture::Undo));
         }
         assert!(desk.site().to_json() == before.to_json(), "run {run}");
         assert!(*desk.site() == before, "run {run}");

@@ -5,7 +5,7 @@
 mod desk;
 
 use calib_app::command::Command;
-use calib_app::tools::Pane;
+use calib_editor::{Action, Pane};
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, PointerButton};
@@ -32,8 +32,8 @@ fn what_comes_in_waits_until_the_hand_is_empty() {
     }
     assert_eq!(desk.site().cameras.len(), count, "a line is under way");
     desk.release(to, Modifiers::NONE);
-    desk.wait(|app| app.session.site.cameras.len() > count);
-    assert_eq!(desk.harness.state().session.history.depth(), 2, "the line, and the camera");
+    desk.wait(|app| app.editor.session().site.cameras.len() > count);
+    assert_eq!(desk.harness.state().editor.session().history.depth(), 2, "the line, and the camera");
     desk.undo();
     desk.undo();
     assert_eq!(desk.site().cameras[0].annotations, lines);
@@ -43,11 +43,11 @@ fn what_comes_in_waits_until_the_hand_is_empty() {
 fn a_site_that_no_file_can_hold_is_put_back() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
-    desk.app().session.site.cameras[0].height_m = Some(calib_core::Known::fixed(0.0));
-    desk.app().session.commit("hold a height of nothing");
+    let known = Some(calib_core::Known::fixed(0.0));
+    desk.app().act(Action::Height { known, name: "hold a height of nothing".into() });
     assert_eq!(*desk.site(), before);
-    assert!(desk.harness.state().session.note.as_ref().unwrap().starts_with("Not possible"));
-    assert_eq!(desk.harness.state().session.history.depth(), 0);
+    assert!(desk.harness.state().editor.session().note.as_ref().unwrap().starts_with("Not possible"));
+    assert_eq!(desk.harness.state().editor.session().history.depth(), 0);
 }
 
 #[test]
@@ -59,16 +59,14 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
         .with_context_setup(calib_app::theme::install)
         .build_ui_state(|ui, app: &mut calib_app::App| app.show_ui(ui), app);
     harness.run_steps(2);
-    harness.state_mut().session.site.name = Some("Mine".into());
-    harness.state_mut().session.commit("name the site");
+    desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Mine".into()));
     harness.run_steps(2);
     harness.state_mut().open_site(calib_core::Site::new(), calib_app::files::Images::default(), None);
-    harness.state_mut().session.site.name = Some("Another".into());
-    harness.state_mut().session.commit("name the site");
+    desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Another".into()));
     harness.run_steps(2);
     assert_eq!(harness.state().found.len(), 1, "it is offered");
     harness.state_mut().recover(0);
-    assert_eq!(harness.state().session.site.name.as_deref(), Some("Mine"));
+    assert_eq!(harness.state().editor.session().site.name.as_deref(), Some("Mine"));
     drop(harness);
     let app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
     let mut names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
@@ -79,20 +77,20 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
 #[test]
 fn while_solving_is_paused_results_stay_with_their_cameras() {
     let mut desk = Desk::new(demo());
-    let poses: Vec<_> = (0..3).map(|i| desk.app().session.solved.pose(i).copied()).collect();
+    let poses: Vec<_> = (0..3).map(|i| desk.app().editor.session().solved.pose(i).copied()).collect();
     desk.tell(Command::Pause);
     desk.tell(Command::RemoveCamera);
-    assert_eq!(desk.app().session.solved.pose(0).copied(), poses[1]);
-    assert_eq!(desk.app().session.solved.pose(1).copied(), poses[2]);
+    assert_eq!(desk.app().editor.session().solved.pose(0).copied(), poses[1]);
+    assert_eq!(desk.app().editor.session().solved.pose(1).copied(), poses[2]);
     desk.undo();
-    assert_eq!(desk.app().session.solved.pose(1).copied(), poses[1]);
+    assert_eq!(desk.app().editor.session().solved.pose(1).copied(), poses[1]);
 }
 
 #[test]
 fn escape_in_a_field_leaves_the_field_and_nothing_else() {
     let mut desk = Desk::new(demo());
     desk.take("Select");
-    desk.app().session.select_only(0, calib_app::hit::Part::Line { annotation: 0, segment: 0 });
+    desk.app().act(Action::SelectOn(0, calib_editor::Part::Line { annotation: 0, segment: 0 }));
     desk.harness.run_steps(2);
     let id = desk.site().cameras[0].id.clone();
     desk.harness.get_by_label("Id").focus();
@@ -101,27 +99,27 @@ fn escape_in_a_field_leaves_the_field_and_nothing_else() {
     desk.harness.run_steps(2);
     desk.key(Key::Escape);
     assert_eq!(desk.site().cameras[0].id, id, "what was typed is dropped");
-    assert!(!desk.app().session.selection.is_empty(), "the selection is not the field's");
+    assert!(!desk.app().editor.session().selection.is_empty(), "the selection is not the field's");
     desk.key(Key::Escape);
-    assert!(desk.app().session.selection.is_empty());
+    assert!(desk.app().editor.session().selection.is_empty());
 }
 
 #[test]
 fn a_camera_is_turned_and_scaled_on_the_plan_by_keys() {
     let mut desk = Desk::new(demo());
     let free = desk.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
-    desk.app().session.choose(free);
+    desk.app().act(Action::Choose(free));
     desk.key(Key::Num2);
-    let before = desk.app().session.placement(free).unwrap();
+    let before = desk.app().editor.session().placement(free).unwrap();
     desk.keys(Modifiers::COMMAND, Key::ArrowLeft);
-    let turned = desk.app().session.placement(free).unwrap();
+    let turned = desk.app().editor.session().placement(free).unwrap();
     assert!(((turned.turn - before.turn).to_degrees() - 0.1).abs() < 1e-5, "{turned:?}");
     desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::ArrowUp);
-    let grown = desk.app().session.placement(free).unwrap();
+    let grown = desk.app().editor.session().placement(free).unwrap();
     assert!((grown.scale / turned.scale - 1.01).abs() < 1e-6, "{grown:?}");
     desk.keys(Modifiers::COMMAND, Key::ArrowRight);
     desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::ArrowDown);
-    let back = desk.app().session.placement(free).unwrap();
+    let back = desk.app().editor.session().placement(free).unwrap();
     assert!((back.turn - before.turn).abs() < 1e-6 && (back.scale - before.scale).abs() < 1e-6);
 }
 

@@ -4,13 +4,12 @@
 
 mod desk;
 
-use calib_app::Units;
 use calib_app::command::{self, Command};
 use calib_app::dialog::{Chosen, Purpose};
 use calib_app::files::Images;
 use calib_app::pane::Place;
-use calib_app::tools::{Pane, PlanHandle, plan_handles};
 use calib_core::{Kind, Pixel};
+use calib_editor::{Action, Pane, PlanHandle, Units, plan_handles};
 use calib_tests::Scratch;
 use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
@@ -39,7 +38,7 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
     };
     assert!(shown(&mut desk).contains(" m"));
     desk.tell(Command::Feet);
-    assert_eq!(desk.app().session.units, Units::Feet);
+    assert_eq!(desk.app().editor.session().units, Units::Feet);
     let feet = shown(&mut desk);
     let metres = |line: &&str| {
         let mut words = line.split_whitespace().peekable();
@@ -55,10 +54,9 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
 fn a_height_typed_in_feet_is_metres_in_the_site() {
     let mut desk = Desk::new(demo());
     desk.tell(Command::Feet);
-    for camera in &mut desk.app().session.site.cameras {
-        camera.control_points.clear();
-    }
-    desk.app().session.commit("no control points");
+    desk::change(desk.app(), "no control points", |site| {
+        site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
+    });
     desk.key(Key::Num2);
     let field = desk.harness.get_all_by_label("Height").last().unwrap().rect();
     desk.drag_screen(&[field.center()], Modifiers::NONE);
@@ -67,7 +65,7 @@ fn a_height_typed_in_feet_is_metres_in_the_site() {
     desk.harness.event(Event::Text("10".into()));
     desk.harness.run_steps(2);
     desk.key(Key::Enter);
-    let height = desk.app().session.placement(0).unwrap().scale * calib_core::STAGE_1_HEIGHT;
+    let height = desk.app().editor.session().placement(0).unwrap().scale * calib_core::STAGE_1_HEIGHT;
     assert!((height - 3.048).abs() < 1e-6, "{height} m");
 }
 
@@ -114,7 +112,7 @@ fn the_whole_image_lies_small_over_a_part_of_it_and_moves_the_view() {
     let after = centre(&mut desk);
     assert!((after[0] - 480.0).abs() < 20.0 && (after[1] - 270.0).abs() < 20.0, "{before:?} to {after:?}");
     assert_eq!(desk.site(), &demo(), "nothing is drawn there");
-    assert_eq!(desk.app().session.history.depth(), 0);
+    assert_eq!(desk.app().editor.session().history.depth(), 0);
 }
 
 #[test]
@@ -130,7 +128,7 @@ fn what_is_dragged_snaps_only_when_that_is_asked_for() {
             desk.tell(Command::Snap);
         }
         desk.take("Select");
-        let foot = plan_handles(&desk.app().session, 0)[0];
+        let foot = plan_handles(desk.app().editor.session(), 0)[0];
         assert_eq!(foot.0, PlanHandle::Foot);
         let from = desk.screen(Pane::Plan, foot.1);
         desk.drag_screen(&[from, from + Vec2::new(37.0, -23.0)], Modifiers::NONE);
@@ -212,12 +210,12 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
     assert!(desk.app().orbit.unwrap().distance < panned.distance);
     let (orbit, rect) = (desk.app().orbit.unwrap(), desk.harness.get_by_label("Scene").rect());
     let shown: Vec<(usize, Pos2)> = (1..desk.site().cameras.len())
-        .filter_map(|i| Some((i, orbit.project(rect, desk.app().session.solved.pose(i)?.position)?)))
+        .filter_map(|i| Some((i, orbit.project(rect, desk.app().editor.session().solved.pose(i)?.position)?)))
         .collect();
     let (camera, at) = shown.into_iter().find(|(_, at)| rect.shrink(10.0).contains(*at)).unwrap();
     desk.drag_screen(&[at], Modifiers::NONE);
     desk.harness.run_steps(2);
-    let picked = desk.app().session.camera;
+    let picked = desk.app().editor.session().camera;
     assert!(picked == camera || picked != 0, "{picked}");
 }
 
@@ -239,7 +237,7 @@ fn a_picture_of_the_view_is_saved_where_one_wants_it() {
         }
     }
     desk.harness.run_steps(4);
-    let saved = calib_app::picture::decode(&std::fs::read(path).unwrap()).unwrap();
+    let saved = calib_editor::decode(&std::fs::read(path).unwrap()).unwrap();
     let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
     let off = [saved.width() as f32 - rect.width(), saved.height() as f32 - rect.height()];
     assert!(off.iter().all(|by| by.abs() <= 2.0), "{off:?}");
@@ -270,7 +268,7 @@ fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
     assert_eq!(count(), 0, "nothing is written before the losses are agreed to");
     press(&mut desk, "Write it all the same");
     press(&mut desk, "files\u{2026}");
-    assert!(count() > 0, "{:?}", desk.app().error);
+    assert!(count() > 0, "{:?}", desk.app().editor.error());
 }
 
 #[test]
@@ -288,7 +286,7 @@ fn a_lens_of_another_program_goes_to_the_camera_in_hand() {
     );
     desk.answer(Some(scratch.path("elsewhere.yaml")));
     desk.tell(Command::Import);
-    assert_eq!(desk.app().error, None);
+    assert_eq!(desk.app().editor.error(), None);
     let lens = desk.site().cameras[0].lens.clone().unwrap();
     assert_eq!(lens.focal_px.map(|focal| focal.value), Some(1400.0));
     assert_eq!(lens.distortion.and_then(|distortion| distortion.k1), Some(-0.2));
@@ -329,7 +327,7 @@ fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
     let before = drawn(&desk);
     desk.answer(Some(scratch.path("new.png")));
     desk.tell(Command::ReplaceStill);
-    desk.wait(|app| app.old_still.is_some());
+    desk.wait(|app| app.editor.old_still().is_some());
     assert_eq!(drawn(&desk), before, "nothing is rescaled that nobody asked for");
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Old still").is_some(), "old and new are blended");
@@ -387,11 +385,10 @@ fn a_drawing_becomes_a_plan_that_every_program_shows() {
     scratch.write("plan.svg", r#"<svg xmlns="http://www.w3.org/2000/svg" width="60" height="40"><rect width="30" height="40"/></svg>"#);
     let mut desk = Desk::new(demo());
     desk.answer(Some(scratch.path("plan.svg")));
-    desk.app().session.site.plan = None;
-    desk.app().session.commit("no plan");
+    desk::change(desk.app(), "no plan", |site| site.plan = None);
     desk.tell(Command::LoadPlan);
-    desk.wait(|app| app.session.site.plan.is_some());
-    let images = desk.app().session.images.clone();
+    desk.wait(|app| app.editor.session().site.plan.is_some());
+    let images = desk.app().editor.session().images.clone();
     let saved = images.put_into(desk.site(), None);
     let image = saved.plan.and_then(|plan| plan.image).unwrap();
     assert!(image.starts_with("data:image/png;base64,"), "{}", &image[..40]);
@@ -418,17 +415,17 @@ fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
     desk.app().take_together(&ctx, vec![loose("other.wld", b"0.1 0 0 -0.1 5 5")]);
     let (scale, at) = first(&desk);
     assert!((scale - 0.1).abs() < 1e-12 && at.distance([5.0, 5.0].into()) < 1e-9, "{scale} {at:?}");
-    assert_eq!(desk.harness.state().error, None);
+    assert_eq!(desk.harness.state().editor.error(), None);
     desk.app().take_together(&ctx, vec![loose("mirrored.wld", b"0.1 0 0 0.1 5 5")]);
-    assert!(desk.harness.state().error.as_ref().unwrap().contains("mirrored.wld"));
+    assert!(desk.harness.state().editor.error().unwrap().contains("mirrored.wld"));
     desk.undo();
     desk.undo();
     assert_eq!(desk.site().plan, before.plan);
-    desk.app().error = None;
+    desk.app().act(Action::CloseError);
     let two = vec![loose("hall.png", png.get_ref()), loose("yard.png", png.get_ref()), loose("c.wld", b"")];
     desk.app().load_plan(&ctx, two);
     desk.wait(|app| app.waiting() == 0);
-    let told = desk.harness.state().error.clone().unwrap();
+    let told = desk.harness.state().editor.error().map(str::to_owned).unwrap();
     assert!(told.contains("yard.png") && told.contains("c.wld"), "what was not taken is named: {told}");
     assert_eq!(desk.site().plan.as_ref().unwrap().metres_per_px, before.plan.unwrap().metres_per_px);
 }
@@ -447,7 +444,8 @@ fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
     desk.drag_screen(&[at], Modifiers::NONE);
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Horizontal view 2").is_some(), "a family has sliders");
-    let (camera, family) = desk.app().family.clone().unwrap();
+    let (camera, family) =
+        desk.app().editor.family().map(|(camera, family)| (camera, family.clone())).unwrap();
     let view = family.shown[1].view;
     let button = format!("Use {view:.0}\u{b0}");
     let at = desk.harness.get_all_by_label(&button).last().unwrap().rect().center();
@@ -474,6 +472,6 @@ fn a_chooser_that_is_closed_changes_nothing() {
         let before = desk.site().clone();
         desk.app().ask(purpose);
         desk.harness.run_steps(3);
-        assert!(*desk.site() == before && desk.app().error.is_none(), "{purpose:?}");
+        assert!(*desk.site() == before && desk.app().editor.error().is_none(), "{purpose:?}");
     }
 }

@@ -2,19 +2,18 @@
 
 use calib_core::{Camera, FloorPoint, SiteCamera, ellipse};
 use calib_draw::KindLook;
+use calib_editor::{Units, corners_of};
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
-use crate::command::{self, Command};
+use crate::command::Command;
 use crate::floor::{SIGMAS, paint_grid};
 use crate::icons::{self, Icon, Look};
 use crate::mesh::lay;
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
-use crate::session::corners_of;
 use crate::theme;
-use crate::units::Units;
 
 /// Height of the part, in points.
 pub const HEIGHT: f32 = 220.0;
@@ -42,10 +41,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let words = |text: String| {
         ui.painter().text(below, Align2::LEFT_CENTER, text, theme::regular(11.0), palette.text3);
     };
-    match (app.session.entry(), app.session.pose()) {
+    match (app.editor.session().entry(), app.editor.session().pose()) {
         (Some(entry), Some(pose)) => {
             let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
-            let units = app.session.units;
+            let units = app.editor.session().units;
             let step = paint(&painter, rect, entry, pose, picture, units);
             let step = units.length(step, 0);
             words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}"));
@@ -53,8 +52,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         _ => words("Needs lines that tell the camera".into()),
     }
     if hide {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, Command::Above, egui::Modifiers::NONE);
+        app.tell(Command::Above);
     }
 }
 

@@ -1,15 +1,13 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
+use calib_editor::{Action, Part, TOOLS, Units};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
-use crate::hit::Part;
 use crate::icons::{self, Icon};
-use crate::panels::heading;
+use crate::panels::{heading, length_field};
 use crate::theme;
-use crate::tools::TOOLS;
-use crate::units::Units;
 
 /// What a row asks for.
 enum Wish {
@@ -23,7 +21,7 @@ enum Wish {
 pub fn show(app: &mut App, ui: &mut Ui) {
     heading(ui, "Lines", "residual, px");
     app.lit = None;
-    let Some(entry) = app.session.entry() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
     let annotations = entry.annotations.clone();
     let sigma = entry.sigma_px.unwrap_or(1.0);
     if annotations.is_empty() {
@@ -45,7 +43,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
-            let (first, units) = (indices[0], app.session.units);
+            let (first, units) = (indices[0], app.editor.session().units);
             group(ui, units, &annotations[first], first, (letter, count), &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for index in indices {
@@ -72,7 +70,8 @@ fn group(
 ) {
     let palette = theme::palette(ui.ctx());
     let row = annotation.kind.row();
-    let icon = TOOLS.iter().find(|tool| tool.kind == Some(row.kind)).map_or(Icon::Vertical, |tool| tool.icon);
+    let icon =
+        TOOLS.iter().find(|tool| tool.kind == Some(row.kind)).map_or(Icon::Vertical, |tool| tool.icon.into());
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         icons::inline(ui, icon, theme::kind_icon(row.kind, ui.visuals().dark_mode));
@@ -103,7 +102,7 @@ fn group(
 }
 
 fn length(ui: &mut Ui, units: Units, value: &mut f64, tip: &str) -> bool {
-    ui.add(units.field(value, 0.01)).on_hover_text(tip).changed()
+    ui.add(length_field(units, value, 0.01)).on_hover_text(tip).changed()
 }
 
 struct Line<'a> {
@@ -120,8 +119,8 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 19.0), Sense::click());
     let name = line_name(annotations, index, segment);
     let part = Part::Line { annotation: index, segment };
-    let selected = app.session.selection.contains(&part);
-    let residual = app.session.solution().and_then(|solution| {
+    let selected = app.editor.session().selection.contains(&part);
+    let residual = app.editor.session().solution().and_then(|solution| {
         solution.residuals.iter().find(|r| r.annotation == Some(index) && r.segment == Some(segment)).cloned()
     });
     let suspect = residual.as_ref().is_some_and(|r| r.outlier);
@@ -203,36 +202,33 @@ fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
 }
 
 fn grant(app: &mut App, wish: Wish) {
-    app.cancel();
-    match wish {
-        Wish::Select(annotation, segment, more) => {
-            let part = Part::Line { annotation, segment };
-            if !more {
-                app.session.selection.clear();
-            }
-            if !app.session.selection.remove(&part) {
-                app.session.selection.insert(part);
-            }
+    app.send(Action::Drop);
+    let drawn = |index: usize| app.editor.session().entry()?.annotations.get(index).cloned();
+    let action = match wish {
+        Wish::Select(annotation, segment, true) => {
+            Some(Action::SelectMore(Part::Line { annotation, segment }))
         }
+        Wish::Select(annotation, segment, false) => Some(Action::Select(Part::Line { annotation, segment })),
         Wish::Toggle(index) => {
-            let name = app.session.part_name(Part::Line { annotation: index, segment: 0 });
-            if let Some(annotation) = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index)) {
-                annotation.off = !annotation.off;
-            }
-            app.session.commit(format!("switch {name} on or off"));
+            let name = app.editor.session().part_name(Part::Line { annotation: index, segment: 0 });
+            drawn(index).map(|annotation| {
+                let off = !annotation.off;
+                annotate(index, Annotation { off, ..annotation }, &format!("switch {name} on or off"))
+            })
         }
-        Wish::Length(index, value) => {
-            if let Some(annotation) = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index)) {
-                annotation.length_m = Some(value);
-            }
-            app.session.commit("change a known length");
-        }
-        Wish::Height(index, value) => {
-            let annotation = app.session.entry_mut().and_then(|e| e.annotations.get_mut(index));
-            if let Some(height) = annotation.and_then(|a| a.height_m.as_mut()) {
+        Wish::Length(index, value) => drawn(index).map(|annotation| {
+            annotate(index, Annotation { length_m: Some(value), ..annotation }, "change a known length")
+        }),
+        Wish::Height(index, value) => drawn(index).map(|mut annotation| {
+            if let Some(height) = &mut annotation.height_m {
                 height.value = value;
             }
-            app.session.commit("change the height of an upright");
-        }
-    }
+            annotate(index, annotation, "change the height of an upright")
+        }),
+    };
+    action.into_iter().for_each(|action| app.send(action));
+}
+
+fn annotate(index: usize, annotation: Annotation, name: &str) -> Action {
+    Action::Annotate { index, annotation: Box::new(annotation), name: name.to_owned() }
 }

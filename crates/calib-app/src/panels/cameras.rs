@@ -1,12 +1,13 @@
 //! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
 
+use calib_editor::{Action, steps};
 use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::dialog::Purpose;
 use crate::icons::{self, Icon, Look};
 use crate::paint::chip;
-use crate::panels::{above, steps};
+use crate::panels::above;
 use crate::picture::cropped;
 use crate::theme;
 
@@ -56,8 +57,8 @@ pub fn show(app: &mut App, ui: &mut Ui, rail: bool) {
         ui.spacing_mut().item_spacing.y = 0.0;
         for &camera in &rows {
             if row(app, ui, camera, rail) {
-                app.cancel();
-                app.session.choose(camera);
+                app.send(Action::Drop);
+                app.send(Action::Choose(camera));
             }
         }
         if !rail {
@@ -75,8 +76,8 @@ fn header(app: &mut App, ui: &mut Ui) {
     egui::Frame::NONE.inner_margin(egui::Margin::symmetric(10, 6)).show(ui, |ui| {
         ui.horizontal(|ui| {
             ui.label(egui::RichText::new("Cameras").font(theme::medium(13.0)));
-            let count = app.session.site.cameras.len();
-            let done = (0..count).filter(|&i| steps::is_finished(&app.session, i)).count();
+            let count = app.editor.session().site.cameras.len();
+            let done = (0..count).filter(|&i| steps::is_finished(app.editor.session(), i)).count();
             ui.label(egui::RichText::new(format!("{done} of {count}")).small().color(palette.text3));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let look = Look { size: Vec2::splat(20.0), ..Look::default() };
@@ -86,7 +87,7 @@ fn header(app: &mut App, ui: &mut Ui) {
             });
         });
         // A few cameras need no finding.
-        if app.session.site.cameras.len() > 6 {
+        if app.editor.session().site.cameras.len() > 6 {
             let label = ui.label(egui::RichText::new("Filter").small().color(palette.text3));
             ui.add(TextEdit::singleline(&mut app.list.filter).hint_text("name").desired_width(f32::INFINITY))
                 .labelled_by(label.id);
@@ -112,20 +113,21 @@ fn header(app: &mut App, ui: &mut Ui) {
 fn rows(app: &App) -> Vec<usize> {
     let wanted = app.list.filter.to_lowercase();
     let mut rows: Vec<usize> = app
-        .session
+        .editor
+        .session()
         .site
         .cameras
         .iter()
         .enumerate()
         .filter(|(_, camera)| camera.id.to_lowercase().contains(&wanted))
-        .filter(|(index, _)| !app.list.unfinished || !steps::is_finished(&app.session, *index))
+        .filter(|(index, _)| !app.list.unfinished || !steps::is_finished(app.editor.session(), *index))
         .map(|(index, _)| index)
         .collect();
     match app.list.order {
         Order::Site => {}
-        Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(&app.session, i))),
+        Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(app.editor.session(), i))),
         Order::Sigma => {
-            let sigma = |i: usize| steps::floor_sigma(&app.session, i).unwrap_or(f64::INFINITY);
+            let sigma = |i: usize| steps::floor_sigma(app.editor.session(), i).unwrap_or(f64::INFINITY);
             rows.sort_by(|&a, &b| sigma(b).total_cmp(&sigma(a)));
         }
     }
@@ -135,11 +137,11 @@ fn rows(app: &App) -> Vec<usize> {
 /// One camera; whether it was clicked.
 fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     let palette = theme::palette(ui.ctx());
-    let Some(entry) = app.session.site.cameras.get(camera) else { return false };
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return false };
     let (id, image) = (entry.id.clone(), entry.image.clone());
     let height = if rail { 62.0 } else { 54.0 };
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::click());
-    let is_own = camera == app.session.camera;
+    let is_own = camera == app.editor.session().camera;
     let label = format!("Camera {id}");
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_own, &label));
     if !ui.is_rect_visible(rect) {
@@ -166,23 +168,23 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     } else {
         words(app, ui, camera, rect, thumb);
     }
-    let response = response.on_hover_text(steps::summary(&app.session, camera));
+    let response = response.on_hover_text(steps::summary(app.editor.session(), camera));
     response.clicked() || response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))
 }
 
 fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let palette = theme::palette(ui.ctx());
-    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let left = thumb.right() + 8.0;
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
     let top = egui::pos2(left, rect.top() + 7.0);
-    let sigma = steps::floor_sigma(&app.session, camera);
+    let sigma = steps::floor_sigma(app.editor.session(), camera);
     let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
     name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
-    let (text, is_done) = steps::next(&app.session, camera);
+    let (text, is_done) = steps::next(app.editor.session(), camera);
     let colour = if is_done { palette.ok } else { palette.warn };
     let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
@@ -190,7 +192,7 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
 
 fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {
     let palette = theme::palette(ui.ctx());
-    let images = &app.session.images;
+    let images = &app.editor.session().images;
     let picture = name.and_then(|name| app.pictures.get(ui.ctx(), name, || images.reader(name)));
     match picture {
         Some(picture) => {

@@ -1,15 +1,14 @@
 //! What a right click or a long press on a canvas offers: first what can be done to what is under it.
 
-use egui::{Modifiers, Popup, Response, RichText, Ui};
+use calib_editor::{Action, Pane};
+use egui::{Popup, Response, RichText};
 
 use crate::app::App;
 use crate::canvas::Mapping;
-use crate::command::{self, Command};
-use crate::hit;
+use crate::command::Command;
 use crate::pane::Place;
 use crate::panels::topbar;
 use crate::theme;
-use crate::tools::Pane;
 
 const ON_PLAN: [&[Command]; 3] = [
     &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
@@ -24,27 +23,28 @@ const ON_IMAGE: [&[Command]; 4] = [
 ];
 
 /// The menu of a canvas, while it is open.
-pub fn show(app: &mut App, ui: &Ui, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.panes.was_idle {
         // The finger that is held draws nothing.
-        app.cancel();
+        app.send(Action::Drop);
         app.panes.forget_pointer();
     }
     if response.secondary_clicked() {
         app.panes.active = Some(key);
     }
-    if response.secondary_clicked() && app.tool.is_idle() {
+    if response.secondary_clicked() && app.editor.tool().is_idle() {
         let at = response.interact_pointer_pos().map(|at| mapping.document(at));
         if let (Pane::Image(camera), Some(at)) = (key.1, at) {
-            select(app, camera, at, mapping.units(theme::HIT));
+            app.send(Action::SelectAt { camera, at, near: mapping.units(theme::HIT) });
         }
     }
     let mut chosen = None;
     let on_plan = key.1 == Pane::Plan;
     Popup::context_menu(response).show(|ui| {
-        let title = match (on_plan, app.session.entry()) {
+        let title = match (on_plan, app.editor.session().entry()) {
             (true, entry) => entry.map(|entry| entry.id.clone()),
-            (false, _) => Some(app.session.selection_name()).filter(|_| !app.session.selection.is_empty()),
+            (false, _) => Some(app.editor.session().selection_name())
+                .filter(|_| !app.editor.session().selection.is_empty()),
         };
         if let Some(title) = title {
             ui.label(RichText::new(title).font(theme::medium(12.0)));
@@ -63,35 +63,23 @@ pub fn show(app: &mut App, ui: &Ui, response: &Response, key: (Place, Pane), map
         }
     });
     if let Some(command) = chosen {
-        command::run(app, ui.ctx(), command, Modifiers::NONE);
-    }
-}
-
-/// What is under the pointer is meant, unless it is part of what is selected.
-fn select(app: &mut App, camera: usize, at: [f64; 2], near: f64) {
-    let session = &mut app.session;
-    session.choose(camera);
-    let pose = session.solved.pose(camera);
-    match hit::pick(&session.site, camera, pose, at.into(), near, &session.selection) {
-        Some(hit) if session.selection.contains(&hit.part) => {}
-        Some(hit) => session.select_only(camera, hit.part),
-        None => session.selection.clear(),
+        app.tell(command);
     }
 }
 
 fn is_offered(app: &App, command: Command) -> bool {
     let makes_sense = match command {
-        Command::Accept | Command::StepBack | Command::Cancel => !app.tool.is_idle(),
+        Command::Accept | Command::StepBack | Command::Cancel => !app.editor.tool().is_idle(),
         Command::UseAnyway => is_suspected(app),
         _ => true,
     };
-    makes_sense && command::is_enabled(app, command)
+    makes_sense && app.is_enabled(command)
 }
 
 /// Whether a selected line was set aside.
 fn is_suspected(app: &App) -> bool {
-    let residuals = app.session.solution().map_or(&[][..], |solution| &solution.residuals);
-    let lines = crate::edit::lines_of(&app.session.selection);
+    let residuals = app.editor.session().solution().map_or(&[][..], |solution| &solution.residuals);
+    let lines = calib_editor::edit::lines_of(&app.editor.session().selection);
     residuals
         .iter()
         .filter(|residual| residual.outlier)

@@ -1,11 +1,11 @@
 //! Two cameras that fit what was drawn equally well, side by side; a slider each where a whole family does.
 
-use calib_core::{Known, floor_grid, on_image};
+use calib_core::{floor_grid, on_image};
+use calib_editor::{Action, Family, Fit};
 use egui::{Color32, Painter, Rect, RichText, Role, Sense, Slider, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
 use crate::canvas::{Mapping, View};
-use crate::family::{Family, Fit};
 use crate::icons::{self, Icon, Look};
 use crate::overlay::grid_step;
 use crate::paint::{Pen, line};
@@ -16,38 +16,10 @@ use crate::theme;
 /// Height of the part, in points.
 pub const HEIGHT: f32 = 236.0;
 
-/// Finds out what else fits the camera in hand. Whether anything does.
-pub fn update(app: &mut App) -> bool {
-    let Some(entry) = app.session.entry() else { return false };
-    // While a line is in the hand the last answer stands.
-    if !app.tool.is_idle() || app.session.solved.paused {
-        return app.family.as_ref().is_some_and(|(camera, _)| *camera == app.session.camera);
-    }
-    let is_known = app
-        .family
-        .as_ref()
-        .is_some_and(|(camera, family)| *camera == app.session.camera && family.is_of(entry));
-    let Some(solution) = app.session.solution() else {
-        app.family = None;
-        return false;
-    };
-    let has_more = !solution.alternatives.is_empty()
-        || solution.warnings.iter().any(|w| w.code == calib_core::Code::FocalUnobservable);
-    if !has_more {
-        app.family = None;
-    } else if !is_known {
-        let camera = app.session.camera;
-        let lenses = app.session.solved.lenses(camera);
-        let family = Family::of(&app.session.site, camera, solution, &lenses);
-        app.family = family.map(|family| (camera, family));
-    }
-    app.family.is_some()
-}
-
 /// A line over the foot of the image: the image stays where it is until the operator asks for more.
 pub fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     let palette = theme::palette(ui.ctx());
-    let Some((_, family)) = &app.family else { return };
+    let Some((_, family)) = app.editor.family() else { return };
     let [a, b] = [0, 1].map(|which| family.shown[which].view);
     let text = match family.range {
         Some([low, high]) => format!("Every view from {low:.0}\u{b0} to {high:.0}\u{b0} fits these lines"),
@@ -74,8 +46,8 @@ pub fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
 /// The part below the image.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some((camera, mut family)) = app.family.clone() else { return };
-    let (mut chosen, mut fold) = (None, false);
+    let Some((_, family)) = app.editor.family() else { return };
+    let (mut actions, mut fold) = (Vec::new(), false);
     egui::Frame::NONE.fill(palette.panel).inner_margin(12).show(ui, |ui| {
         ui.set_min_size(ui.available_size());
         let title = match family.range {
@@ -96,34 +68,26 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.allocate_ui(Vec2::new(width, ui.available_height()), |ui| {
                     ui.vertical(|ui| {
                         ui.set_width(width);
-                        if let Some(view) = card(app, ui, &family, which) {
-                            let lenses = app.session.solved.lenses(camera);
-                            family.choose(&app.session.site, camera, which, view, &lenses);
-                        }
+                        actions
+                            .extend(card(app, ui, family, which).map(|view| Action::ShowView(which, view)));
                         let view = family.shown[which].view;
                         if ui.button(format!("Use {view:.0}\u{b0}")).clicked() {
-                            chosen = Some(family.shown[which].solution.focal_px);
+                            actions.push(Action::UseFocal(family.shown[which].solution.focal_px));
                         }
                     });
                 });
             }
         });
     });
-    app.family = Some((camera, family));
     app.compares_views = !fold;
-    if let Some(focal) = chosen {
-        // A belief that can be seen and unlocked, not a hidden choice.
-        app.with_lens("use another field of view", |lens| {
-            lens.focal_px = Some(Known::prior(focal, 0.05 * focal));
-        });
-    }
+    actions.into_iter().for_each(|action| app.send(action));
 }
 
 /// One camera: its numbers, its image with the grid, its floor. The field of view it is to have instead.
 fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     let palette = theme::palette(ui.ctx());
     let Fit { view, solution, pose } = &family.shown[which];
-    let entry = app.session.entry()?;
+    let entry = app.editor.session().entry()?;
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.label(RichText::new(format!("{view:.0}\u{b0}")).font(theme::medium(12.0)));
@@ -160,12 +124,12 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
         whole.paint(&painter, &mapping, Color32::WHITE);
     }
     grid(app, &painter, &mapping, &family.shown[which]);
-    above::paint(&clip(right), right, entry, pose, picture, app.session.units);
+    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().units);
     wanted
 }
 
 fn grid(app: &App, painter: &Painter, mapping: &Mapping, fit: &Fit) {
-    let step = grid_step(&fit.solution.efov_m, app.session.units);
+    let step = grid_step(&fit.solution.efov_m, app.editor.session().units);
     for points in floor_grid(&fit.solution.efov_m, step) {
         for piece in on_image(&fit.pose, &points) {
             let piece: Vec<egui::Pos2> =

@@ -1,143 +1,25 @@
 //! What cameras share: marks, links, control points, and how well views agree.
 
-use calib_core::{Link, LinkKind, Mark, MarkKind, Pixel, ResidualOf, WorldPoint};
-use egui::{DragValue, RichText, Ui, Vec2};
+use calib_core::{Link, LinkKind, Pixel, ResidualOf};
+use calib_editor::{Action, Part};
+use egui::{RichText, Ui, Vec2};
 
 use crate::app::App;
-use crate::command::{self, Command};
-use crate::hit::Part;
+use crate::command::Command;
 use crate::icons::{self, Icon, Look};
-use crate::panels::heading;
+use crate::panels::{heading, length_field};
 use crate::theme;
-use crate::tools::TOOLS;
-
-const fn icon(kind: MarkKind) -> Icon {
-    match kind {
-        MarkKind::Cross => Icon::Cross,
-        MarkKind::Post => Icon::Post,
-        MarkKind::Box => Icon::Box,
-        MarkKind::Cylinder => Icon::Cylinder,
-        MarkKind::Circle => Icon::Circle,
-        MarkKind::Person => Icon::Person,
-        MarkKind::Grid => Icon::Grid,
-    }
-}
-
-/// Virtual elements: the kind of the next one, and those there are.
-pub fn marks(app: &mut App, ui: &mut Ui) {
-    heading(ui, "Marks", "M");
-    let mut wanted = None;
-    ui.horizontal(|ui| {
-        ui.spacing_mut().item_spacing.x = 4.0;
-        for kind in MarkKind::ALL {
-            let name = format!("{kind:?}").to_lowercase();
-            let look =
-                Look { chosen: app.session.mark_kind == kind, size: Vec2::splat(28.0), ..Look::default() };
-            if icons::button(ui, icon(kind), &format!("Mark kind {name}"), &name, look).clicked() {
-                wanted = Some(kind);
-            }
-        }
-    });
-    if let Some(kind) = wanted {
-        app.session.mark_kind = kind;
-        let tool = TOOLS.iter().position(|tool| tool.title == "Mark").unwrap_or(0);
-        app.take_tool(tool);
-    }
-    for index in 0..app.session.site.marks.len() {
-        mark_row(app, ui, index);
-    }
-}
-
-fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
-    let palette = theme::palette(ui.ctx());
-    let Some(mark) = app.session.site.marks.get(index).cloned() else { return };
-    let part = Part::Mark(index);
-    let selected = app.session.selection.contains(&part);
-    let name = app.session.part_name(part);
-    let WorldPoint { x, y, .. } = mark.at_m;
-    let units = app.session.units;
-    let mut on = !mark.off;
-    ui.horizontal(|ui| {
-        ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}"));
-        icons::inline(ui, icon(mark.kind), palette.text);
-        if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
-            app.session.selection = [part].into();
-        }
-        let sizes: Vec<String> = mark.size_m.iter().map(|size| units.number(*size, 2)).collect();
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(units.point([x, y], 2));
-            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                let text = RichText::new(sizes.join(" \u{d7} ")).color(palette.text2);
-                ui.add(egui::Label::new(text).truncate());
-            });
-        });
-    });
-    if on == mark.off {
-        app.cancel();
-        app.session.site.marks[index].off = !on;
-        app.session.commit(format!("switch {name} {}", if on { "on" } else { "off" }));
-        return;
-    }
-    if selected {
-        mark_fields(app, ui, index, mark);
-    }
-}
-
-/// Size, turn and height of the mark that is selected.
-fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
-    let palette = theme::palette(ui.ctx());
-    let units = app.session.units;
-    let mut changed = false;
-    let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
-        let label = ui.label(RichText::new(title).small().color(palette.text2));
-        changed |= ui.add(edit).labelled_by(label.id).changed();
-    };
-    ui.horizontal_wrapped(|ui| {
-        for (title, value) in mark.kind.size_names().iter().zip(mark.size_m.iter_mut()) {
-            let is_count = ["columns", "rows"].contains(title);
-            let edit = if is_count {
-                DragValue::new(value).range(1.0..=1e3).max_decimals(0).update_while_editing(false)
-            } else {
-                units.field(value, 1e-3)
-            };
-            field(ui, title, edit);
-        }
-        let turn = DragValue::new(&mut mark.turn_deg)
-            .speed(0.1)
-            .range(-360.0..=360.0)
-            .suffix("\u{b0}")
-            .max_decimals(3);
-        field(ui, "turn", turn.update_while_editing(false));
-        field(ui, "above the floor", units.field(&mut mark.at_m.z, -1e5));
-    });
-    let was_fixed = mark.fixed;
-    ui.checkbox(&mut mark.fixed, "stays where it is when all cameras are refined");
-    if changed || was_fixed != mark.fixed {
-        for size in &mut mark.size_m {
-            *size = size.clamp(1e-3, 1e4);
-        }
-        for (title, count) in mark.kind.size_names().iter().zip(&mut mark.size_m) {
-            if ["columns", "rows"].contains(title) {
-                *count = count.round();
-            }
-        }
-        let name = app.session.part_name(Part::Mark(index));
-        app.cancel();
-        app.session.site.marks[index] = mark;
-        app.session.commit(format!("change {name}"));
-    }
-}
 
 /// Links: who sees each, how far the views are apart on the floor.
 pub fn links(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Links", "apart on the floor");
-    if app.session.site.links.is_empty() {
+    if app.editor.session().site.links.is_empty() {
         ui.label(RichText::new("K links what two views show.").color(palette.text2));
     }
     let mut chosen = None;
     let mut change = None;
-    for (index, link) in app.session.site.links.iter().enumerate() {
+    for (index, link) in app.editor.session().site.links.iter().enumerate() {
         let waits = link.seen.len() < 2;
         let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
         ui.horizontal(|ui| {
@@ -152,7 +34,8 @@ pub fn links(app: &mut App, ui: &mut Ui) {
                 chosen = Some(index);
             }
             for seen in &link.seen {
-                let camera = app.session.site.cameras.iter().position(|camera| camera.id == seen.camera);
+                let camera =
+                    app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera);
                 if let Some(camera) = camera {
                     let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
                     crate::paint::chip(ui.painter(), rect.center(), camera);
@@ -162,27 +45,27 @@ pub fn links(app: &mut App, ui: &mut Ui) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let text = match (waits, apart(app, index)) {
                     (true, _) => "1 view".into(),
-                    (false, Some(apart)) => app.session.units.small(apart),
+                    (false, Some(apart)) => app.editor.session().units.small(apart),
                     (false, None) => "\u{2014}".into(),
                 };
                 ui.label(RichText::new(text).color(palette.text2));
             });
         });
         let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
-        if app.session.selection.iter().any(is_own) {
+        if app.editor.session().selection.iter().any(is_own) {
             ui.horizontal(|ui| change = change.take().or_else(|| link_fields(app, ui, index)));
         }
     }
     if let Some((index, link)) = change {
-        app.cancel();
-        app.session.commit_link(index, link);
+        app.send(Action::SetLink(index, Box::new(link)));
     }
     if let Some(link) = chosen {
-        let seen = app.session.site.links.get(link).and_then(|link| link.seen.first()).cloned();
-        let camera = seen.and_then(|seen| app.session.site.cameras.iter().position(|c| c.id == seen.camera));
+        let seen = app.editor.session().site.links.get(link).and_then(|link| link.seen.first()).cloned();
+        let camera =
+            seen.and_then(|seen| app.editor.session().site.cameras.iter().position(|c| c.id == seen.camera));
         if let Some(camera) = camera {
-            app.cancel();
-            app.session.select_only(camera, Part::Link { link, seen: 0, point: 0 });
+            app.send(Action::Drop);
+            app.send(Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }));
         }
     }
 }
@@ -190,11 +73,12 @@ pub fn links(app: &mut App, ui: &mut Ui) {
 /// How many pixels off a view is after a joint solve.
 fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let palette = theme::palette(ui.ctx());
-    let found = app.session.solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
+    let found =
+        app.editor.session().solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
         return;
     };
-    let sigma = app.session.site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let sigma = app.editor.session().site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
     let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
 }
@@ -202,14 +86,14 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
 /// How a saved version differs from this one.
 pub fn compared(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some(saved) = &app.compared else { return };
+    let Some(saved) = app.editor.compared() else { return };
     heading(ui, "Against the saved version", "position, turn");
-    for (index, camera) in app.session.site.cameras.iter().enumerate() {
+    for (index, camera) in app.editor.session().site.cameras.iter().enumerate() {
         let old = saved.camera(&camera.id).and_then(calib_core::SiteCamera::camera);
-        let text = match (old, app.session.solved.pose(index)) {
+        let text = match (old, app.editor.session().solved.pose(index)) {
             (Some(old), Some(new)) => {
                 let turned = turned(&old, new);
-                let moved = app.session.units.small(old.position.distance(new.position));
+                let moved = app.editor.session().units.small(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
             (None, _) => "not in it, or not solved".into(),
@@ -221,7 +105,7 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
         });
     }
     if ui.button("Done").clicked() {
-        app.compared = None;
+        app.send(Action::Compare(None));
     }
 }
 
@@ -233,13 +117,17 @@ fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
 
 /// What a link is and how high it is; the link as it is to become.
 fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
-    let link = app.session.site.links.get(index)?;
+    let link = app.editor.session().site.links.get(index)?;
     let mut new = link.clone();
     match link.kind {
         LinkKind::Point => {
             let mut height = link.height_m.unwrap_or(0.0);
             let label = ui.label("above the floor");
-            if ui.add(app.session.units.field(&mut height, -1e5)).labelled_by(label.id).changed() {
+            if ui
+                .add(length_field(app.editor.session().units, &mut height, -1e5))
+                .labelled_by(label.id)
+                .changed()
+            {
                 new.height_m = Some(height).filter(|height| *height != 0.0);
             }
         }
@@ -258,7 +146,8 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
                 new.length_m = is_measured.then(|| calib_core::Known::prior(guess, 0.01));
             }
             if let Some(length) = &mut new.length_m {
-                ui.add(app.session.units.field(&mut length.value, 1e-3)).labelled_by(tick.id);
+                ui.add(length_field(app.editor.session().units, &mut length.value, 1e-3))
+                    .labelled_by(tick.id);
             }
             if ui.button("It is a floor line").clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
@@ -276,10 +165,10 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
 /// How long a post looks in a view that shows it.
 fn estimated_length(app: &App, link: &Link) -> Option<f64> {
     link.seen.iter().find_map(|seen| {
-        let index = app.session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        let camera = app.session.solved.pose(index)?;
+        let index = app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+        let camera = app.editor.session().solved.pose(index)?;
         let foot = camera.pixel_to_floor(seen.foot?, 0.0)?;
-        crate::epipolar::length(camera, foot, seen.head?)
+        calib_editor::post_length(camera, foot, seen.head?)
     })
 }
 
@@ -287,13 +176,13 @@ fn estimated_length(app: &App, link: &Link) -> Option<f64> {
 pub fn distances(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Distances", "measured");
-    let mut list = app.session.site.distances.clone();
+    let mut list = app.editor.session().site.distances.clone();
     let mut removed = None;
     for (index, distance) in list.iter_mut().enumerate() {
         ui.horizontal(|ui| {
             let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
             let value = &mut distance.length_m.value;
-            ui.add(app.session.units.field(value, 1e-3)).labelled_by(label.id);
+            ui.add(length_field(app.editor.session().units, value, 1e-3)).labelled_by(label.id);
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
                 removed = Some(index);
@@ -303,18 +192,16 @@ pub fn distances(app: &mut App, ui: &mut Ui) {
     if let Some(index) = removed {
         list.remove(index);
     }
-    let links = app.session.site.links.iter().filter_map(|link| link.id.clone());
+    let links = app.editor.session().site.links.iter().filter_map(|link| link.id.clone());
     let ids: Vec<String> =
-        links.chain(app.session.site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
+        links.chain(app.editor.session().site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
     if ids.len() >= 2 {
         pick_pair(app, ui, &ids, &mut list);
     } else {
         ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
     }
-    if list != app.session.site.distances {
-        app.cancel();
-        app.session.site.distances = list;
-        app.session.commit("change a measured distance");
+    if list != app.editor.session().site.distances {
+        app.send(Action::SetDistances(list));
     }
 }
 
@@ -345,7 +232,7 @@ fn pick_pair(app: &mut App, ui: &mut Ui, ids: &[String], list: &mut Vec<calib_co
 
 /// The greatest distance between where two views say a point link is, in metres.
 fn apart(app: &App, index: usize) -> Option<f64> {
-    let link = app.session.site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
+    let link = app.editor.session().site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
     let height = link.height_m.unwrap_or(0.0);
     let places: Vec<_> =
         link.seen.iter().filter_map(|seen| place(app, &seen.camera, seen.px?, height)).collect();
@@ -354,8 +241,8 @@ fn apart(app: &App, index: usize) -> Option<f64> {
 }
 
 fn place(app: &App, id: &str, px: Pixel, height: f64) -> Option<calib_core::FloorPoint> {
-    let camera = app.session.site.cameras.iter().position(|camera| camera.id == id)?;
-    app.session.solved.placed(camera)?.pixel_to_floor(px, height)
+    let camera = app.editor.session().site.cameras.iter().position(|camera| camera.id == id)?;
+    app.editor.session().solved.placed(camera)?.pixel_to_floor(px, height)
 }
 
 /// Refine, and what it changed.
@@ -368,36 +255,39 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
         if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
             chosen = Some(Command::Refine);
         }
-        if app.session.before_refine.is_some() && ui.button("Compare with before").clicked() {
+        if app.editor.session().before_refine.is_some() && ui.button("Compare with before").clicked() {
             chosen = Some(Command::CompareBefore);
         }
     });
-    if let Some(before) = &app.session.before_refine {
-        for (index, camera) in app.session.site.cameras.iter().enumerate() {
-            let (Some(Some(old)), Some(new)) = (before.get(index), app.session.solved.pose(index)) else {
+    if let Some(before) = &app.editor.session().before_refine {
+        for (index, camera) in app.editor.session().site.cameras.iter().enumerate() {
+            let (Some(Some(old)), Some(new)) = (before.get(index), app.editor.session().solved.pose(index))
+            else {
                 continue;
             };
             let moved = old.position.distance(new.position);
             let turned = turned(old, new);
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
-                let moved = app.session.units.small(moved);
+                let moved = app.editor.session().units.small(moved);
                 let text = format!("moved {moved}, turned {turned:.2}\u{b0}");
                 ui.label(RichText::new(text).color(palette.text2));
             });
         }
         ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
     }
-    if let Some(overlaps) = app.session.solved.joint_report().map(|report| report.site.overlaps.clone()) {
+    if let Some(overlaps) =
+        app.editor.session().solved.joint_report().map(|report| report.site.overlaps.clone())
+    {
         for overlap in overlaps {
-            let apart =
-                overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| app.session.units.small(rms));
+            let apart = overlap
+                .floor_rms_m
+                .map_or_else(|| "\u{2014}".into(), |rms| app.editor.session().units.small(rms));
             ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
         }
     }
     if let Some(command) = chosen {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 
@@ -405,22 +295,22 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
 pub fn controls(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Control points", "residual, px");
-    let Some(entry) = app.session.entry() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
     let points = entry.control_points.clone();
     if points.is_empty() {
         ui.label(RichText::new("C sets a point whose place you know.").color(palette.text2));
     }
-    let plan = app.session.site.plan.clone();
+    let plan = app.editor.session().site.plan.clone();
     let mut change = None;
     for (index, point) in points.iter().enumerate() {
         let name = point.label(index);
-        let residual = app.session.solution().and_then(|solution| {
+        let residual = app.editor.session().solution().and_then(|solution| {
             let own =
                 |r: &&calib_core::Residual| r.of == ResidualOf::ControlPoint && r.id.as_ref() == Some(&name);
             solution.residuals.iter().find(own).map(|r| r.px)
         });
         let part = Part::Control(index);
-        let selected = app.session.selection.contains(&part);
+        let selected = app.editor.session().selection.contains(&part);
         let mut new = point.clone();
         let mut changed = false;
         ui.horizontal(|ui| {
@@ -429,7 +319,7 @@ pub fn controls(app: &mut App, ui: &mut Ui) {
                 (new.off, changed) = (!on, true);
             }
             if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
-                app.session.selection = [part].into();
+                app.send(Action::Select(part));
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let text = residual.map_or_else(|| "\u{2014}".into(), |px| format!("{px:.1}"));
@@ -441,7 +331,10 @@ pub fn controls(app: &mut App, ui: &mut Ui) {
             ui.horizontal(|ui| {
                 for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
                     let label = ui.label(RichText::new(title).color(palette.text2));
-                    changed |= ui.add(app.session.units.field(value, -1e5)).labelled_by(label.id).changed();
+                    changed |= ui
+                        .add(length_field(app.editor.session().units, value, -1e5))
+                        .labelled_by(label.id)
+                        .changed();
                 }
             });
             if world != control.world {
@@ -449,14 +342,10 @@ pub fn controls(app: &mut App, ui: &mut Ui) {
             }
         }
         if changed {
-            change = Some((index, new, name));
+            change = Some((index, new));
         }
     }
-    if let Some((index, new, name)) = change {
-        app.cancel();
-        if let Some(entry) = app.session.entry_mut() {
-            entry.control_points[index] = new;
-        }
-        app.session.commit(format!("change {name}"));
+    if let Some((index, new)) = change {
+        app.send(Action::SetControl(index, Box::new(new)));
     }
 }

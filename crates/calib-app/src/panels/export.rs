@@ -5,7 +5,7 @@ use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
 use crate::app::App;
 use crate::dialog::Purpose;
-use crate::task::Task;
+use crate::platform::Task;
 use crate::theme::{self, Palette};
 
 /// What is asked for, and from which state of the site.
@@ -55,7 +55,7 @@ impl Sheet {
     }
 
     /// The files that may be written: there is nothing that is lost without a word.
-    fn files(&self) -> Option<&[calib_formats::File]> {
+    pub(crate) fn files(&self) -> Option<&[calib_formats::File]> {
         let export = self.made.as_ref()?.as_ref().ok()?;
         (self.agreed || export.losses.is_empty()).then_some(export.files.as_slice())
     }
@@ -93,7 +93,7 @@ pub fn show(app: &mut App, ctx: &Context) {
 /// Makes what is asked for, off the frame's path, when it differs from what was.
 fn make(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.export.format) else { return };
-    let plan = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let plan = plan.filter(|_| format.shows_plan);
     if plan.is_some() {
         app.ask_for_plan(ctx);
@@ -104,13 +104,13 @@ fn make(app: &mut App, ctx: &Context) {
         format: sheet.format,
         extension: sheet.extension,
         rectified: sheet.rectified,
-        one: sheet.only_this.then_some(app.session.camera),
-        generation: app.session.generation,
+        one: sheet.only_this.then_some(app.editor.session().camera),
+        generation: app.editor.session().generation,
         has_plan: plan.is_some(),
     };
     if sheet.asked != Some(asked) {
         (sheet.asked, sheet.made, sheet.agreed) = (Some(asked), None, false);
-        let site = app.session.solved.write_into(&app.session.site);
+        let site = app.editor.session().solved.write_into(&app.editor.session().site);
         let one = asked.one.and_then(|index| site.cameras.get(index)).map(|camera| camera.id.clone());
         let extension = format.extensions.get(asked.extension).map(|extension| (*extension).to_owned());
         sheet.making = Some(Task::spawn(ctx, move || {
@@ -133,7 +133,7 @@ fn picture(image: &image::RgbImage) -> Result<PlanPicture, String> {
 
 fn choices(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let camera = app.session.entry().map(|entry| entry.id.clone()).unwrap_or_default();
+    let camera = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
     let sheet = &mut app.export;
     let chosen = sheet.format;
     let Some(format) = formats().nth(chosen) else { return };
@@ -225,26 +225,5 @@ fn told(ui: &mut Ui, palette: &Palette, export: &Export) {
             let kilobytes = (file.bytes.len() as f64 / 1024.0).ceil();
             ui.label(RichText::new(format!("{kilobytes} kB")).color(palette.text3));
         });
-    }
-}
-
-impl App {
-    /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
-    pub(crate) fn write_export(&mut self, folder: &std::path::Path) {
-        let Some(files) = self.export.files() else { return };
-        let written =
-            files.iter().try_for_each(|file| crate::files::write(&folder.join(&file.name), &file.bytes));
-        let count = files.len();
-        match written {
-            Ok(()) => {
-                self.session.note = Some(if folder.as_os_str().is_empty() {
-                    format!("{count} files were handed over as downloads.")
-                } else {
-                    format!("Wrote {count} files to {}.", folder.display())
-                });
-                self.export.close();
-            }
-            Err(error) => self.error = Some(error),
-        }
     }
 }

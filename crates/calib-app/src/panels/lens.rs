@@ -1,11 +1,11 @@
 //! What is known of the camera in hand: its names, its still, its lens.
 
 use calib_core::{Coefficient, DistortionEntry, DistortionModel};
+use calib_editor::{Action, OldStill};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::app::App;
 use crate::panels::heading;
-use crate::stills::OldStill;
 use crate::theme;
 
 /// Where the distortion comes from.
@@ -23,7 +23,7 @@ enum From {
 
 impl From {
     fn of(app: &App) -> Self {
-        let lens = app.session.entry().and_then(|entry| entry.lens.as_ref());
+        let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
         if let Some(like) = lens.and_then(|lens| lens.like.clone()) {
             return Self::Like(like);
         }
@@ -47,18 +47,20 @@ impl From {
 /// The panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some(entry) = app.session.entry() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
     let [w, h] = entry.size_px;
     heading(ui, "Camera", &format!("{w} \u{d7} {h} px"));
     names(app, ui);
     let own = From::of(app);
-    let id = app.session.entry().map(|entry| entry.id.clone()).unwrap_or_default();
+    let id = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
     let mut choices = vec![From::Edges, From::Fitted, From::Given];
     let free = |camera: &&calib_core::SiteCamera| {
         // A lens is shared with a camera that has one of its own.
         camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
     };
-    choices.extend(app.session.site.cameras.iter().filter(free).map(|camera| From::Like(camera.id.clone())));
+    choices.extend(
+        app.editor.session().site.cameras.iter().filter(free).map(|camera| From::Like(camera.id.clone())),
+    );
     let mut chosen = own.clone();
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Lens").color(palette.text2));
@@ -82,10 +84,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 
 fn names(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some(entry) = app.session.entry() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
     let (mut id, mut name) = (entry.id.clone(), entry.name.clone().unwrap_or_default());
     let field = |ui: &mut Ui, title: &str, text: &mut String| -> bool {
-        let salt = ui.scope_id().with((title, app.session.camera));
+        let salt = ui.scope_id().with((title, app.editor.session().camera));
         let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| text.clone());
         let label = ui.label(RichText::new(title).color(palette.text2));
         let response = ui.add(TextEdit::singleline(&mut typed).desired_width(88.0)).labelled_by(label.id);
@@ -105,20 +107,17 @@ fn names(app: &mut App, ui: &mut Ui) {
         titled = field(ui, "Name", &mut name);
     });
     if titled {
-        if let Some(entry) = app.session.entry_mut() {
-            entry.name = Some(name).filter(|name| !name.trim().is_empty());
-        }
-        app.session.commit("name a camera");
+        app.send(Action::Name(name));
     }
     if renamed {
-        app.rename_camera(id.trim());
+        app.send(Action::Rename(id.trim().to_owned()));
     }
 }
 
 fn set(app: &mut App, to: From) {
-    let focal = app.session.solution().map(|solution| solution.focal_px);
-    let current = app.session.solution().and_then(|solution| solution.distortion.clone());
-    app.with_lens("change where the lens comes from", |lens| {
+    let focal = app.editor.session().solution().map(|solution| solution.focal_px);
+    let current = app.editor.session().solution().and_then(|solution| solution.distortion.clone());
+    app.change_lens("change where the lens comes from", |lens| {
         lens.like = None;
         let bare = DistortionEntry::new(DistortionModel::BrownConrady);
         lens.distortion = match to {
@@ -141,7 +140,7 @@ fn set(app: &mut App, to: From) {
 /// The coefficients that are given, and the focal that they refer to.
 fn coefficients(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let lens = app.session.entry().and_then(|entry| entry.lens.as_ref());
+    let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
     let Some(mut entry) = lens.and_then(|lens| lens.distortion.clone()) else { return };
     let mut changed = false;
     ui.horizontal_wrapped(|ui| {
@@ -159,27 +158,28 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
         }
     });
     if changed {
-        app.with_lens("change the lens", |lens| lens.distortion = Some(entry));
+        app.change_lens("change the lens", |lens| lens.distortion = Some(entry));
     }
 }
 
 /// The still before this one, blended over it, to see whether the camera moved.
 pub fn old_still(app: &mut App, ui: &mut Ui) {
-    let Some(OldStill { camera, mut share, size, .. }) = app.old_still.clone() else { return };
-    let Some(entry) = app.session.entry().filter(|entry| entry.id == camera) else { return };
+    let Some(OldStill { camera, mut share, size, .. }) = app.editor.old_still().cloned() else { return };
+    let Some(entry) = app.editor.session().entry().filter(|entry| entry.id == camera) else { return };
     let [w, h] = entry.size_px;
     let palette = theme::palette(ui.ctx());
-    let mut done = false;
+    let (mut done, shown) = (false, share);
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Old still").color(palette.text2));
         ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
         done = ui.button("Done").clicked();
     });
     if size.is_some() && ui.button(format!("Rescale what is drawn to {w} \u{d7} {h} px")).clicked() {
-        app.rescale_to_still();
+        app.send(Action::RescaleToStill);
     }
-    match (&mut app.old_still, done) {
-        (Some(old), false) => old.share = share,
-        (old, _) => *old = None,
+    if done {
+        app.send(Action::ForgetOldStill);
+    } else if share != shown {
+        app.send(Action::BlendOldStill(share));
     }
 }

@@ -7,6 +7,7 @@ pub mod dock;
 pub mod elements;
 pub mod export;
 pub mod lens;
+pub mod marks;
 pub mod palette;
 pub mod placement;
 pub mod result;
@@ -20,7 +21,10 @@ pub mod tour;
 pub mod views;
 pub mod warnings;
 
-use egui::{CentralPanel, Frame, Margin, Panel, RichText, ScrollArea, Stroke, Ui};
+use calib_editor::Units;
+use egui::{CentralPanel, DragValue, Frame, Margin, Panel, RichText, ScrollArea, Stroke, Ui};
+
+pub use calib_editor::{digits, number};
 
 use crate::app::{App, Mode};
 use crate::theme;
@@ -37,7 +41,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
     Panel::top("top").exact_size(40.0).frame(bar(palette.panel)).show(ui, |ui| topbar::show(app, ui));
     Panel::bottom("status").exact_size(28.0).frame(bar(palette.panel)).show(ui, |ui| status::show(app, ui));
-    let has_site = !app.session.site.cameras.is_empty() || app.session.site.plan.is_some();
+    let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;
         let rail = phone || matches!(app.mode, Mode::Plan | Mode::All);
@@ -84,13 +88,13 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 
 fn right(app: &mut App, ui: &mut Ui) {
     warnings::error(app, ui);
-    if app.session.entry().is_none() {
+    if app.editor.session().entry().is_none() {
         return;
     }
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
-        if app.compared.is_some() {
+        if app.editor.compared().is_some() {
             section(ui, |ui| elements::compared(app, ui));
         }
         match app.mode {
@@ -108,7 +112,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
-                section(ui, |ui| elements::marks(app, ui));
+                section(ui, |ui| marks::show(app, ui));
                 section(ui, |ui| elements::links(app, ui));
                 section(ui, |ui| elements::distances(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
@@ -140,19 +144,20 @@ pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     });
 }
 
-/// A number with so many digits and a real minus.
-#[must_use]
-pub fn number(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    let is_zero = text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.');
-    if is_zero { text.replace('-', "") } else { text.replace('-', "\u{2212}") }
-}
-
-/// Digits behind the point that `\u{b1} sigma` supports: two of sigma's own.
-#[must_use]
-pub fn digits(sigma: f64) -> usize {
-    if !(sigma.is_finite() && sigma > 0.0) {
-        return 2;
-    }
-    (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize
+/// A field for a length in metres from `low` up, shown and typed in these units.
+pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
+    const MOST: f64 = 1e5;
+    let unit = units.metres();
+    let exchange = move |typed: Option<f64>| {
+        if let Some(typed) = typed {
+            *metres = typed * unit;
+        }
+        *metres / unit
+    };
+    DragValue::from_get_set(exchange)
+        .speed(0.01)
+        .range(low / unit..=MOST)
+        .suffix(format!(" {}", units.sign()))
+        .max_decimals(3)
+        .update_while_editing(false)
 }

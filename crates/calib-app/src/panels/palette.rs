@@ -4,6 +4,7 @@ use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Vec2, Window};
 
 use crate::app::App;
 use crate::command::{self, Command};
+use crate::keys;
 use crate::panels::topbar::shortcut_text;
 use crate::theme;
 
@@ -56,7 +57,7 @@ fn commands(app: &mut App, ctx: &Context) {
     let query = app.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
-        .filter(|row| is_match(&command::words(app, row.command), &query))
+        .filter(|row| is_match(&app.editor.words(row.command), &query))
         .collect();
     let (up, down, enter, escape) = ctx.input(|i| {
         let pressed = |key| i.key_pressed(key);
@@ -87,13 +88,15 @@ fn commands(app: &mut App, ctx: &Context) {
             ui.separator();
             ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                 for (i, row) in rows.iter().enumerate() {
-                    let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
+                    let keys = row.keys.map_or_else(String::new, |keys| {
+                        shortcut_text(ui, keys::shortcut(row.command, keys))
+                    });
                     let lit = i == app.palette.row;
-                    let button = egui::Button::new(command::words(app, row.command))
+                    let button = egui::Button::new(app.editor.words(row.command))
                         .selected(lit)
                         .shortcut_text(keys)
                         .min_size(Vec2::new(ui.available_width(), 22.0));
-                    let response = ui.add_enabled(command::is_enabled(app, row.command), button);
+                    let response = ui.add_enabled(app.is_enabled(row.command), button);
                     if lit && (up || down) {
                         response.scroll_to_me(None);
                     }
@@ -107,7 +110,7 @@ fn commands(app: &mut App, ctx: &Context) {
         app.palette.close();
     }
     if let Some(command) = chosen {
-        command::run(app, ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 
@@ -125,7 +128,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
                 for part in rows.chunks(rows.len().div_ceil(2)) {
                     egui::Grid::new(part[0].text).num_columns(2).striped(true).show(ui, |ui| {
                         for row in part {
-                            let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
+                            let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
                             ui.label(RichText::new(keys).font(theme::medium(12.0)).color(palette.accent));
                             ui.label(row.text);
                             ui.end_row();

@@ -1,29 +1,29 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
 use calib_core::{STAGE_1_HEIGHT, Sigmas};
+use calib_editor::{Action, Units};
 use egui::{DragValue, RichText, Ui};
 
 use crate::app::App;
-use crate::command::{self, Command};
+use crate::command::Command;
 use crate::panels::result::cells;
-use crate::panels::{digits, heading, number};
+use crate::panels::{digits, heading, length_field, number};
 use crate::theme;
-use crate::units::Units;
 
 /// Where the camera in hand stands, by numbers.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let camera = app.session.camera;
-    let Some(entry) = app.session.entry() else { return };
+    let camera = app.editor.session().camera;
+    let Some(entry) = app.editor.session().entry() else { return };
     let (id, fixed) = (entry.id.clone(), entry.placement.as_ref().is_some_and(|p| p.fixed));
     heading(ui, &format!("{id} on the plan"), if fixed { "held" } else { "" });
-    if app.session.is_held_by_points(camera) {
+    if app.editor.session().is_held_by_points(camera) {
         let text = "Placed by control points. Switch them off to move it by hand.";
         ui.label(RichText::new(text).color(palette.text2));
         pose_rows(app, ui);
         return;
     }
-    let Some(mut placement) = app.session.placement(camera) else {
+    let Some(mut placement) = app.editor.session().placement(camera) else {
         ui.label(
             RichText::new("Draw lines on the image first: they tell how the camera looks at the floor.")
                 .color(palette.text2),
@@ -32,7 +32,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     };
     let mut turn = placement.turn.to_degrees();
     let mut height = placement.scale * STAGE_1_HEIGHT;
-    let sigma = app.session.solution().and_then(|solution| solution.sigma.clone());
+    let sigma = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
     let sigma = sigma.as_ref();
     let mut changed = None;
     let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>, sigma: Option<(f64, f64)>| {
@@ -49,21 +49,19 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             }
         });
     };
-    let units = app.session.units;
+    let units = app.editor.session().units;
     let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some((value(sigma?)?, unit));
     let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
-    field(ui, "x", units.field(&mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()));
-    field(ui, "y", units.field(&mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()));
+    field(ui, "x", length_field(units, &mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()));
+    field(ui, "y", length_field(units, &mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()));
     field(ui, "Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0));
-    field(ui, "Height", units.field(&mut height, 1e-3), of(|s| s.z_m, units.metres()));
+    field(ui, "Height", length_field(units, &mut height, 1e-3), of(|s| s.z_m, units.metres()));
     let scale = height / STAGE_1_HEIGHT;
     let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
     ui.label(RichText::new(text).small().color(palette.text3));
     if let Some(what) = changed.filter(|_| height > 0.0) {
         (placement.turn, placement.scale) = (turn.to_radians(), scale);
-        app.cancel();
-        app.session.place(camera, placement);
-        app.session.commit(format!("set {what} of {id}"));
+        app.send(Action::Place { camera, placement, name: format!("set {what} of {id}") });
     }
     buttons(app, ui, fixed);
     handles(ui);
@@ -83,8 +81,7 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
         }
     });
     if let Some(command) = chosen {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 
@@ -106,9 +103,9 @@ fn handles(ui: &mut Ui) {
 }
 
 fn pose_rows(app: &App, ui: &mut Ui) {
-    let Some(solution) = app.session.solution() else { return };
+    let Some(solution) = app.editor.session().solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
-    let units = app.session.units;
+    let units = app.editor.session().units;
     let rows = [
         ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.sign()),
         ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.sign()),
@@ -127,10 +124,10 @@ fn pose_rows(app: &App, ui: &mut Ui) {
 /// The plan: its scale, and how images lie on it.
 pub fn plan(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let name = app.session.site.plan.as_ref().and_then(|plan| plan.image.clone());
-    let name = name.map(|name| app.session.images.shown_name(&name));
+    let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let name = name.map(|name| app.editor.session().images.shown_name(&name));
     heading(ui, "Plan", name.as_deref().unwrap_or("none"));
-    if app.session.site.plan.is_none() {
+    if app.editor.session().site.plan.is_none() {
         ui.label(RichText::new("A floor is shown without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {
             app.ask(crate::dialog::Purpose::LoadPlan);
@@ -155,11 +152,11 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
 
 fn scale_fields(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some(mut plan) = app.session.site.plan.clone() else { return };
+    let Some(mut plan) = app.editor.session().site.plan.clone() else { return };
     let mut changed = None;
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
-        let (unit, suffix) = match app.session.units {
+        let (unit, suffix) = match app.editor.session().units {
             Units::Metres => (1e-3, " mm a pixel"),
             Units::Feet => (0.0254, " in a pixel"),
         };
@@ -170,18 +167,18 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             changed = Some("change the scale of the plan");
         }
     });
-    if let Some([a, b]) = app.session.measured {
+    if let Some([a, b]) = app.editor.session().measured {
         let px = a.distance(b);
         let mut metres = px * plan.metres_per_px;
         ui.horizontal(|ui| {
             let label = ui.label(format!("{px:.0} px are"));
-            let field = app.session.units.field(&mut metres, 1e-3);
+            let field = length_field(app.editor.session().units, &mut metres, 1e-3);
             if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }
             if ui.button("Done").clicked() {
-                app.session.measured = None;
+                app.send(Action::MeasuredDone);
             }
         });
     } else {
@@ -200,9 +197,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         }
     });
     if let Some(name) = changed {
-        app.cancel();
-        app.session.site.plan = Some(plan);
-        app.session.commit(name);
+        app.send(Action::SetPlan { plan, name: name.to_owned() });
     }
 }
 
@@ -219,6 +214,6 @@ impl App {
     }
 
     fn opacity_id(&self) -> egui::Id {
-        egui::Id::unique(("opacity", &self.session.site.name, &self.session.path))
+        egui::Id::unique(("opacity", &self.editor.session().site.name, &self.editor.session().path))
     }
 }

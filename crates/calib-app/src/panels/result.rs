@@ -1,13 +1,13 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
 use calib_core::{Known, LensEntry, Solution};
+use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
 use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, heading, number};
 use crate::theme;
-use crate::units::Units;
 
 /// A number of the result that can be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl Number {
     }
 
     fn known(self, app: &App) -> Option<Known> {
-        let entry = app.session.entry()?;
+        let entry = app.editor.session().entry()?;
         let lens = entry.lens.as_ref();
         match self {
             Self::Focal => lens?.focal_px,
@@ -74,12 +74,9 @@ impl Number {
             Self::Roll | Self::Height => lens.roll_deg = known,
         };
         if self == Self::Height {
-            if let Some(entry) = app.session.entry_mut() {
-                entry.height_m = known;
-            }
-            app.session.commit(name);
+            app.send(Action::Height { known, name });
         } else {
-            app.with_lens(&name, change);
+            app.change_lens(&name, change);
         }
     }
 }
@@ -87,10 +84,10 @@ impl Number {
 /// The panel.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let solution = app.session.solution().cloned();
+    let solution = app.editor.session().solution().cloned();
     let Some(solution) = solution else {
         heading(ui, "Result", "");
-        if let Some(Err(failure)) = app.session.solved.result(app.session.camera) {
+        if let Some(Err(failure)) = app.editor.session().solved.result(app.editor.session().camera) {
             ui.label(RichText::new(&failure.message).color(palette.text));
             ui.label(RichText::new(&failure.advice).color(palette.text2));
         }
@@ -103,7 +100,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     for which in NUMBERS {
         if let Some((value, sigma)) = which.of(&solution) {
             let known = which.known(app);
-            let unit = which.unit(app.session.units);
+            let unit = which.unit(app.editor.session().units);
             let [to, from] = [1.0 / unit.1, unit.1];
             let shown = (to * value, sigma.map(|sigma| to * sigma));
             if let Some(new) = row(ui, which, shown, unit.0, known.map(|known| scaled(known, to))) {
@@ -219,7 +216,7 @@ pub fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit:
 }
 
 fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
-    let Some(entry) = app.session.entry() else { return };
+    let Some(entry) = app.editor.session().entry() else { return };
     let half = 0.5 * entry.size()[0];
     let view = |focal: f64| 2.0 * (half / focal).atan().to_degrees();
     let hfov = view(solution.focal_px);

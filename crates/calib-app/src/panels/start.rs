@@ -3,7 +3,7 @@
 use egui::{Align, Button, Layout, RichText, Role, ScrollArea, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::app::App;
-use crate::command::{self, Command};
+use crate::command::Command;
 use crate::shelf::{Entry, Shelf};
 use crate::theme;
 
@@ -40,19 +40,16 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         ui.add_space(12.0);
         ui.label(RichText::new("Or drop images, a folder, or a site file here.").color(palette.text3));
         ui.label(RichText::new("Images never leave this machine.").color(palette.text3));
-        if let Some(error) = &app.error {
+        if let Some(error) = app.editor.error() {
             ui.add_space(12.0);
             ui.label(RichText::new(error).color(palette.bad));
         }
     });
-    match recover {
-        Some((index, true)) => app.recover(index),
-        Some((index, false)) => app.discard_found(index),
-        None => {}
+    if let Some((index, goes_on)) = recover {
+        app.decide(index, goes_on);
     }
     if let Some(command) = chosen {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 

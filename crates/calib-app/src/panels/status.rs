@@ -1,25 +1,25 @@
 //! The line below: what the next click does, where the cursor is, how the solve went.
 
 use calib_core::Pixel;
+use calib_editor::{Pane, plan_scale};
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, number};
 use crate::theme;
-use crate::tools::{Pane, plan_scale};
 
 /// The status line.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut stop = false;
     ui.horizontal_centered(|ui| {
-        let hint = match &app.session.note {
-            Some(note) if app.tool.is_idle() => note.clone(),
-            _ if app.session.site.cameras.is_empty() => {
+        let hint = match &app.editor.session().note {
+            Some(note) if app.editor.tool().is_idle() => note.clone(),
+            _ if app.editor.session().site.cameras.is_empty() => {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
-            _ => app.tool.hint(&app.session),
+            _ => app.editor.tool().hint(app.editor.session()),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             state(app, ui, &mut stop);
@@ -61,12 +61,12 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
         ui.spinner();
         ui.label(RichText::new("finding edges").color(palette.text2));
     }
-    let solved = &app.session.solved;
+    let solved = &app.editor.session().solved;
     if solved.paused {
         ui.label(RichText::new("Solving is paused").color(palette.warn));
         return;
     }
-    match solved.result(app.session.camera) {
+    match solved.result(app.editor.session().camera) {
         Some(Ok(_)) => {
             let text = format!("Solved in {:.1} ms", solved.milliseconds);
             ui.label(RichText::new(text).color(palette.ok));
@@ -85,8 +85,8 @@ fn place(app: &App, ui: &mut Ui) {
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
     match pane {
         Pane::Image(camera) => {
-            let Some(entry) = app.session.site.cameras.get(camera) else { return };
-            let pose = app.session.solved.pose(camera);
+            let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
+            let pose = app.editor.session().solved.pose(camera);
             if let Some(pose) = pose {
                 floor(app, ui, pose, at.into());
                 ui.add_space(12.0);
@@ -95,23 +95,23 @@ fn place(app: &App, ui: &mut Ui) {
             ui.label(RichText::new(format!("{} px", entry.id)).color(palette.text2));
         }
         Pane::Plan => {
-            let seen = (0..app.session.site.cameras.len())
+            let seen = (0..app.editor.session().site.cameras.len())
                 .filter(|&i| {
-                    let field = app.session.solved.solution(i).map(|solution| &solution.efov_m);
-                    field.is_some_and(|field| crate::tools::is_inside(field, at))
+                    let field = app.editor.session().solved.solution(i).map(|solution| &solution.efov_m);
+                    field.is_some_and(|field| calib_editor::is_inside(field, at))
                 })
-                .map(|i| app.session.site.cameras[i].id.as_str());
+                .map(|i| app.editor.session().site.cameras[i].id.as_str());
             let seen: Vec<&str> = seen.collect();
             if !seen.is_empty() {
                 ui.label(RichText::new(format!("seen by {}", seen.join(", "))).color(palette.text2));
                 ui.add_space(12.0);
             }
-            if app.session.site.plan.is_some() {
-                let px = plan_scale(&app.session.site).plan_from_floor(at.into());
+            if app.editor.session().site.plan.is_some() {
+                let px = plan_scale(&app.editor.session().site).plan_from_floor(at.into());
                 ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
                 ui.add_space(12.0);
             }
-            ui.label(strong(app.session.units.point(at, 2)));
+            ui.label(strong(app.editor.session().units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
         }
     }
@@ -126,10 +126,10 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     let sigma = pose.floor_covariance(at, 1.0).map(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
     if let Some(sigma) = sigma {
-        let sigma = app.session.units.number(sigma, shown);
+        let sigma = app.editor.session().units.number(sigma, shown);
         ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(app.session.units.point(point.into(), shown)));
+    ui.label(strong(app.editor.session().units.point(point.into(), shown)));
     ui.label(RichText::new("floor").color(palette.text2));
 }

@@ -1,11 +1,11 @@
 //! The tools, each with its key.
 
+use calib_editor::{Action, TOOLS};
 use egui::{Align2, Ui, Vec2};
 
 use crate::app::App;
 use crate::icons::{self, Look};
 use crate::theme;
-use crate::tools::TOOLS;
 
 /// Behind which tools a gap stands.
 const GAPS: [&str; 3] = ["Select", "Upright", "Mark"];
@@ -24,13 +24,13 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let colour = row.kind.map(|kind| theme::kind_icon(kind, dark));
             let look = Look {
                 size: Vec2::new(36.0, height),
-                chosen: index == app.tool_row,
+                chosen: index == app.editor.tool_row(),
                 colour,
                 ..Look::default()
             };
             let label = format!("{} tool", row.title);
             let tip = format!("{}  ({})", row.title, row.key.name());
-            let response = icons::button(ui, row.icon, &label, &tip, look);
+            let response = icons::button(ui, row.icon.into(), &label, &tip, look);
             let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);
             let key = row.key.name();
             ui.painter().text(corner, Align2::RIGHT_BOTTOM, key, theme::regular(10.0), palette.text3);
@@ -43,6 +43,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
     });
     if let Some(index) = chosen {
-        app.take_tool(index);
+        app.send(Action::TakeTool(index));
     }
 }

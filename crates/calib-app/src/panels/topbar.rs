@@ -3,8 +3,9 @@
 use egui::{Align, Button, Key, KeyboardShortcut, Layout, RichText, Ui, Vec2};
 
 use crate::app::{App, Mode};
-use crate::command::{self, COMMANDS, Command};
+use crate::command::{COMMANDS, Command};
 use crate::icons::{self, Icon, Look};
+use crate::keys;
 use crate::theme;
 
 /// The commands of the menu, in its order; a gap between groups.
@@ -55,8 +56,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
     });
     if let Some(command) = chosen {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 
@@ -77,9 +77,10 @@ pub fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Comma
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
     for row in rows {
-        let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys));
+        let keys =
+            row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
         let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
-        if ui.add_enabled(command::is_enabled(app, row.command), button).clicked() {
+        if ui.add_enabled(app.is_enabled(row.command), button).clicked() {
             *chosen = Some(row.command);
             ui.close();
         }
@@ -111,11 +112,17 @@ pub fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
 
 fn title(app: &App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let file = app.session.path.as_deref().and_then(|path| path.file_stem());
-    let name = app.session.site.name.clone().or_else(|| file.map(|stem| stem.to_string_lossy().into_owned()));
+    let file = app.editor.session().path.as_deref().and_then(|path| path.file_stem());
+    let name = app
+        .editor
+        .session()
+        .site
+        .name
+        .clone()
+        .or_else(|| file.map(|stem| stem.to_string_lossy().into_owned()));
     let name = name.unwrap_or_else(|| "New site".into());
     ui.label(RichText::new(name).font(theme::medium(13.0)).color(palette.text));
-    let saved = match (app.session.is_saved(), app.session.path.is_some()) {
+    let saved = match (app.editor.session().is_saved(), app.editor.session().path.is_some()) {
         (true, true) => "saved",
         (true, false) => "",
         (false, _) => "not saved",
@@ -153,23 +160,23 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
 fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
-        let look = Look { enabled: command::is_enabled(app, command), chosen: on, ..Look::default() };
+        let look = Look { enabled: app.is_enabled(command), chosen: on, ..Look::default() };
         if icons::button(ui, icon, label, "", look).clicked() {
             *chosen = Some(command);
         }
     };
     button(ui, Icon::Sun, "Light or dark theme", Command::Theme, false);
     button(ui, Icon::Search, "Commands (Ctrl+K)", Command::Palette, false);
-    let paused = app.session.solved.paused;
+    let paused = app.editor.session().solved.paused;
     let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
     button(ui, icon, label, Command::Pause, paused);
-    let redo = command::words(app, Command::Redo);
+    let redo = app.editor.words(Command::Redo);
     button(ui, Icon::Redo, &redo, Command::Redo, false);
-    let undo = command::words(app, Command::Undo);
+    let undo = app.editor.words(Command::Undo);
     button(ui, Icon::Undo, &undo, Command::Undo, false);
     // The words give way before the views do.
     let room = ui.available_width() - 4.0;
-    if app.session.history.undo_name().is_some() && room > 60.0 {
+    if app.editor.session().history.undo_name().is_some() && room > 60.0 {
         ui.add(egui::Label::new(RichText::new(undo).color(palette.text2)).truncate());
     }
 }

@@ -15,7 +15,7 @@ struct Step {
 }
 
 fn drawn(app: &App, kind: Kind) -> usize {
-    let entry = app.session.entry();
+    let entry = app.editor.session().entry();
     let of_kind = entry.into_iter().flat_map(|entry| &entry.annotations).filter(|a| a.kind == kind);
     of_kind.map(|annotation| annotation.polylines().count()).sum()
 }
@@ -34,12 +34,14 @@ const STEPS: [Step; 5] = [
     Step {
         title: "Draw the field of view",
         text: "Press F. Click the corners of the floor that matters, and Enter. The grid should lie on the tiles: look along it.",
-        is_done: |app| app.session.entry().is_some_and(|entry| entry.efov_px.is_some()),
+        is_done: |app| app.editor.session().entry().is_some_and(|entry| entry.efov_px.is_some()),
     },
     Step {
         title: "Place the camera on the plan",
         text: "Press 2. Drag the polygon until its image fits the plan; the ring turns it, the square scales it.",
-        is_done: |app| app.session.solution().is_some_and(|solution| solution.stage >= Stage::Placed),
+        is_done: |app| {
+            app.editor.session().solution().is_some_and(|solution| solution.stage >= Stage::Placed)
+        },
     },
     Step {
         title: "Check it in every view",
@@ -66,7 +68,7 @@ impl Tour {
 pub fn show(app: &mut App, ui: &Ui) {
     let Some(index) = app.tour.step else { return };
     let Some(step) = STEPS.get(index) else { return };
-    if (step.is_done)(app) && app.tool.is_idle() {
+    if (step.is_done)(app) && app.editor.tool().is_idle() {
         app.tour.step = Some(index + 1);
     }
     let palette = theme::palette(ui.ctx());

@@ -1,15 +1,15 @@
 //! The middle of the window: one image, image and plan, all cameras, or the scene.
 
+use calib_editor::{Action, Pane};
 use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
 
 use crate::app::{App, Mode};
-use crate::command::{self, Command};
+use crate::command::Command;
 use crate::paint::chip;
 use crate::pane::{self, Place};
 use crate::panels::{dock, number};
 use crate::scene3d::{self, Orbit};
 use crate::theme;
-use crate::tools::Pane;
 
 /// Height of the line above a view, in points.
 const HEADER: f32 = 28.0;
@@ -22,9 +22,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     app.panes.middle = Some(rect);
     match app.mode {
         Mode::Image => {
-            let camera = app.session.camera;
+            let camera = app.editor.session().camera;
             let is_tall = rect.height() > 1.8 * dock::HEIGHT;
-            let has_more = dock::update(app);
+            let has_more = app.editor.find_family();
             if has_more && is_tall && app.compares_views {
                 let (above, below) = rect.split_top_bottom_at_y(rect.bottom() - dock::HEIGHT);
                 single(app, ui, above, camera, Place::Main);
@@ -90,7 +90,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
 
 /// The camera in hand, and below it the one that shares most of its floor.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
-    let camera = app.session.camera;
+    let camera = app.editor.session().camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
         single(app, ui, rect, camera, Place::Half);
         return;
@@ -103,17 +103,17 @@ fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
 
 /// The placed camera that sees most of this one's field.
 fn neighbour(app: &App, camera: usize) -> Option<usize> {
-    let own = app.session.solved.solution(camera)?;
+    let own = app.editor.session().solved.solution(camera)?;
     let shared = |index: usize| {
-        let pose = app.session.solved.placed(index)?;
-        let [w, h] = app.session.site.cameras.get(index)?.size();
+        let pose = app.editor.session().solved.placed(index)?;
+        let [w, h] = app.editor.session().site.cameras.get(index)?.size();
         let is_seen = |p: &&calib_core::FloorPoint| {
             pose.world_to_pixel(p.at_height(0.0))
                 .is_some_and(|p| p.u > 0.0 && p.v > 0.0 && p.u < w && p.v < h)
         };
         Some(own.efov_m.iter().filter(is_seen).count())
     };
-    let count = app.session.site.cameras.len();
+    let count = app.editor.session().site.cameras.len();
     let others =
         (0..count).filter(|&index| index != camera).filter_map(|index| Some((index, shared(index)?)));
     others.filter(|(_, seen)| *seen > 0).max_by_key(|(_, seen)| *seen).map(|(index, _)| index)
@@ -121,7 +121,7 @@ fn neighbour(app: &App, camera: usize) -> Option<usize> {
 
 fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches: &[Command]) {
     let palette = theme::palette(ui.ctx());
-    let Some(entry) = app.session.site.cameras.get(camera) else { return };
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let title = entry.name.clone().unwrap_or_else(|| entry.id.clone());
     let key = (Place::Main, Pane::Image(camera));
     let zoom = app.panes.views.get(&key).map_or_else(String::new, |view| {
@@ -164,8 +164,7 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
         });
     });
     if let Some(command) = chosen {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, command, egui::Modifiers::NONE);
+        app.tell(command);
     }
 }
 
@@ -178,7 +177,7 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
         Command::Prism => ("Prism", app.layers.prism),
         Command::Guide => ("Guide", app.layers.guide),
         Command::Straighten => ("Straighten", app.layers.straight),
-        Command::Snap => ("Snap", app.session.snap),
+        Command::Snap => ("Snap", app.editor.session().snap),
         Command::ColourByResidual => ("By residual", app.layers.by_residual),
         Command::Coverage => ("Coverage", app.coverage),
         Command::Blend => ("All images", app.blend),
@@ -188,7 +187,7 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
 
 /// Every camera at once, and the floor.
 fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
-    let count = app.session.site.cameras.len() + 1;
+    let count = app.editor.session().site.cameras.len() + 1;
     let columns = columns(count, rect);
     let rows = count.div_ceil(columns);
     let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
@@ -212,7 +211,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
                 } else {
                     camera_header(app, ui, above, index, &[]);
                     pane::image(app, ui, below, index, Place::Tile);
-                    if index == app.session.camera {
+                    if index == app.editor.session().camera {
                         let stroke = Stroke::new(1.0, theme::palette(ui.ctx()).accent);
                         ui.painter().rect_stroke(tile, 0.0, stroke, egui::StrokeKind::Inside);
                     }
@@ -237,7 +236,7 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     app.ask_for_plan(ui.ctx());
     let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Scene"));
-    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(&app.session));
+    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
     let by = response.drag_delta();
     let pans = ui.input(|i| i.modifiers.shift || i.pointer.middle_down() || i.pointer.secondary_down());
     if by != Vec2::ZERO {
@@ -250,16 +249,20 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     }
     if let Some(camera) = response
         .clicked()
-        .then(|| response.interact_pointer_pos().and_then(|at| scene3d::pick(rect, &orbit, &app.session, at)))
+        .then(|| {
+            response
+                .interact_pointer_pos()
+                .and_then(|at| scene3d::pick(rect, &orbit, app.editor.session(), at))
+        })
         .flatten()
     {
-        app.session.choose(camera);
+        app.send(Action::Choose(camera));
     }
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 0.0, theme::DARK.canvas);
-    let name = app.session.site.plan.as_ref().and_then(|plan| plan.image.as_ref());
+    let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
     let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
-    scene3d::paint(&painter, rect, &orbit, &app.session, plan);
+    scene3d::paint(&painter, rect, &orbit, app.editor.session(), plan);
     let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to take it.";
     painter.text(
         rect.left_top() + Vec2::new(12.0, 12.0),

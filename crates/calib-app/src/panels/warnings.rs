@@ -1,26 +1,26 @@
 //! What an operator should know of a result, with what to do about it as a button.
 
 use calib_core::{Code, Finding, Severity, Subject, Warning};
+use calib_editor::{Action, Part};
 use egui::{RichText, Ui};
 
 use crate::app::App;
-use crate::hit::Part;
+use crate::command::Command;
 use crate::icons::{self, Icon};
 use crate::theme;
-use crate::{command, command::Command};
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let warnings = app.session.solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let warnings = app.editor.session().solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
     let mut wish = None;
     for (index, warning) in warnings.iter().enumerate() {
         // The first is met first; the others keep their words until they are asked for.
         let is_first = index == 0 || warning.code == Code::Outlier;
-        let message = app.session.as_on_screen(app.session.camera, warning);
+        let message = app.editor.session().as_on_screen(app.editor.session().camera, warning);
         let shown = Warning { message, ..warning.clone() };
         card(ui, &shown, is_first, |ui| buttons(app, ui, warning, &mut wish));
     }
-    if warnings.is_empty() && app.session.solution().is_some() {
+    if warnings.is_empty() && app.editor.session().solution().is_some() {
         let palette = theme::palette(ui.ctx());
         ui.horizontal(|ui| {
             icons::inline(ui, Icon::Check, palette.ok);
@@ -28,23 +28,22 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         });
     }
     if let Some((command, select)) = wish {
-        app.cancel();
+        app.send(Action::Drop);
         if let Some(part) = select {
-            app.session.selection = [part].into();
+            app.send(Action::Select(part));
             if command.is_none() {
                 app.reveal(part);
             }
         }
         if let Some(command) = command {
-            let ctx = ui.ctx().clone();
-            command::run(app, &ctx, command, egui::Modifiers::NONE);
+            app.tell(command);
         }
     }
 }
 
 /// The warnings of the site as a whole.
 pub fn site(app: &App, ui: &mut Ui) {
-    let warnings = app.session.solved.joint_report().map(|report| report.site.warnings.clone());
+    let warnings = app.editor.session().solved.joint_report().map(|report| report.site.warnings.clone());
     for warning in warnings.unwrap_or_default() {
         card(ui, &warning, true, |_| {});
     }
@@ -82,7 +81,7 @@ type Deed = (Option<Command>, Option<Part>);
 fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     match warning.code {
         Code::Outlier => {
-            let session = &app.session;
+            let session = app.editor.session();
             let finding = session.solved.finding(&session.site, session.camera, warning);
             let part = match finding.map(Finding::subject) {
                 Some(Subject::Line(line)) => {
@@ -104,8 +103,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
             });
         }
         Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions
-            if command::is_enabled(app, Command::TakeSuggestion)
-                && ui.button("Draw what helps   N").clicked() =>
+            if app.is_enabled(Command::TakeSuggestion) && ui.button("Draw what helps   N").clicked() =>
         {
             *wish = Some((Some(Command::TakeSuggestion), None));
         }
@@ -114,13 +112,13 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
 }
 
 fn first_outlier(app: &App) -> Option<Part> {
-    let residual = app.session.solution()?.residuals.iter().find(|r| r.outlier)?;
+    let residual = app.editor.session().solution()?.residuals.iter().find(|r| r.outlier)?;
     Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
 }
 
 /// An error that concerns the document.
 pub fn error(app: &mut App, ui: &mut Ui) {
-    let Some(error) = app.error.clone() else { return };
+    let Some(error) = app.editor.error().map(str::to_owned) else { return };
     let palette = theme::palette(ui.ctx());
     let (mut close, mut save) = (false, false);
     egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
@@ -128,14 +126,13 @@ pub fn error(app: &mut App, ui: &mut Ui) {
         ui.label(RichText::new(error).color(palette.bad));
         ui.horizontal(|ui| {
             close = ui.button("Close").clicked();
-            save = !app.session.is_saved() && ui.button("Save the site").clicked();
+            save = !app.editor.session().is_saved() && ui.button("Save the site").clicked();
         });
     });
     if save {
-        let ctx = ui.ctx().clone();
-        command::run(app, &ctx, Command::Save, egui::Modifiers::NONE);
+        app.tell(Command::Save);
     }
     if close {
-        app.error = None;
+        app.send(Action::CloseError);
     }
 }

@@ -7,10 +7,11 @@ use calib_app::App;
 use calib_app::command::{self, Command};
 use calib_app::dialog::{Chosen, Dialog};
 use calib_app::files::Images;
+use calib_app::keys;
 use calib_app::pane::Place;
 use calib_app::theme;
-use calib_app::tools::{Pane, TOOLS};
 use calib_core::{Pixel, Site};
+use calib_editor::{Action, Pane, TOOLS};
 use calib_tests::Scratch;
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
@@ -62,7 +63,7 @@ impl Desk {
     }
 
     pub(crate) fn site(&self) -> &Site {
-        &self.harness.state().session.site
+        self.harness.state().editor.site()
     }
 
     pub(crate) fn key(&mut self, key: Key) {
@@ -86,7 +87,7 @@ impl Desk {
         let patience = std::time::Instant::now();
         while !is_done(self.harness.state()) {
             self.harness.step();
-            assert!(patience.elapsed().as_secs() < 60, "{:?}", self.harness.state().error);
+            assert!(patience.elapsed().as_secs() < 60, "{:?}", self.harness.state().editor.error());
         }
     }
 
@@ -108,7 +109,7 @@ impl Desk {
     /// Takes the tool of this title by its key.
     pub(crate) fn take(&mut self, title: &str) {
         let row = TOOLS.iter().find(|tool| tool.title == title).expect("a tool of this title");
-        self.key(row.key);
+        self.key(keys::key(row.key));
     }
 
     /// Where the screen shows a point of a pane.
@@ -174,6 +175,13 @@ impl Desk {
     pub(crate) fn line(&mut self, camera: usize, from: Pixel, to: Pixel) {
         self.drag(Pane::Image(camera), from.into(), to.into());
     }
+}
+
+/// Changes the site as one gesture.
+pub(crate) fn change(app: &mut App, name: &str, change: impl FnOnce(&mut Site)) {
+    let mut site = app.editor.site().clone();
+    change(&mut site);
+    app.act(Action::Change { site: Box::new(site), name: name.into() });
 }
 
 /// A still of one colour, as a file.

@@ -21,6 +21,7 @@ mod bundle_step;
 mod overlap;
 mod quality;
 mod pipeline;
+mod lens_family;
 
 pub use bounds::MAX_ITEMS;
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};

@@ -1,0 +1,87 @@
+//! Keys of the window as the document names them, and back.
+
+use calib_editor::{Key, Modifiers, Shortcut};
+use egui::{Context, KeyboardShortcut};
+
+use crate::command::{self, Command};
+use crate::platform::{Here, Platform as _};
+
+/// What is held with a press.
+pub(crate) const fn held(modifiers: egui::Modifiers) -> Modifiers {
+    let egui::Modifiers { alt, ctrl, shift, mac_cmd: _, command } = modifiers;
+    Modifiers { shift, ctrl, alt, command }
+}
+
+/// A key as the window has it.
+#[must_use]
+pub fn key(key: Key) -> egui::Key {
+    // A test holds that every one is known.
+    egui::Key::from_name(key.name()).unwrap_or(egui::Key::F35)
+}
+
+/// The keys of a command as the window has them.
+#[must_use]
+pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
+    let Modifiers { shift, ctrl, alt, command: cmd } = keys.modifiers;
+    let alt = alt || command == Command::NewSite && Here::KEEPS_CTRL_N;
+    let modifiers = egui::Modifiers { alt, ctrl, shift, mac_cmd: false, command: cmd };
+    KeyboardShortcut::new(modifiers, key(keys.key))
+}
+
+/// The commands whose keys were pressed; typing in a field is not commanding.
+///
+/// `was_typing` says whether a field had the focus in the last frame: the Escape that has taken it away is the
+/// field's, as that which closes a menu is the menu's.
+pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers)> {
+    if ctx.text_edit_focused() {
+        return Vec::new();
+    }
+    let is_others = was_typing || egui::Popup::is_any_open(ctx);
+    let mut found = Vec::new();
+    ctx.input_mut(|input| {
+        input.events.retain(|event| {
+            let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
+            let matches = |row: &command::Row| {
+                row.keys.is_some_and(|keys| fits(shortcut(row.command, keys), *key, *modifiers))
+            };
+            let Some(row) = command::all().find(matches) else { return true };
+            if !(is_others && *key == egui::Key::Escape) {
+                found.push((row.command, *modifiers));
+            }
+            // Enter still presses a button that has the focus, Escape still closes a menu.
+            matches!(row.command, Command::Accept | Command::Cancel)
+        });
+    });
+    found
+}
+
+fn fits(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> bool {
+    use egui::Key;
+    let is_nudge = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::ArrowUp | Key::ArrowDown);
+    // The sign of a key says whether Shift was needed to reach it.
+    let is_sign = matches!(key, Key::Questionmark | Key::Plus);
+    let same_key = keys.logical_key == key
+        || keys.logical_key == Key::Plus && key == Key::Equals
+        || keys.logical_key == Key::CloseBracket && key == Key::CloseCurlyBracket
+        || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket;
+    same_key
+        && modifiers.command == keys.modifiers.command
+        && modifiers.alt == keys.modifiers.alt
+        && (is_nudge || is_sign || modifiers.shift == keys.modifiers.shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_knows_every_key() {
+        for row in command::all() {
+            let Some(keys) = row.keys else { continue };
+            let name = keys.key.name();
+            let known = egui::Key::from_name(name);
+            assert!(known.is_some(), "{name} of {:?}", row.command);
+            assert_eq!(key(keys.key), known.unwrap());
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What a desktop and a browser do differently, behind one trait: files and choosers, work off the frame's path,
+//! what is kept. No other folder asks on which of the two it runs.
+
+#[cfg(not(target_arch = "wasm32"))]
+mod native;
+#[cfg(target_arch = "wasm32")]
+mod web;
+
+use std::path::{Path, PathBuf};
+use std::pin::Pin;
+use std::sync::Arc;
+
+use calib_core::Site;
+use calib_editor::{Edge, FileResult, Source};
+use egui::Context;
+use image::RgbImage;
+
+use crate::dialog::{Chosen, Purpose};
+
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use native::Native as Here;
+#[cfg(not(target_arch = "wasm32"))]
+pub use native::Task;
+#[cfg(target_arch = "wasm32")]
+pub(crate) use web::Web as Here;
+#[cfg(target_arch = "wasm32")]
+pub use web::{Task, start};
+
+/// Work that ended without a result, by a fault of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lost;
+
+/// The files that a chooser is closed with, some time later.
+pub(crate) type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
+
+/// A kind of system that the app runs on; [`Here`] is the one it was built for.
+pub(crate) trait Platform {
+    /// Ctrl+N is the system's, so that ours needs Alt.
+    const KEEPS_CTRL_N: bool;
+    /// What is saved lies in a folder, with its images beside it; else it is a download.
+    const HAS_FOLDERS: bool;
+    /// The face of headings.
+    const MEDIUM_FONT: &'static [u8];
+    /// A folder that one window has for itself, for as long as this lives.
+    type Claim: std::fmt::Debug;
+
+    /// Whether the operator asked their system for less motion.
+    fn wants_stillness() -> bool;
+
+    /// Reads a file of any size a site or image may have.
+    ///
+    /// # Errors
+    /// When it is not there, or larger than that.
+    fn read(path: &Path) -> FileResult<Vec<u8>>;
+
+    /// Writes a file whole or not at all, and waits until the disk has it.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    fn write(path: &Path, bytes: &[u8]) -> FileResult<()>;
+
+    /// Writes a file whole or not at all. It survives the end of this program, not that of the machine.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()>;
+
+    /// Where autosaves and the demonstration's images live.
+    fn data_dir() -> Option<PathBuf>;
+
+    /// The images in a folder, by name.
+    fn images_in(folder: &Path) -> Vec<PathBuf>;
+
+    /// Claims a folder; `None` when another window has it.
+    fn claim(folder: &Path) -> Option<Self::Claim>;
+
+    /// Forgets the file of an autosave, and its images.
+    fn forget(folder: &Path, file: &Path);
+
+    /// Asks for files, or for where to put them.
+    fn ask(purpose: Purpose) -> Answer;
+
+    /// What was dropped, as if it had been chosen.
+    fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>>;
+
+    /// Decodes an image; `then` makes of it what is wanted.
+    fn picture<T: Send + 'static>(
+        ctx: &Context,
+        source: Source,
+        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+    ) -> Task<Result<T, String>>;
+
+    /// Reads the picture of a file of this name for its size; a drawing becomes the picture that stands for it.
+    fn size_of<T: Send + 'static>(
+        ctx: &Context,
+        name: String,
+        source: Source,
+        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+    ) -> Task<Result<T, String>>;
+
+    /// Finds the straight edges of an image.
+    fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;
+
+    /// Improves all cameras of a site together; it waits for no other work.
+    fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>>;
+
+    /// Nobody waits for the refined site any more.
+    fn stop_refining();
+}

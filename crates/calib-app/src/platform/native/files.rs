@@ -1,0 +1,83 @@
+//! Files of the disk: whole, or none.
+
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+
+use calib_core::MAX_BYTES;
+use calib_editor::FileResult;
+use calib_editor::file_name::is_image;
+
+/// Reads a file of any size a site or image may have.
+///
+/// # Errors
+/// When it is not there, or larger than that.
+pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
+    let what = |error: std::io::Error| format!("{}: {error}", path.display());
+    let file = std::fs::File::open(path).map_err(what)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(what)?;
+    if bytes.len() > MAX_BYTES {
+        return Err(format!("{}: larger than {} MB", path.display(), MAX_BYTES >> 20));
+    }
+    Ok(bytes)
+}
+
+/// Writes a file whole or not at all, and waits until the disk has it.
+///
+/// # Errors
+/// When the folder cannot be written to.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
+    write_to(path, bytes, true)
+}
+
+/// Writes a file whole or not at all. It survives the end of this program, not that of the machine.
+///
+/// # Errors
+/// When the folder cannot be written to.
+pub(super) fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
+    write_to(path, bytes, false)
+}
+
+fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
+    let what = |error: std::io::Error| format!("{}: {error}", path.display());
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(what)?;
+    }
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = std::fs::File::create(&part).and_then(|mut file| {
+        file.write_all(bytes)?;
+        if waits { file.sync_data() } else { Ok(()) }
+    });
+    written.and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
+        // Best effort: the error that matters is the first.
+        let _ = std::fs::remove_file(&part);
+        what(error)
+    })
+}
+
+/// Where autosaves and the demonstration's images live.
+#[must_use]
+pub(super) fn data_dir() -> Option<PathBuf> {
+    eframe::storage_dir("calib")
+}
+
+/// The images in a folder, by name.
+#[must_use]
+pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| is_image(path)).collect();
+    paths.sort();
+    paths
+}
+
+/// Forgets the file of an autosave, and its images.
+pub(super) fn forget(folder: &Path, file: &Path) {
+    // What is not there need not be removed.
+    let _ = std::fs::remove_file(file);
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| entry.file_name().to_string_lossy().starts_with("image-")) {
+        let _ = std::fs::remove_file(entry.path());
+    }
+}

@@ -1,0 +1,105 @@
+//! Windows on a desktop: files, threads, the system's chooser.
+
+mod task;
+mod files;
+mod claim;
+mod drawing;
+mod chooser;
+mod work;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use calib_core::Site;
+use calib_editor::{Edge, FileResult, Source};
+use egui::Context;
+use image::RgbImage;
+
+use crate::dialog::{Chosen, Purpose};
+use crate::platform::{Answer, Platform};
+
+pub use task::Task;
+
+/// A desktop.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Native;
+
+impl Platform for Native {
+    const KEEPS_CTRL_N: bool = false;
+    const HAS_FOLDERS: bool = true;
+    const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Medium.ttf");
+    type Claim = claim::Claim;
+
+    fn wants_stillness() -> bool {
+        false
+    }
+
+    fn read(path: &Path) -> FileResult<Vec<u8>> {
+        files::read(path)
+    }
+
+    fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        files::write(path, bytes)
+    }
+
+    fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        files::write_quickly(path, bytes)
+    }
+
+    fn data_dir() -> Option<PathBuf> {
+        files::data_dir()
+    }
+
+    fn images_in(folder: &Path) -> Vec<PathBuf> {
+        files::images_in(folder)
+    }
+
+    fn claim(folder: &Path) -> Option<Self::Claim> {
+        claim::Claim::of(folder)
+    }
+
+    fn forget(folder: &Path, file: &Path) {
+        files::forget(folder, file);
+    }
+
+    fn ask(purpose: Purpose) -> Answer {
+        chooser::ask(purpose)
+    }
+
+    fn dropped(_: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>> {
+        let one = |file: egui::DroppedFileHandle| Chosen {
+            name: file.path().to_string_lossy().into_owned(),
+            path: Some(file.path().to_path_buf()),
+            bytes: None,
+        };
+        Task::done(files.into_iter().map(one).collect())
+    }
+
+    fn picture<T: Send + 'static>(
+        ctx: &Context,
+        source: Source,
+        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+    ) -> Task<Result<T, String>> {
+        work::picture(ctx, source, then)
+    }
+
+    fn size_of<T: Send + 'static>(
+        ctx: &Context,
+        name: String,
+        source: Source,
+        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+    ) -> Task<Result<T, String>> {
+        work::size_of(ctx, name, source, then)
+    }
+
+    fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
+        work::find_edges(ctx, image)
+    }
+
+    fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
+        work::refine(ctx, site)
+    }
+
+    // The thread ends by itself; nobody hears of what it finds.
+    fn stop_refining() {}
+}

@@ -1,0 +1,129 @@
+//! Work off the frame's path: a thread.
+
+use crate::platform::Lost;
+
+/// Work that is under way, and then its result. Work that nobody waits for any more is not begun.
+#[derive(Debug)]
+pub struct Task<T> {
+    result: std::sync::mpsc::Receiver<T>,
+    wanted: std::sync::Arc<()>,
+}
+
+/// As many at once as there are processors: a folder of forty stills does not fill the memory.
+mod gate {
+    use std::sync::{Condvar, Mutex, PoisonError};
+
+    static RUNNING: Mutex<usize> = Mutex::new(0);
+    static DONE: Condvar = Condvar::new();
+
+    /// A place; it is given back when it is dropped, after a panic, too.
+    pub(super) struct Place;
+
+    /// Waits for a place.
+    pub(super) fn enter() -> Place {
+        let most = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
+        let running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = DONE.wait_while(running, |running| *running >= most);
+        *waited.unwrap_or_else(PoisonError::into_inner) += 1;
+        Place
+    }
+
+    impl Drop for Place {
+        fn drop(&mut self) {
+            *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+            DONE.notify_one();
+        }
+    }
+}
+
+impl<T: Send + 'static> Task<T> {
+    /// Starts the work; `ctx` is asked for a frame when it is done.
+    #[must_use]
+    pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        Self::start(ctx, || Some(gate::enter()), work)
+    }
+
+    /// Starts work that waits for no other.
+    #[must_use]
+    pub fn spawn_apart(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        Self::start(ctx, || None, work)
+    }
+
+    fn start(
+        ctx: &egui::Context,
+        enter: fn() -> Option<gate::Place>,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Self {
+        let (sender, result) = std::sync::mpsc::channel();
+        let ctx = ctx.clone();
+        let wanted = std::sync::Arc::new(());
+        let is_wanted = std::sync::Arc::downgrade(&wanted);
+        std::thread::spawn(move || {
+            let _place = enter();
+            if is_wanted.strong_count() == 0 {
+                return;
+            }
+            let done = work();
+            // Nobody waits any more when the receiver is gone.
+            if sender.send(done).is_ok() {
+                ctx.request_repaint();
+            }
+        });
+        Self { result, wanted }
+    }
+
+    /// The result, once; work that was lost has none.
+    #[must_use]
+    pub fn poll(&self) -> Option<T> {
+        self.outcome()?.ok()
+    }
+
+    /// How the work ended, once.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Result<T, Lost>> {
+        debug_assert!(std::sync::Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
+        match self.result.try_recv() {
+            Ok(result) => Some(Ok(result)),
+            Err(std::sync::mpsc::TryRecvError::Empty) => None,
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => Some(Err(Lost)),
+        }
+    }
+}
+
+impl<T> Task<T> {
+    /// Work that is done already.
+    #[must_use]
+    pub fn done(result: T) -> Self {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        // The receiver is there.
+        let _ = sender.send(result);
+        Self { result: receiver, wanted: std::sync::Arc::new(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    #[test]
+    fn work_that_nobody_waits_for_is_not_begun() {
+        static BEGUN: AtomicUsize = AtomicUsize::new(0);
+        let ctx = egui::Context::default();
+        let work = || {
+            BEGUN.fetch_add(1, Ordering::Relaxed);
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        let tasks: Vec<Task<()>> = (0..200).map(|_| Task::spawn(&ctx, work)).collect();
+        drop(tasks);
+        let last = Task::spawn(&ctx, || ());
+        let patience = Instant::now();
+        while last.poll().is_none() {
+            assert!(patience.elapsed() < Duration::from_secs(10), "the queue does not move");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(BEGUN.load(Ordering::Relaxed) < 100, "{BEGUN:?} of 200 were begun");
+    }
+}

@@ -1,0 +1,46 @@
+//! Long work that needs nothing but bytes, on threads.
+
+use std::sync::Arc;
+
+use calib_core::Site;
+use calib_editor::{Edge, Source, decode, edges, refined};
+use egui::Context;
+use image::RgbImage;
+
+use super::drawing::draw;
+use super::{Task, files};
+use crate::drawing::is_svg;
+
+pub(super) fn picture<T: Send + 'static>(
+    ctx: &Context,
+    source: Source,
+    then: impl FnOnce(RgbImage) -> T + Send + 'static,
+) -> Task<Result<T, String>> {
+    Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read)?)?)))
+}
+
+pub(super) fn size_of<T: Send + 'static>(
+    ctx: &Context,
+    name: String,
+    source: Source,
+    then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+) -> Task<Result<T, String>> {
+    Task::spawn(ctx, move || {
+        let bytes = source.read(files::read)?;
+        let picture = || {
+            let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
+            let image = decode(drawn.as_deref().unwrap_or(&bytes))?;
+            Ok(then(image.dimensions().into(), drawn))
+        };
+        picture().map_err(|error: String| format!("{name}: {error}"))
+    })
+}
+
+pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
+    let image = Arc::clone(image);
+    Task::spawn(ctx, move || edges::find(&image))
+}
+
+pub(super) fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
+    Task::spawn_apart(ctx, move || Ok(refined(site)))
+}

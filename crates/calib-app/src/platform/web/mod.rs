@@ -1,0 +1,206 @@
+//! The app in the browser: one canvas, the page about it, and what the browser has in place of files.
+
+mod chooser;
+mod mirror;
+mod page;
+mod runner;
+mod shelf;
+mod task;
+mod worker;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use calib_core::Site;
+use calib_editor::{Edge, FileResult, Source};
+use egui::Context;
+use image::RgbImage;
+use js_sys::{Reflect, Uint8Array};
+use wasm_bindgen::{JsCast as _, JsValue};
+use wasm_bindgen_futures::JsFuture;
+
+use crate::dialog::{Chosen, Purpose};
+use crate::drawing::{SIDE, is_svg};
+use crate::platform::{Answer, Platform};
+
+pub use task::Task;
+
+/// A browser.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Web;
+
+impl Platform for Web {
+    const KEEPS_CTRL_N: bool = true;
+    const HAS_FOLDERS: bool = false;
+    // One face for both: the page is to be small.
+    const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Regular.ttf");
+    // A page has its storage for itself.
+    type Claim = ();
+
+    fn wants_stillness() -> bool {
+        page::PAGE.with(page::Page::still)
+    }
+
+    /// What the browser was not given is not there.
+    fn read(path: &Path) -> FileResult<Vec<u8>> {
+        Err(format!("{}: drop this image here", path.display()))
+    }
+
+    /// A file that is written is a download.
+    fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
+        download(path, bytes);
+        Ok(())
+    }
+
+    /// There are no such files in the browser: the shelf keeps sites.
+    fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
+        Err(format!("{}: there are no files here", path.display()))
+    }
+
+    fn data_dir() -> Option<PathBuf> {
+        None
+    }
+
+    fn images_in(_: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    fn claim(_: &Path) -> Option<Self::Claim> {
+        Some(())
+    }
+
+    fn forget(_: &Path, _: &Path) {}
+
+    fn ask(purpose: Purpose) -> Answer {
+        Box::pin(chooser::ask(purpose))
+    }
+
+    fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>> {
+        Task::wait(ctx, async move {
+            let mut chosen = Vec::new();
+            for file in files {
+                let name = file.path().to_string_lossy().into_owned();
+                // A folder has none; whoever takes it says so.
+                let bytes = file.bytes_async().await.ok();
+                chosen.push(Chosen { name, path: None, bytes });
+            }
+            chosen
+        })
+    }
+
+    fn picture<T: Send + 'static>(
+        ctx: &Context,
+        source: Source,
+        then: impl FnOnce(RgbImage) -> T + Send + 'static,
+    ) -> Task<Result<T, String>> {
+        Task::wait(ctx, async move { Ok(then(worker::decode(source).await?)) })
+    }
+
+    fn size_of<T: Send + 'static>(
+        ctx: &Context,
+        name: String,
+        source: Source,
+        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+    ) -> Task<Result<T, String>> {
+        Task::wait(ctx, async move {
+            let picture = async {
+                let is_made = source.made_by_name().is_some();
+                let bytes = if is_made { None } else { Some(source.clone().read(Self::read)?) };
+                let drawn = match bytes.filter(|bytes| is_svg(bytes)) {
+                    Some(bytes) => Some(draw(&bytes).await?),
+                    None => None,
+                };
+                let image = match &drawn {
+                    Some(png) => worker::pixels(png).await?,
+                    None => worker::decode(source).await?,
+                };
+                Ok(then(image.dimensions().into(), drawn))
+            };
+            picture.await.map_err(|error: String| format!("{name}: {error}"))
+        })
+    }
+
+    fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
+        let image = Arc::clone(image);
+        // Without them one draws by hand.
+        Task::wait(ctx, async move { worker::edges(&image).await.unwrap_or_default() })
+    }
+
+    fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
+        Task::wait(ctx, async move { worker::refine(&site).await })
+    }
+
+    // It computes for nobody any more.
+    fn stop_refining() {
+        worker::stop_refining();
+    }
+}
+
+/// Starts as the page's app, or as its worker.
+pub fn start() {
+    if web_sys::window().is_some() {
+        runner::start();
+    } else {
+        worker::start();
+    }
+}
+
+/// Hands a file over as a download.
+pub(crate) fn download(path: &Path, bytes: &[u8]) {
+    let name = path.file_name().map_or_else(|| "site.json".into(), |name| name.to_string_lossy());
+    let mime = match path.extension().and_then(|extension| extension.to_str()) {
+        Some("json" | "geojson") => "application/json",
+        Some("png") => "image/png",
+        Some("svg") => "image/svg+xml",
+        Some("html") => "text/html",
+        _ => "application/octet-stream",
+    };
+    page::download(&name, mime, &Uint8Array::from(bytes));
+}
+
+/// Asks for files of these endings, and reads them.
+pub(crate) async fn pick(endings: &[&str], multiple: bool) -> Vec<Chosen> {
+    let accept: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
+    let Ok(files) = JsFuture::from(page::pick(&accept.join(","), multiple)).await else { return Vec::new() };
+    read_all(&js_sys::Array::from(&files)).await
+}
+
+/// Reads files of the browser.
+pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
+    let mut chosen = Vec::new();
+    for file in files.iter().filter_map(|file| file.dyn_into::<web_sys::File>().ok()) {
+        let bytes = match JsFuture::from(file.array_buffer()).await {
+            Ok(buffer) => Some(Uint8Array::new(&buffer).to_vec()),
+            // A folder, or a file that went away: whoever takes it says so.
+            Err(_) => None,
+        };
+        chosen.push(Chosen { name: file.name(), path: None, bytes });
+    }
+    chosen
+}
+
+/// Draws an SVG on white, as PNG.
+pub(crate) async fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), SIDE)).await;
+    drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
+}
+
+/// What an error of JavaScript says.
+fn said(error: &JsValue) -> String {
+    let message = Reflect::get(error, &"message".into()).ok().and_then(|message| message.as_string());
+    message.or_else(|| error.as_string()).unwrap_or_else(|| format!("{error:?}"))
+}
+
+/// Waits until the browser had the time to do something else.
+pub(crate) async fn breath() {
+    let wait = js_sys::Promise::new(&mut |resolve, _| {
+        if let Some(window) = web_sys::window() {
+            // Without a timer the work is done at once.
+            if window.set_timeout_with_callback_and_timeout_and_arguments_0(&resolve, 16).is_err() {
+                let _ = resolve.call0(&resolve);
+            }
+        }
+    });
+    // It is never rejected.
+    let _ = JsFuture::from(wait).await;
+}

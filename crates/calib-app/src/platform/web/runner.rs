@@ -1,0 +1,285 @@
+//! The app on its canvas: started, told what the page was asked, and put on another canvas when a graphics
+//! context is lost.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use calib_core::Options;
+use egui::accesskit::{Action, ActionRequest, NodeId, TreeId};
+use egui::{Context, RawInput, Ui};
+use js_sys::{Array, Reflect};
+use serde_json::{Value, json};
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::spawn_local;
+
+use super::mirror::Mirror;
+use super::shelf::Database;
+use super::{Task, page, read_all};
+use crate::app::App;
+use crate::command::{self, Command};
+use crate::theme;
+
+/// What the page was asked for.
+enum Wish {
+    /// A command by its name.
+    Command(String),
+    /// Files to be opened.
+    Files(Array),
+    /// A press on a widget that is heard and not seen.
+    Press(u64),
+}
+
+/// The app, and what outlives a canvas.
+#[derive(Clone)]
+struct Stage {
+    app: Rc<RefCell<Option<App>>>,
+    ctx: Rc<RefCell<Context>>,
+    runner: eframe::WebRunner,
+    /// Whether the page reports coordinates and takes orders from tests.
+    tested: bool,
+}
+
+/// Starts the app on the page's canvas.
+pub(super) fn start() {
+    // The page says it, and offers the site. What follows on the stack is lost.
+    std::panic::set_hook(Box::new(|info| page::panicked(&info.to_string())));
+    let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
+    let stage = Stage {
+        app: Rc::default(),
+        ctx: Rc::default(),
+        runner: eframe::WebRunner::new(),
+        tested: query.trim_start_matches('?').split('&').any(|part| part == "test=1"),
+    };
+    stage.listen();
+    spawn_local(async move {
+        if let Err(error) = stage.show(&page::fresh_canvas()).await {
+            page::panicked(&format!("{error:?}"));
+        }
+    });
+}
+
+impl Stage {
+    /// What the page may call.
+    fn listen(&self) {
+        let ctx = Rc::clone(&self.ctx);
+        let wake = Closure::<dyn Fn()>::new(move || ctx.borrow().request_repaint());
+        page::PAGE.with(|page| page.set_wake(wake.as_ref().unchecked_ref()));
+        wake.forget();
+        let stage = self.clone();
+        let restart = Closure::<dyn Fn()>::new(move || stage.restart());
+        page::PAGE.with(|page| page.set_restart(restart.as_ref().unchecked_ref()));
+        restart.forget();
+        if self.tested {
+            let app = Rc::clone(&self.app);
+            let state = Closure::<dyn Fn() -> String>::new(move || {
+                app.try_borrow()
+                    .ok()
+                    .and_then(|app| app.as_ref().map(|app| report(app).to_string()))
+                    .unwrap_or_default()
+            });
+            // Only tests miss it.
+            let _ = Reflect::set(&js_sys::global(), &"calibState".into(), state.as_ref());
+            state.forget();
+            let app = Rc::clone(&self.app);
+            let solve = Closure::<dyn Fn(u32) -> f64>::new(move |runs| {
+                app.try_borrow().ok().and_then(|app| Some(solve(app.as_ref()?, runs))).unwrap_or(f64::NAN)
+            });
+            let _ = Reflect::set(&js_sys::global(), &"calibSolve".into(), solve.as_ref());
+            solve.forget();
+        }
+    }
+
+    /// Shows the app on a canvas; the first time it is made.
+    async fn show(&self, canvas: &web_sys::HtmlCanvasElement) -> Result<(), JsValue> {
+        let lost = Closure::<dyn Fn(web_sys::Event)>::new({
+            let stage = self.clone();
+            move |event: web_sys::Event| {
+                event.prevent_default();
+                stage.lost();
+            }
+        });
+        canvas.add_event_listener_with_callback("webglcontextlost", lost.as_ref().unchecked_ref())?;
+        lost.forget();
+        let stage = self.clone();
+        let made = self.runner.start(
+            canvas.clone(),
+            eframe::WebOptions::default(),
+            Box::new(move |creation| {
+                let ctx = &creation.egui_ctx;
+                *stage.ctx.borrow_mut() = ctx.clone();
+                ctx.add_plugin(Mirror::new(stage.tested));
+                let mut app = stage.app.borrow_mut();
+                match app.as_mut() {
+                    Some(app) => app.forget_textures(ctx),
+                    None => {
+                        let mut made = App::new(ctx, None);
+                        made.shelf = Some(Box::new(Database::open(ctx)));
+                        *app = Some(made);
+                    }
+                }
+                drop(app);
+                Ok(Box::new(Shown { stage, frames: 0 }))
+            }),
+        );
+        made.await
+    }
+
+    /// The graphics context is gone: says so, and tries again by itself once.
+    fn lost(&self) {
+        page::context_lost();
+        let stage = self.clone();
+        spawn_local(async move {
+            for _ in 0..60 {
+                super::breath().await;
+            }
+            stage.restart();
+        });
+    }
+
+    fn restart(&self) {
+        let stage = self.clone();
+        spawn_local(async move {
+            stage.runner.destroy();
+            match stage.show(&page::fresh_canvas()).await {
+                Ok(()) => page::context_back(),
+                // The page offers to try again.
+                Err(_) => page::context_lost(),
+            }
+        });
+    }
+}
+
+/// The app on one canvas.
+struct Shown {
+    stage: Stage,
+    frames: u32,
+}
+
+impl Shown {
+    fn grant(&self, app: &mut App, ctx: &Context, wish: Wish) {
+        match wish {
+            Wish::Command(name) if name == "demonstration" => {
+                command::run(app, ctx, Command::Demo, egui::Modifiers::NONE);
+            }
+            // Tests look at what the page says then.
+            Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
+            Wish::Files(files) => {
+                app.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));
+            }
+            Wish::Command(_) | Wish::Press(_) => {}
+        }
+    }
+}
+
+impl eframe::App for Shown {
+    fn raw_input_hook(&mut self, ctx: &Context, input: &mut RawInput) {
+        for wish in wishes() {
+            if let Wish::Press(node) = wish {
+                input.events.push(egui::Event::AccessKitActionRequest(ActionRequest {
+                    action: Action::Click,
+                    target_tree: TreeId::ROOT,
+                    target_node: NodeId(node),
+                    data: None,
+                }));
+            } else if let Some(app) = self.stage.app.borrow_mut().as_mut() {
+                self.grant(app, ctx, wish);
+            }
+        }
+    }
+
+    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+        let mut app = self.stage.app.borrow_mut();
+        let Some(app) = app.as_mut() else { return };
+        app.show_ui(ui);
+        let unkept = app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
+        page::PAGE.with(|page| page.set_unkept(unkept && !app.editor.session().is_saved()));
+        self.frames += 1;
+        // The first frame lays out, the second is whole.
+        match self.frames {
+            1 => ui.ctx().request_repaint(),
+            2 => page::shown(),
+            _ => {}
+        }
+    }
+}
+
+/// What was asked since the last frame.
+fn wishes() -> Vec<Wish> {
+    let queue = page::PAGE.with(page::Page::queue);
+    let taken: Vec<JsValue> = queue.iter().collect();
+    queue.set_length(0);
+    let field = |wish: &JsValue, name: &str| {
+        Reflect::get(wish, &name.into()).ok().filter(|value| !value.is_undefined())
+    };
+    let one = |wish: JsValue| {
+        if let Some(name) = field(&wish, "command").and_then(|name| name.as_string()) {
+            return Some(Wish::Command(name));
+        }
+        if let Some(files) = field(&wish, "files") {
+            return Some(Wish::Files(Array::from(&files)));
+        }
+        field(&wish, "click").and_then(|id| id.as_string()).and_then(|id| id.parse().ok()).map(Wish::Press)
+    };
+    taken.into_iter().filter_map(one).collect()
+}
+
+/// How long the solve of the first camera takes, in milliseconds: the median of some runs.
+fn solve(app: &App, runs: u32) -> f64 {
+    let site = &app.editor.session().site;
+    let options = Options {
+        refine: false,
+        cameras: site.cameras.first().map(|camera| vec![camera.id.clone()]),
+        ..Options::default()
+    };
+    let mut took: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = web_time::Instant::now();
+            std::hint::black_box(std::hint::black_box(site).calibrate(&options));
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    took.sort_by(f64::total_cmp);
+    took.get(took.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// What a test asks about: where canvases are, and the site with its results.
+fn report(app: &App) -> Value {
+    let panes: Vec<Value> = app
+        .panes
+        .rects
+        .iter()
+        .map(|(key, rect)| {
+            let view = app.panes.views.get(key);
+            json!({
+                "place": format!("{:?}", key.0),
+                "pane": format!("{:?}", key.1),
+                "rect": [rect.min.x, rect.min.y, rect.max.x, rect.max.y],
+                "centre": view.map(|view| view.centre),
+                "zoom": view.map(|view| view.zoom),
+                "y_up": view.is_some_and(|view| view.y_up),
+            })
+        })
+        .collect();
+    let session = app.editor.session();
+    let solved = session.solved.write_into(&session.site);
+    json!({
+        "panes": panes,
+        "site": serde_json::from_str::<Value>(&solved.to_json()).unwrap_or(Value::Null),
+        "generation": session.generation,
+        "behind": app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
+        "reading": app.pictures.loading() + app.edges.looking() + app.arriving.len(),
+        "refining": app.refining.is_some(),
+        "error": app.editor.error(),
+        "note": session.note,
+        "milliseconds": session.solved.milliseconds,
+    })
+}
+
+impl App {
+    /// Textures of a graphics context that is gone are made again when they are next asked for.
+    pub(crate) fn forget_textures(&mut self, ctx: &Context) {
+        theme::install(ctx);
+        self.pictures.clear();
+        self.panes.forget_pointer();
+    }
+}

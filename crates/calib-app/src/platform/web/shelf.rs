@@ -1,0 +1,322 @@
+//! The shelf of a browser: `web/store.js` keeps, this hands over what is new and takes what comes back.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use calib_core::Site;
+use calib_editor::Images;
+use egui::Context;
+use js_sys::{Array, Reflect, Uint8Array};
+use serde::{Deserialize, Serialize};
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::{JsFuture, spawn_local};
+
+use super::page;
+use crate::autosave::Found;
+use crate::demo;
+use crate::shelf::{Entry, News, Shelf, Work};
+
+/// A kept site, as the database has it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+struct Record {
+    id: String,
+    /// How often it was written: two tabs that know different ones do not overwrite each other.
+    revision: u32,
+    name: String,
+    cameras: usize,
+    last: String,
+    path: Option<PathBuf>,
+    /// Its images are made, not kept.
+    demonstration: bool,
+    site: String,
+    images: Vec<StoredImage>,
+    /// Written by the page: all bytes, and the time in milliseconds.
+    #[serde(skip_serializing)]
+    bytes: u64,
+    #[serde(skip_serializing)]
+    kept: f64,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct StoredImage {
+    id: String,
+    mime: String,
+    name: Option<String>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    entries: Vec<Entry>,
+    news: VecDeque<News>,
+    /// The id of the open site; none before its first gesture.
+    own: Option<String>,
+    /// How often every site was written, as far as is known here.
+    revisions: BTreeMap<String, u32>,
+    /// Images of the open site that were handed over.
+    sent: BTreeSet<String>,
+    /// What waits while something is written, one record for every site.
+    waiting: VecDeque<(Record, Array)>,
+    writing: bool,
+    /// The last attempt failed.
+    failed: bool,
+    /// Whether the browser was asked not to throw sites away.
+    asked: bool,
+}
+
+/// The browser's database.
+#[derive(Clone, Debug)]
+pub(crate) struct Database {
+    state: Rc<RefCell<State>>,
+    ctx: Context,
+}
+
+impl Database {
+    /// Opens it and lists what it keeps.
+    pub(crate) fn open(ctx: &Context) -> Self {
+        let database = Self { state: Rc::default(), ctx: ctx.clone() };
+        database.list();
+        database
+    }
+
+    fn tell(&self, news: News) {
+        self.state.borrow_mut().news.push_back(news);
+        self.ctx.request_repaint();
+    }
+
+    fn list(&self) {
+        let own = self.clone();
+        spawn_local(async move {
+            match JsFuture::from(page::list()).await {
+                Ok(records) => {
+                    let entries = Array::from(&records).iter().filter_map(|record| entry(&record)).collect();
+                    own.state.borrow_mut().entries = entries;
+                    own.ctx.request_repaint();
+                }
+                Err(error) => own.tell(News::Trouble(format!(
+                    "This browser keeps nothing here ({}). Save the site as a file before you close the page.",
+                    name_of(&error)
+                ))),
+            }
+        });
+    }
+
+    /// Writes what waits, one thing after the other.
+    fn write(&self) {
+        let mut state = self.state.borrow_mut();
+        if state.writing {
+            return;
+        }
+        let Some((mut record, images)) = state.waiting.pop_front() else { return };
+        record.revision = state.revisions.get(&record.id).copied().unwrap_or_default();
+        state.writing = true;
+        drop(state);
+        let own = self.clone();
+        spawn_local(async move {
+            let text = serde_json::to_string(&record).unwrap_or_default();
+            let result = JsFuture::from(page::keep(&text, &images)).await;
+            own.written(record, images, result);
+        });
+    }
+
+    fn written(&self, record: Record, images: Array, result: Result<JsValue, JsValue>) {
+        let mut state = self.state.borrow_mut();
+        state.writing = false;
+        let is_own = state.own.as_ref() == Some(&record.id);
+        match result {
+            Ok(revision) => {
+                state.failed = false;
+                if let Some(revision) = revision.as_f64() {
+                    state.revisions.insert(record.id, revision as u32);
+                }
+                drop(state);
+                self.list();
+            }
+            Err(error) if name_of(&error) == "VersionError" && is_own => {
+                // What the other tab did stays; this goes on beside it, with every image.
+                state.own = None;
+                state.sent.clear();
+                state.waiting.retain(|(waiting, _)| waiting.id != record.id);
+                let name = if record.name.is_empty() { "This site".to_owned() } else { record.name };
+                state.news.push_back(News::Again);
+                state.news.push_back(News::Note(format!(
+                    "{name} was changed in another tab. What you do here is kept beside it, as a site of its own."
+                )));
+                drop(state);
+            }
+            Err(error) => {
+                let was_known = std::mem::replace(&mut state.failed, true);
+                // They did not arrive: they go with what waits, or with the next gesture.
+                let waits = state.waiting.iter().find(|(waiting, _)| waiting.id == record.id);
+                let waits = waits.map(|(_, waiting)| waiting.clone());
+                for image in images.iter() {
+                    match (&waits, Array::from(&image).get(0).as_string()) {
+                        (Some(waiting), _) => drop(waiting.push(&image)),
+                        (None, Some(id)) if is_own => drop(state.sent.remove(&id)),
+                        (None, _) => {}
+                    }
+                }
+                drop(state);
+                if !was_known {
+                    self.tell(News::Trouble(trouble(&name_of(&error))));
+                }
+            }
+        }
+        self.write();
+        self.ctx.request_repaint();
+    }
+}
+
+impl Shelf for Database {
+    fn entries(&self) -> Vec<Entry> {
+        self.state.borrow().entries.clone()
+    }
+
+    fn keep(&mut self, work: Work<'_>) {
+        let mut state = self.state.borrow_mut();
+        let images = Array::new();
+        for (id, mime, name, bytes) in work.images.stored() {
+            if state.sent.insert(id.to_owned()) {
+                let name = name.map_or(JsValue::NULL, JsValue::from);
+                images.push(
+                    &Array::of4(&id.into(), &mime.into(), &name, &Uint8Array::from(bytes).into()).into(),
+                );
+            }
+        }
+        let id = state.own.get_or_insert_with(fresh_id).clone();
+        if let Some(at) = state.waiting.iter().position(|(waiting, _)| waiting.id == id)
+            && let Some((_, waiting)) = state.waiting.remove(at)
+        {
+            for image in waiting.iter() {
+                images.push(&image);
+            }
+        }
+        let stored = work.images.stored().map(|(id, mime, name, _)| StoredImage {
+            id: id.to_owned(),
+            mime: mime.to_owned(),
+            name: name.map(str::to_owned),
+        });
+        let stem = work.path.as_deref().and_then(std::path::Path::file_stem);
+        let name = work.site.name.clone().or_else(|| stem.map(|stem| stem.to_string_lossy().into_owned()));
+        let record = Record {
+            id,
+            name: name.unwrap_or_default(),
+            cameras: work.site.cameras.len(),
+            last: work.last.to_owned(),
+            path: work.path,
+            demonstration: work.images.missing.is_some(),
+            site: work.site.to_json(),
+            images: stored.collect(),
+            ..Record::default()
+        };
+        state.waiting.push_back((record, images));
+        let asks = !std::mem::replace(&mut state.asked, true);
+        drop(state);
+        if asks && let Some(window) = web_sys::window() {
+            // Whatever the browser answers, it is told when something cannot be written.
+            let _ = window.navigator().storage().persist();
+        }
+        self.write();
+    }
+
+    fn begin(&mut self) {
+        // What waits for the site before is written all the same.
+        let mut state = self.state.borrow_mut();
+        (state.own, state.failed) = (None, false);
+        state.sent.clear();
+    }
+
+    fn open(&mut self, id: &str) {
+        let (own, id) = (self.clone(), id.to_owned());
+        spawn_local(async move {
+            match JsFuture::from(page::open(&id))
+                .await
+                .map_err(|error| name_of(&error))
+                .and_then(|kept| found(&kept))
+            {
+                Ok((record, found)) => {
+                    let mut state = own.state.borrow_mut();
+                    state.revisions.insert(record.id.clone(), record.revision);
+                    state.own = Some(record.id);
+                    state.sent = found.images.stored().map(|(id, ..)| id.to_owned()).collect();
+                    drop(state);
+                    own.tell(News::Opened(Box::new(found)));
+                }
+                Err(error) => own.tell(News::Trouble(format!("The kept site cannot be opened: {error}."))),
+            }
+        });
+    }
+
+    fn remove(&mut self, id: &str) {
+        let (own, id) = (self.clone(), id.to_owned());
+        spawn_local(async move {
+            if let Err(error) = JsFuture::from(page::remove(&id)).await {
+                own.tell(News::Trouble(format!("The kept site cannot be removed: {}.", name_of(&error))));
+            }
+            own.list();
+        });
+    }
+
+    fn news(&mut self) -> Option<News> {
+        self.state.borrow_mut().news.pop_front()
+    }
+
+    fn is_behind(&self) -> bool {
+        let state = self.state.borrow();
+        state.writing || state.failed || !state.waiting.is_empty()
+    }
+}
+
+fn trouble(name: &str) -> String {
+    match name {
+        "QuotaExceededError" => "The browser has no room left to keep this site. Save it as a file now; \
+            removing kept sites from the start page makes room."
+            .into(),
+        other => format!("The browser could not keep this site ({other}). Save it as a file now."),
+    }
+}
+
+/// The name of an exception.
+fn name_of(error: &JsValue) -> String {
+    let name = Reflect::get(error, &"name".into()).ok().and_then(|name| name.as_string());
+    name.unwrap_or_else(|| format!("{error:?}"))
+}
+
+fn entry(record: &JsValue) -> Option<Entry> {
+    let text = js_sys::JSON::stringify(record).ok()?.as_string()?;
+    let record: Record = serde_json::from_str(&text).ok()?;
+    let date = js_sys::Date::new(&record.kept.into());
+    let when = date.to_locale_string("default", &JsValue::UNDEFINED).as_string().unwrap_or_default();
+    Some(Entry {
+        id: record.id,
+        name: record.name,
+        cameras: record.cameras,
+        bytes: record.bytes,
+        when,
+        last: record.last,
+    })
+}
+
+fn found(kept: &JsValue) -> Result<(Record, Found), String> {
+    let kept = Array::from(kept);
+    let text = kept.get(0).as_string().ok_or("it has no record")?;
+    let record: Record = serde_json::from_str(&text).map_err(|error| error.to_string())?;
+    let site = Site::from_json(&record.site).map_err(|error| error.to_string())?;
+    let mut images = Images::beside(None, record.demonstration.then_some(demo::render as calib_editor::Make));
+    for pair in Array::from(&kept.get(1)).iter() {
+        let pair = Array::from(&pair);
+        let Some(id) = pair.get(0).as_string() else { continue };
+        let Some(known) = record.images.iter().find(|image| image.id == id) else { continue };
+        let bytes = Uint8Array::new(&pair.get(1)).to_vec();
+        images.restore(&id, bytes.into(), &known.mime, known.name.as_deref());
+    }
+    let path = record.path.clone();
+    Ok((record, Found { site, images, path }))
+}
+
+/// An id that no other site has.
+fn fresh_id() -> String {
+    format!("{:x}-{:x}", js_sys::Date::now() as u64, (js_sys::Math::random() * 2f64.powi(48)) as u64)
+}

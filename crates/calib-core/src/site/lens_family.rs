@@ -1,0 +1,59 @@
+//! Cameras that share one lens: what one of them shows tells of it for all, so they are calibrated together.
+
+use crate::site::document::{Site, SiteCamera};
+use crate::site::lens_cache::LensCache;
+use crate::site::options::Options;
+use crate::site::pipeline::Report;
+
+/// The id of the camera whose lens a camera has.
+fn owner(camera: &SiteCamera) -> &str {
+    camera.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or(&camera.id)
+}
+
+impl Site {
+    /// The cameras, those that share a lens together: indices in the order of the site. Most are alone.
+    #[must_use]
+    pub fn lens_families(&self) -> Vec<Vec<usize>> {
+        let mut families: Vec<(&str, Vec<usize>)> = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            match families.iter_mut().find(|(known, _)| *known == owner(camera)) {
+                Some((_, family)) => family.push(index),
+                None => families.push((owner(camera), vec![index])),
+            }
+        }
+        families.into_iter().map(|(_, family)| family).collect()
+    }
+
+    /// Calibrates the cameras of a family (see [`Self::lens_families`]) as [`Self::calibrate`] does where it
+    /// does not refine: their report in their order, and the lenses that need not be fitted again.
+    ///
+    /// It costs no more in a site of many cameras: the others are not looked at.
+    #[must_use]
+    pub fn calibrate_family(
+        &self,
+        family: &[usize],
+        before: &LensCache,
+    ) -> (Report, LensCache) {
+        let cameras = family.iter().filter_map(|&index| self.cameras.get(index)).cloned().collect();
+        let alone = Self { cameras, plan: self.plan.clone(), ..Self::new() };
+        let lenses = alone.lenses(before);
+        let report = alone.calibrate_with_lenses(&lenses, &Options { refine: false, ..Options::default() });
+        (report, lenses)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::site::document::LensEntry;
+
+    #[test]
+    fn cameras_like_one_another_are_a_family() {
+        let mut site = Site::new();
+        site.cameras = ["a", "b", "c", "d"].map(|id| SiteCamera::new(id, [640, 480])).to_vec();
+        for like in [0, 3] {
+            site.cameras[like].lens = Some(LensEntry { like: Some("c".into()), ..LensEntry::default() });
+        }
+        assert_eq!(site.lens_families(), [vec![0, 2, 3], vec![1]]);
+    }
+}

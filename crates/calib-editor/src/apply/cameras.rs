@@ -1,0 +1,134 @@
+//! The list of cameras and their stills: chosen, added, replaced, renamed, removed.
+
+use calib_core::SiteCamera;
+
+use crate::action::NewStill;
+use crate::command::Cameras;
+use crate::editor::{Editor, OldStill};
+use crate::{edit, import, steps};
+
+impl Editor {
+    pub(super) fn on_cameras(&mut self, command: Cameras) {
+        self.cancel();
+        let count = self.session.site.cameras.len();
+        let own = self.session.camera;
+        let step = |by: usize, wanted: &dyn Fn(usize) -> bool| {
+            (1..=count).map(|i| (own + i * by) % count).find(|&camera| wanted(camera))
+        };
+        let back = count.saturating_sub(1);
+        let is_open = |camera: usize| !steps::is_finished(&self.session, camera);
+        let to = match command {
+            Cameras::NextCamera => step(1, &|_| true),
+            Cameras::PreviousCamera => step(back, &|_| true),
+            Cameras::NextUnfinished => step(1, &is_open),
+            Cameras::PreviousUnfinished => step(back, &is_open),
+            Cameras::RemoveCamera => return self.remove_camera(),
+        };
+        if let Some(camera) = to {
+            self.session.choose(camera);
+        }
+    }
+
+    pub(super) fn add_camera(&mut self, still: NewStill) {
+        let NewStill { image, title, size } = still;
+        let site = &mut self.session.site;
+        let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
+        let id = std::iter::once(title.clone())
+            .chain((2..).map(|number| format!("{title}-{number}")))
+            .find(|id| !taken(id))
+            .unwrap_or_default();
+        site.cameras.push(SiteCamera { image: Some(image), ..SiteCamera::new(id.clone(), size) });
+        self.session.commit(format!("add {id}"));
+    }
+
+    pub(super) fn replace_still(&mut self, id: &str, still: NewStill) {
+        let NewStill { image, size, .. } = still;
+        let Some(entry) = self.session.site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
+        let size = Some(from).filter(|from| *from != size);
+        self.old_still = old.map(|image| OldStill { camera: id.to_owned(), image, share: 0.5, size });
+        self.session.commit(format!("replace the still of {id}"));
+        if let Some([w, h]) = size {
+            self.session.note = Some(format!(
+                "The old still was {w} \u{d7} {h} px: what is drawn can be rescaled in the panel."
+            ));
+        }
+    }
+
+    pub(super) fn blend_old(&mut self, share: f32) {
+        if let Some(old) = &mut self.old_still {
+            old.share = share;
+        }
+    }
+
+    /// Brings everything that is drawn on the replaced still to the size of the new one.
+    pub(super) fn rescale_to_still(&mut self) {
+        let Some(OldStill { camera: id, size, .. }) = &mut self.old_still else { return };
+        let (id, Some(from)) = (id.clone(), size.take()) else { return };
+        let site = &mut self.session.site;
+        let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
+        if let Some(lens) = &mut entry.lens {
+            import::scale_lens(lens, ratio[0]);
+        }
+        edit::scale_camera(site, &id, ratio);
+        self.session.commit(format!("rescale what is drawn on {id}"));
+    }
+
+    pub(super) fn name_camera(&mut self, name: String) {
+        if let Some(entry) = self.session.entry_mut() {
+            entry.name = Some(name).filter(|name| !name.trim().is_empty());
+        }
+        self.session.commit("name a camera");
+    }
+
+    pub(super) fn rename_camera(&mut self, id: &str) {
+        let session = &mut self.session;
+        if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
+            session.note = Some("Every camera needs an id of its own.".into());
+            return;
+        }
+        let Some(entry) = session.entry_mut() else { return };
+        let old = std::mem::replace(&mut entry.id, id.to_owned());
+        let links =
+            session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
+        let marks =
+            session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
+        let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
+        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
+            id.clone_into(name);
+        }
+        session.commit(format!("rename {old}"));
+        if let Some(still) = self.old_still.as_mut().filter(|still| still.camera == old) {
+            id.clone_into(&mut still.camera);
+        }
+    }
+
+    /// Removes the camera in hand and what refers to it.
+    fn remove_camera(&mut self) {
+        let session = &mut self.session;
+        if session.camera >= session.site.cameras.len() {
+            return;
+        }
+        let id = session.site.cameras.remove(session.camera).id;
+        for link in &mut session.site.links {
+            link.seen.retain(|seen| seen.camera != id);
+        }
+        session.site.links.retain(|link| !link.seen.is_empty());
+        for mark in &mut session.site.marks {
+            mark.seen.retain(|seen| seen.camera != id);
+        }
+        for camera in &mut session.site.cameras {
+            if let Some(lens) = &mut camera.lens {
+                lens.like.take_if(|like| *like == id);
+            }
+        }
+        edit::keep_distances(&mut session.site);
+        session.selection.clear();
+        session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
+        if self.old_still.as_ref().is_some_and(|old| old.camera == id) {
+            self.old_still = None;
+        }
+        self.session.commit(format!("remove {id}"));
+    }
+}

@@ -1,0 +1,62 @@
+//! What is in the hand: the tool, and the gesture that is under way.
+
+use calib_core::MarkKind;
+
+use crate::command::{Gesture, Selection};
+use crate::editor::Editor;
+use crate::tools::{Phase, Pointer, TOOLS, tool_called};
+
+impl Editor {
+    pub(super) fn pointer(&mut self, pointer: &Pointer) {
+        if pointer.phase == Phase::Press {
+            self.session.note = None;
+        }
+        self.tool.pointer(&mut self.session, pointer);
+        self.session.solve();
+    }
+
+    pub(super) fn cancel(&mut self) {
+        self.tool.cancel();
+        self.session.revert();
+        self.session.solve();
+    }
+
+    pub(super) fn take_tool(&mut self, index: usize) {
+        self.cancel();
+        if let Some(row) = TOOLS.get(index) {
+            (self.tool, self.tool_row) = ((row.make)(), index);
+        }
+    }
+
+    pub(super) fn choose_mark(&mut self, kind: MarkKind) {
+        self.session.mark_kind = kind;
+        self.take_tool(tool_called("Mark"));
+    }
+
+    pub(super) fn gesture(&mut self, command: Gesture) {
+        match command {
+            // What is in the hand is taken back first.
+            Gesture::Undo | Gesture::Redo if !self.tool.is_idle() => self.cancel(),
+            Gesture::Undo => self.session.undo(),
+            Gesture::Redo => self.session.redo(),
+            Gesture::Accept => self.tool.accept(&mut self.session),
+            Gesture::StepBack => {
+                if !self.tool.step_back(&mut self.session) {
+                    self.on_selection(Selection::Delete, None);
+                }
+            }
+            Gesture::Cancel if self.tool.is_idle() => {
+                self.session.selection.clear();
+                self.take_tool(0);
+            }
+            Gesture::Cancel => self.cancel(),
+        }
+        self.session.solve();
+    }
+
+    pub(super) fn pause(&mut self) {
+        self.cancel();
+        self.session.solved.paused = !self.session.solved.paused;
+        self.session.solve();
+    }
+}

@@ -1,0 +1,116 @@
+//! What is drawn on the image in hand, and what is known of its lens.
+
+use std::collections::BTreeSet;
+
+use calib_core::{Annotation, Kind, Known, LensEntry};
+
+use crate::command::Lines;
+use crate::edit;
+use crate::editor::Editor;
+
+impl Editor {
+    pub(super) fn on_lines(&mut self, command: Lines) {
+        self.cancel();
+        match command {
+            Lines::NewGroup => {
+                self.session.fresh_group = true;
+                self.session.note = Some("The next line begins a new group.".into());
+            }
+            Lines::RightAngle => self.right_angle(),
+            Lines::TakeSuggestion => self.take_suggestion(),
+            Lines::TakeSecondSolution => {
+                let other = self.session.solution().and_then(|s| s.alternatives.first());
+                let Some(focal) = other.map(|other| other.focal_px) else { return };
+                self.believe_focal(focal, "use the second solution");
+            }
+            Lines::CopyLines => {
+                let entry = self.session.entry();
+                self.copied = entry.map(|entry| (entry.annotations.clone(), entry.size_px));
+                self.session.note = Some("Copied. Choose a camera and paste.".into());
+            }
+            Lines::PasteLines => self.paste_lines(),
+        }
+    }
+
+    fn take_suggestion(&mut self) {
+        let session = &mut self.session;
+        let Some(next) = session.solution().and_then(|s| s.draw_next.clone()) else { return };
+        let Some(entry) = session.site.cameras.get_mut(session.camera) else { return };
+        let is_new = next.segments_px.len() >= 2 && next.kind != Kind::Vertical;
+        let mut parts = BTreeSet::new();
+        for (i, segment) in next.segments_px.iter().enumerate() {
+            parts.insert(edit::add_line(entry, next.kind, segment.to_vec(), is_new && i == 0));
+        }
+        session.selection = parts;
+        session.commit("draw the suggested line");
+        session.note = Some("Now drag its ends onto the real edge.".into());
+    }
+
+    fn right_angle(&mut self) {
+        let Some(entry) = self.session.entry_mut() else { return };
+        let is_parallel = |&i: &usize| entry.annotations[i].kind == Kind::Parallel;
+        let groups: Vec<usize> = (0..entry.annotations.len()).filter(is_parallel).collect();
+        let [.., first, second] = groups[..] else {
+            self.session.note = Some("Needs two groups of parallels: W begins a second one.".into());
+            return;
+        };
+        let taken = |id: &String| entry.annotations.iter().any(|a| a.id.as_ref() == Some(id));
+        let free = (b'a'..=b'z').map(|c| char::from(c).to_string()).find(|id| !taken(id));
+        let id = entry.annotations[first].id.clone().or(free);
+        entry.annotations[first].id.clone_from(&id);
+        let tied = &mut entry.annotations[second].at_right_angles_to;
+        *tied = if tied.is_some() { None } else { id };
+        self.session.commit("tie two directions at right angles");
+    }
+
+    /// Adds the copied annotations to the camera in hand, scaled to its image.
+    fn paste_lines(&mut self) {
+        let Some((copied, from)) = self.copied.clone() else { return };
+        let Some(entry) = self.session.entry_mut() else { return };
+        let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
+        let id = entry.id.clone();
+        let taken: Vec<String> = entry.annotations.iter().filter_map(|known| known.id.clone()).collect();
+        for mut annotation in copied {
+            edit::scale(&mut annotation, ratio);
+            annotation.id.take_if(|id| taken.contains(id));
+            // What it was tied to has lost its id, or is another's by now.
+            annotation.at_right_angles_to.take_if(|id| taken.contains(id));
+            entry.annotations.push(annotation);
+        }
+        self.session.commit(format!("paste annotations onto {id}"));
+    }
+
+    pub(super) fn annotate(&mut self, index: usize, annotation: Annotation, name: String) {
+        self.cancel();
+        if let Some(own) = self.session.entry_mut().and_then(|entry| entry.annotations.get_mut(index)) {
+            *own = annotation;
+        }
+        self.session.commit(name);
+    }
+
+    pub(super) fn set_lens(&mut self, lens: LensEntry, name: impl Into<String>) {
+        if let Some(entry) = self.session.entry_mut() {
+            entry.lens = Some(lens).filter(|lens| *lens != LensEntry::default());
+            self.session.commit(name);
+        }
+    }
+
+    pub(super) fn set_height(&mut self, known: Option<Known>, name: String) {
+        if let Some(entry) = self.session.entry_mut() {
+            entry.height_m = known;
+        }
+        self.session.commit(name);
+    }
+
+    /// A belief that can be seen and unlocked, not a hidden choice.
+    pub(super) fn believe_focal(&mut self, focal: f64, name: &str) {
+        let lens = self.session.entry().and_then(|entry| entry.lens.clone()).unwrap_or_default();
+        self.set_lens(LensEntry { focal_px: Some(Known::prior(focal, 0.05 * focal)), ..lens }, name);
+    }
+
+    pub(super) fn show_view(&mut self, which: usize, view: f64) {
+        let Some((camera, family)) = &mut self.family else { return };
+        let lenses = self.session.solved.lenses(*camera);
+        family.choose(&self.session.site, *camera, which, view, &lenses);
+    }
+}

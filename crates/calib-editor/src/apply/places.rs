@@ -1,0 +1,104 @@
+//! Where cameras and the plan lie on the floor.
+
+use calib_core::{Placement, Plan, PlanPixel};
+
+use crate::action::NewStill;
+use crate::editor::Editor;
+use crate::tools::tool_called;
+
+impl Editor {
+    pub(super) fn place(&mut self, camera: usize, placement: Placement, name: String) {
+        self.cancel();
+        self.session.place(camera, placement);
+        self.session.commit(name);
+    }
+
+    /// Turns or scales the camera in hand about its foot, as its handles on the plan do.
+    pub(super) fn turn_or_scale(&mut self, verb: &str, change: impl FnOnce(&mut Placement)) {
+        self.cancel();
+        let session = &mut self.session;
+        let camera = session.camera;
+        if session.is_held_by_points(camera) {
+            let note = "Control points hold this camera; switch them off to move it by hand.";
+            session.note = Some(note.into());
+            return;
+        }
+        let Some(mut placement) = session.placement(camera) else { return };
+        change(&mut placement);
+        let name = format!("{verb} {}", session.site.cameras[camera].id);
+        session.place(camera, placement);
+        session.commit(name);
+    }
+
+    /// Moves the camera in hand on the floor by tenths of a metre.
+    pub(super) fn nudge_camera(&mut self, by: [f64; 2]) {
+        let session = &mut self.session;
+        let camera = session.camera;
+        let Some(mut placement) = session.placement(camera) else { return };
+        placement.by.x += 0.1 * by[0];
+        placement.by.y -= 0.1 * by[1];
+        let name = format!("nudge {}", session.site.cameras[camera].id);
+        session.place(camera, placement);
+        session.commit(name);
+    }
+
+    pub(super) fn hold_place(&mut self) {
+        self.cancel();
+        let session = &mut self.session;
+        let camera = session.camera;
+        let Some(placement) = session.placement(camera) else { return };
+        session.place(camera, placement);
+        let Some(entry) = session.entry_mut() else { return };
+        let id = entry.id.clone();
+        let Some(placement) = &mut entry.placement else { return };
+        placement.fixed = !placement.fixed;
+        let verb = if placement.fixed { "hold" } else { "release" };
+        session.commit(format!("{verb} {id}"));
+    }
+
+    pub(super) fn forget_place(&mut self) {
+        self.cancel();
+        let Some(entry) = self.session.entry_mut() else { return };
+        entry.placement = None;
+        let name = format!("forget the place of {}", entry.id);
+        self.session.commit(name);
+    }
+
+    pub(super) fn load_plan(&mut self, still: NewStill, told: Option<Plan>) {
+        let NewStill { image, size, .. } = still;
+        let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
+        let bare = Plan {
+            image: None,
+            metres_per_px,
+            origin_px: PlanPixel::new(0.0, f64::from(size[1])),
+            x_axis_deg: 0.0,
+            georeference: None,
+        };
+        let is_scaled = told.is_some();
+        self.session.site.plan = Some(Plan { image: Some(image), ..told.unwrap_or(bare) });
+        self.session.note = is_scaled.then(|| "The scale is that of the world file.".into());
+        self.session.commit("load a plan");
+        if !is_scaled {
+            self.take_tool(tool_called("Measure plan"));
+        }
+    }
+
+    pub(super) fn lay_plan(&mut self, told: &Plan, name: &str) {
+        let Some(plan) = &mut self.session.site.plan else {
+            self.complain(format!(
+                "{name}: there is no plan whose place it could tell. Load the plan's picture together with it."
+            ));
+            return;
+        };
+        (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
+            (told.metres_per_px, told.origin_px, told.x_axis_deg);
+        self.session.note = Some("The scale is that of the world file.".into());
+        self.session.commit(format!("lay the plan as {name} says"));
+    }
+
+    pub(super) fn set_plan(&mut self, plan: Plan, name: String) {
+        self.cancel();
+        self.session.site.plan = Some(plan);
+        self.session.commit(name);
+    }
+}

@@ -1,0 +1,156 @@
+//! What is selected: chosen, deleted, copied, switched, pulled onto edges, nudged.
+
+use std::collections::BTreeSet;
+
+use calib_core::Pixel;
+use image::RgbImage;
+
+use crate::command::{Nudge, Selection};
+use crate::editor::Editor;
+use crate::hit::{self, Part};
+use crate::tools::Pane;
+use crate::{edit, snap};
+
+impl Editor {
+    pub(super) fn select_more(&mut self, part: Part) {
+        if !self.session.selection.remove(&part) {
+            self.session.selection.insert(part);
+        }
+    }
+
+    pub(super) fn select_at(&mut self, camera: usize, at: Pixel, near: f64) {
+        let session = &mut self.session;
+        session.choose(camera);
+        let pose = session.solved.pose(camera);
+        match hit::pick(&session.site, camera, pose, at, near, &session.selection) {
+            Some(hit) if session.selection.contains(&hit.part) => {}
+            Some(hit) => session.select_only(camera, hit.part),
+            None => session.selection.clear(),
+        }
+    }
+
+    pub(super) fn on_selection(&mut self, command: Selection, still: Option<&RgbImage>) {
+        self.cancel();
+        let name = self.session.selection_name();
+        let parts = self.session.selection.clone();
+        match command {
+            Selection::Delete => self.delete(&parts, &name),
+            Selection::Duplicate => self.duplicate(&parts, &name),
+            Selection::OnOff => {
+                self.flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off);
+            }
+            Selection::UseAnyway => {
+                self.flags(&parts, &format!("use {name} anyway"), |off, keep| (*off, *keep) = (false, true));
+            }
+            Selection::SelectAll => {
+                let handles = hit::handles(&self.session.site, self.session.camera);
+                self.session.selection = handles.into_iter().map(|(part, _)| part).collect();
+            }
+            Selection::Deselect => self.session.selection.clear(),
+            Selection::PullOntoEdge => self.pull(&parts, &name, still),
+        }
+    }
+
+    fn delete(&mut self, parts: &BTreeSet<Part>, name: &str) {
+        if parts.is_empty() {
+            return;
+        }
+        let session = &mut self.session;
+        edit::delete(&mut session.site, session.camera, parts);
+        session.selection.clear();
+        session.commit(format!("delete {name}"));
+    }
+
+    fn duplicate(&mut self, parts: &BTreeSet<Part>, name: &str) {
+        let session = &mut self.session;
+        let Some(entry) = session.site.cameras.get_mut(session.camera) else { return };
+        let aside = 0.02 * entry.size()[0];
+        session.selection = edit::duplicate(entry, parts, [aside, 0.0]);
+        session.commit(format!("duplicate {name}"));
+    }
+
+    /// Changes `off` and `keep` of everything that is selected, each once.
+    fn flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
+        let mut seen = BTreeSet::new();
+        let site = &mut self.session.site;
+        for &part in parts {
+            let key = match part {
+                Part::Vertex { annotation, .. } | Part::Line { annotation, .. } => (0, annotation),
+                Part::Control(index) => (1, index),
+                Part::Link { link, .. } => (2, link),
+                Part::Pin { mark, .. } | Part::Mark(mark) => (3, mark),
+                Part::Corner(_) | Part::Field => continue,
+            };
+            if !seen.insert(key) {
+                continue;
+            }
+            let entry = site.cameras.get_mut(self.session.camera);
+            let pair = match key.0 {
+                0 => entry.and_then(|e| e.annotations.get_mut(key.1)).map(|a| (&mut a.off, &mut a.keep)),
+                1 => entry.and_then(|e| e.control_points.get_mut(key.1)).map(|p| (&mut p.off, &mut p.keep)),
+                2 => site.links.get_mut(key.1).map(|l| (&mut l.off, &mut l.keep)),
+                _ => site.marks.get_mut(key.1).map(|m| (&mut m.off, &mut m.keep)),
+            };
+            if let Some((off, keep)) = pair {
+                change(off, keep);
+            }
+        }
+        self.session.commit(name);
+    }
+
+    fn pull(&mut self, parts: &BTreeSet<Part>, name: &str, still: Option<&RgbImage>) {
+        let session = &mut self.session;
+        let Some(still) = still else {
+            session.note = Some("The image is not there yet.".into());
+            return;
+        };
+        let pulled = snap::pull_parts(&mut session.site, session.camera, parts, still);
+        session.commit(format!("pull {name} onto the edge"));
+        session.note = Some(match pulled {
+            0 => "No edge runs along it.".into(),
+            count => format!("{count} pulled onto the edge."),
+        });
+    }
+
+    pub(super) fn nudge(&mut self, step: Nudge, coarse: bool, pane: Option<Pane>) {
+        let by = if coarse { 1.0 } else { 0.1 };
+        match step {
+            Nudge::NudgeLeft => self.nudge_by([-by, 0.0], pane),
+            Nudge::NudgeRight => self.nudge_by([by, 0.0], pane),
+            Nudge::NudgeUp => self.nudge_by([0.0, -by], pane),
+            Nudge::NudgeDown => self.nudge_by([0.0, by], pane),
+            Nudge::TurnLeft => self.turn_or_scale("turn", |placement| placement.turn += by.to_radians()),
+            Nudge::TurnRight => self.turn_or_scale("turn", |placement| placement.turn -= by.to_radians()),
+            Nudge::Grow => self.turn_or_scale("scale", |placement| placement.scale *= 1.0 + 0.01 * by),
+            Nudge::Shrink => self.turn_or_scale("scale", |placement| placement.scale /= 1.0 + 0.01 * by),
+        }
+    }
+
+    /// Moves what is selected by so many pixels; marks, and the camera where nothing is, by tenths of a metre.
+    fn nudge_by(&mut self, by: [f64; 2], pane: Option<Pane>) {
+        if !self.tool.is_idle() {
+            self.cancel();
+        }
+        let session = &mut self.session;
+        let name = session.selection_name();
+        let marks: Vec<usize> = session
+            .selection
+            .iter()
+            .filter_map(|part| if let Part::Mark(mark) = part { Some(*mark) } else { None })
+            .collect();
+        if !marks.is_empty() {
+            for index in marks {
+                let Some(mark) = session.site.marks.get_mut(index) else { continue };
+                mark.at_m.x += 0.1 * by[0];
+                mark.at_m.y -= 0.1 * by[1];
+            }
+            session.commit(format!("nudge {name}"));
+        } else if !session.selection.is_empty() {
+            let (camera, parts) = (session.camera, session.selection.clone());
+            edit::shift(&mut session.site, camera, &parts, by);
+            session.commit(format!("nudge {name}"));
+        } else if pane == Some(Pane::Plan) && !session.is_held_by_points(session.camera) {
+            self.nudge_camera(by);
+        }
+    }
+}

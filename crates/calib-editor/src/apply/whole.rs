@@ -1,0 +1,100 @@
+//! The document as a whole: opened, saved, joined by images and by what other programs know.
+
+use std::path::PathBuf;
+
+use calib_core::{Site, SiteCamera};
+
+use crate::action::Opened;
+use crate::editor::Editor;
+use crate::images::images_mut;
+use crate::import;
+use crate::session::Session;
+
+impl Editor {
+    pub(super) fn open(&mut self, opened: Opened) {
+        let Opened { site, images, path, is_unsaved } = opened;
+        let (units, snap) = (self.session.units, self.session.snap);
+        self.session = Session::new(site, images, path);
+        (self.session.units, self.session.snap) = (units, snap);
+        self.session.generation = u64::from(is_unsaved);
+        (self.compared, self.error, self.family, self.old_still) = (None, None, None, None);
+        self.take_tool(0);
+    }
+
+    pub(super) fn change(&mut self, site: Site, name: String) {
+        self.cancel();
+        self.session.site = site;
+        self.session.commit(name);
+    }
+
+    pub(super) fn saved(&mut self, path: PathBuf, folder: Option<PathBuf>) {
+        // From now on images are looked for beside the file.
+        if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
+            self.session.rebase(&folder);
+        }
+        self.session.saved = self.session.generation;
+        self.session.note = Some(format!("Saved {}.", path.display()));
+        self.session.path = Some(path);
+    }
+
+    pub(super) fn complain(&mut self, error: String) {
+        match &mut self.error {
+            Some(told) if !told.contains(&error) => *told = format!("{told}\n{error}"),
+            Some(_) => {}
+            none => *none = Some(error),
+        }
+    }
+
+    pub(super) fn attach(&mut self, names: &[(String, String)]) {
+        let rename = |site: &Site| {
+            let mut site = site.clone();
+            for image in images_mut(&mut site) {
+                if let Some((_, stored)) = names.iter().find(|(name, _)| name == image) {
+                    image.clone_from(stored);
+                }
+            }
+            site
+        };
+        let session = &mut self.session;
+        session.site = rename(&session.site);
+        session.history.map(rename);
+        // Whoever keeps the site keeps them with the next gesture, and what was kept before is complete again.
+        session.generation += u64::from(session.generation > 0);
+    }
+
+    pub(super) fn import(&mut self, site: Site, notes: &[String]) {
+        let is_alone = site.cameras.len() == 1;
+        let (mut lenses, mut added) = (0, 0);
+        for camera in site.cameras {
+            match self.take_camera(camera, is_alone) {
+                Ok(true) => added += 1,
+                Ok(false) => lenses += 1,
+                Err(error) => {
+                    self.session.revert();
+                    self.error = Some(error);
+                    return;
+                }
+            }
+        }
+        self.session.commit(match (lenses, added) {
+            (_, 0) => format!("import {lenses} lenses"),
+            (0, _) => format!("import {added} cameras"),
+            _ => format!("import {lenses} lenses and {added} cameras"),
+        });
+        let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
+        self.session.note = Some(format!("{lenses} lenses taken, {added} cameras added.{notes}"));
+    }
+
+    /// Takes a camera that comes in: its lens where it is known, else as a camera more. Whether it is one more.
+    fn take_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
+        let session = &mut self.session;
+        let known = session.site.cameras.iter().position(|own| own.id == camera.id);
+        let own = known.or_else(|| is_alone.then_some(session.camera));
+        let Some(entry) = own.and_then(|own| session.site.cameras.get_mut(own)) else {
+            session.site.cameras.push(camera);
+            return Ok(true);
+        };
+        entry.lens = Some(import::scaled(&camera, entry.size_px)?);
+        Ok(false)
+    }
+}

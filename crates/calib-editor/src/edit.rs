@@ -1,0 +1,379 @@
+//! Verbs on the site: add, move, insert, delete, duplicate. Nothing here knows a screen.
+
+use std::collections::BTreeSet;
+
+use calib_core::{Annotation, Kind, Known, Pixel, Shape, Site, SiteCamera};
+
+use crate::hit::Part;
+
+/// Height of an upright until the operator says another, in metres, and how much it may differ.
+const PERSON: Known = Known::prior(1.75, 0.07);
+
+/// The pixel of a point that can be held.
+pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
+    let entry = site.cameras.get_mut(camera)?;
+    match part {
+        Part::Vertex { annotation, segment, vertex } => {
+            vertex_mut(entry.annotations.get_mut(annotation)?, segment, vertex)
+        }
+        Part::Corner(corner) => entry.efov_px.as_mut()?.get_mut(corner),
+        Part::Control(point) => Some(&mut entry.control_points.get_mut(point)?.px),
+        Part::Link { link, seen, point } => {
+            let seen = site.links.get_mut(link)?.seen.get_mut(seen)?;
+            let points = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
+            points.chain(seen.segment.iter_mut().flatten()).nth(point)
+        }
+        Part::Pin { mark, seen } => Some(&mut site.marks.get_mut(mark)?.seen.get_mut(seen)?.px),
+        Part::Line { .. } | Part::Field | Part::Mark(_) => None,
+    }
+}
+
+fn vertex_mut(annotation: &mut Annotation, segment: usize, vertex: usize) -> Option<&mut Pixel> {
+    match annotation.kind.row().shape {
+        Shape::Segments => annotation.segments.as_mut()?.get_mut(segment)?.get_mut(vertex),
+        Shape::Polyline => annotation.points.as_mut()?.get_mut(vertex),
+        Shape::FootAndHead if vertex == 0 => annotation.foot.as_mut(),
+        Shape::FootAndHead => annotation.head.as_mut(),
+    }
+}
+
+/// The line of an annotation, to insert points into.
+fn line_mut(annotation: &mut Annotation, segment: usize) -> Option<&mut Vec<Pixel>> {
+    match annotation.kind.row().shape {
+        Shape::Segments => annotation.segments.as_mut()?.get_mut(segment),
+        Shape::Polyline => annotation.points.as_mut(),
+        Shape::FootAndHead => None,
+    }
+}
+
+/// The points that move when these parts are moved, each once.
+#[must_use]
+pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Part> {
+    let mut points = BTreeSet::new();
+    let Some(entry) = site.cameras.get(camera) else { return points };
+    for &part in parts {
+        match part {
+            Part::Line { annotation, segment } => {
+                let drawn = entry.annotations.get(annotation);
+                let line = drawn.and_then(|drawn| drawn.polylines().nth(segment)).unwrap_or_default();
+                points.extend((0..line.len()).map(|vertex| Part::Vertex { annotation, segment, vertex }));
+            }
+            Part::Field => {
+                points.extend((0..entry.efov_px.as_ref().map_or(0, Vec::len)).map(Part::Corner));
+            }
+            Part::Mark(_) => {}
+            point => {
+                points.insert(point);
+            }
+        }
+    }
+    points
+}
+
+/// The lines that these parts are or belong to, each once: annotation and segment.
+#[must_use]
+pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
+    let line = |part: &Part| match *part {
+        Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+            Some((annotation, segment))
+        }
+        _ => None,
+    };
+    parts.iter().filter_map(line).collect()
+}
+
+/// Moves parts of an image by so many pixels.
+pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [f64; 2]) {
+    for part in points_of(site, camera, parts) {
+        if let Some(pixel) = pixel_mut(site, camera, part) {
+            *pixel = Pixel::new(pixel.u + du, pixel.v + dv);
+        }
+    }
+}
+
+/// Adds a line of this kind; to which annotation it belongs, the kind and `fresh` say.
+pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: bool) -> Part {
+    let row = kind.row();
+    let last = entry.annotations.iter().rposition(|annotation| annotation.kind == kind);
+    match row.shape {
+        Shape::Segments => {
+            // Two lines make a right angle: a third one begins the next.
+            let is_open = |annotation: &Annotation| {
+                let count = annotation.segments.as_ref().map_or(0, Vec::len);
+                !fresh && (kind != Kind::Perpendicular || count < row.least)
+            };
+            let index = last.filter(|&index| is_open(&entry.annotations[index])).unwrap_or_else(|| {
+                let length_m = row.has_length.then_some(1.0);
+                entry.annotations.push(Annotation { length_m, ..Annotation::of_segments(kind, Vec::new()) });
+                entry.annotations.len() - 1
+            });
+            let segments = entry.annotations[index].segments.get_or_insert_default();
+            segments.push(line);
+            Part::Line { annotation: index, segment: segments.len() - 1 }
+        }
+        Shape::Polyline => {
+            entry.annotations.push(Annotation { points: Some(line), ..Annotation::new(kind) });
+            Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
+        }
+        Shape::FootAndHead => {
+            let height = last.and_then(|index| entry.annotations[index].height_m).unwrap_or(PERSON);
+            let (foot, head) = (line.first().copied(), line.last().copied());
+            let drawn = Annotation { foot, head, height_m: Some(height), ..Annotation::new(kind) };
+            entry.annotations.push(drawn);
+            Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
+        }
+    }
+}
+
+/// Inserts a point behind point `edge` of a line or of the field.
+pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel) -> Option<Part> {
+    let entry = site.cameras.get_mut(camera)?;
+    match part {
+        Part::Line { annotation, segment } => {
+            let line = line_mut(entry.annotations.get_mut(annotation)?, segment)?;
+            (edge < line.len()).then(|| line.insert(edge + 1, at))?;
+            Some(Part::Vertex { annotation, segment, vertex: edge + 1 })
+        }
+        Part::Field => {
+            let corners = entry.efov_px.as_mut()?;
+            (edge < corners.len()).then(|| corners.insert(edge + 1, at))?;
+            Some(Part::Corner(edge + 1))
+        }
+        _ => None,
+    }
+}
+
+/// Deletes parts: a line that is left without two points goes, an annotation without lines goes.
+pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
+    // Both ends of a line are one sighting; from the back, so that the indices in front stay true, and pins
+    // before the marks that they belong to.
+    let sightings: BTreeSet<(usize, usize)> = parts
+        .iter()
+        .filter_map(|part| if let Part::Link { link, seen, .. } = *part { Some((link, seen)) } else { None })
+        .collect();
+    for (link, seen) in sightings.into_iter().rev() {
+        delete_sighting(site, link, seen);
+    }
+    for &part in parts.iter().rev() {
+        if let Part::Pin { mark, seen } = part
+            && let Some(mark) = site.marks.get_mut(mark)
+            && seen < mark.seen.len()
+        {
+            mark.seen.remove(seen);
+        }
+    }
+    for &part in parts.iter().rev() {
+        match part {
+            Part::Link { .. } | Part::Pin { .. } => {}
+            Part::Mark(mark) => delete_mark(site, mark),
+            _ => {
+                if let Some(entry) = site.cameras.get_mut(camera) {
+                    delete_drawn(entry, part);
+                }
+            }
+        }
+    }
+    if let Some(entry) = site.cameras.get_mut(camera) {
+        sweep(entry);
+    }
+    site.links.retain(|link| !link.seen.is_empty());
+    keep_distances(site);
+}
+
+fn delete_sighting(site: &mut Site, link: usize, seen: usize) {
+    if let Some(link) = site.links.get_mut(link)
+        && seen < link.seen.len()
+    {
+        link.seen.remove(seen);
+    }
+}
+
+fn delete_mark(site: &mut Site, mark: usize) {
+    if mark < site.marks.len() {
+        site.marks.remove(mark);
+    }
+}
+
+/// A distance to what is gone is gone.
+pub(crate) fn keep_distances(site: &mut Site) {
+    let ids: BTreeSet<String> = site
+        .links
+        .iter()
+        .filter_map(|link| link.id.clone())
+        .chain(site.marks.iter().filter_map(|mark| mark.id.clone()))
+        .collect();
+    site.distances.retain(|distance| distance.between.iter().all(|id| ids.contains(id)));
+}
+
+fn delete_drawn(entry: &mut SiteCamera, part: Part) {
+    match part {
+        Part::Vertex { annotation, segment, vertex } => {
+            let Some(drawn) = entry.annotations.get_mut(annotation) else { return };
+            match line_mut(drawn, segment) {
+                Some(line) if vertex < line.len() => {
+                    line.remove(vertex);
+                }
+                Some(_) => {}
+                None => (drawn.foot, drawn.head) = (None, None),
+            }
+        }
+        Part::Line { annotation, segment } => {
+            let Some(drawn) = entry.annotations.get_mut(annotation) else { return };
+            match line_mut(drawn, segment) {
+                // Emptied now, removed by the sweep: so the other indices stay true.
+                Some(line) => line.clear(),
+                None => (drawn.foot, drawn.head) = (None, None),
+            }
+        }
+        Part::Corner(corner) => {
+            if let Some(corners) = entry.efov_px.as_mut().filter(|corners| corner < corners.len()) {
+                corners.remove(corner);
+            }
+        }
+        Part::Field => entry.efov_px = None,
+        Part::Control(point) if point < entry.control_points.len() => {
+            entry.control_points.remove(point);
+        }
+        _ => {}
+    }
+}
+
+/// Removes what no longer says anything, and ties to what is gone.
+fn sweep(entry: &mut SiteCamera) {
+    for annotation in &mut entry.annotations {
+        if let Some(segments) = &mut annotation.segments {
+            segments.retain(|line| line.len() >= 2);
+        }
+    }
+    entry.annotations.retain(|annotation| match annotation.kind.row().shape {
+        Shape::Segments => annotation.segments.as_ref().is_some_and(|segments| !segments.is_empty()),
+        Shape::Polyline => annotation.points.as_ref().is_some_and(|points| points.len() >= 3),
+        Shape::FootAndHead => annotation.foot.is_some() && annotation.head.is_some(),
+    });
+    let ids: BTreeSet<String> = entry.annotations.iter().filter_map(|a| a.id.clone()).collect();
+    for annotation in &mut entry.annotations {
+        annotation.at_right_angles_to.take_if(|id| !ids.contains(id));
+    }
+    if entry.efov_px.as_ref().is_some_and(|corners| corners.len() < 3) {
+        entry.efov_px = None;
+    }
+}
+
+/// Copies of the selected lines, a little aside, in a group of their own; what to select then.
+pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -> BTreeSet<Part> {
+    let lines = lines_of(parts);
+    let mut copies = BTreeSet::new();
+    let mut groups: Vec<(usize, usize)> = Vec::new();
+    for (annotation, segment) in lines {
+        let Some(drawn) = entry.annotations.get(annotation).cloned() else { continue };
+        let Some(line) = drawn.polylines().nth(segment) else { continue };
+        let line: Vec<Pixel> = line.iter().map(|p| Pixel::new(p.u + by[0], p.v + by[1])).collect();
+        let known = groups.iter().find(|(from, _)| *from == annotation).map(|&(_, to)| to);
+        if let Some(to) = known {
+            let segments = entry.annotations[to].segments.get_or_insert_default();
+            segments.push(line);
+            copies.insert(Part::Line { annotation: to, segment: segments.len() - 1 });
+            continue;
+        }
+        let part = add_line(entry, drawn.kind, line, true);
+        if let Part::Line { annotation: to, .. } = part
+            && let Some(copy) = entry.annotations.get_mut(to)
+        {
+            (copy.length_m, copy.height_m) = (drawn.length_m, drawn.height_m);
+            if drawn.kind.row().shape == Shape::Segments {
+                groups.push((annotation, to));
+            }
+        }
+        copies.insert(part);
+    }
+    copies
+}
+
+/// Moves the points of an annotation to an image of another size.
+pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
+    let segments = annotation.segments.iter_mut().flatten().flatten();
+    let points = annotation.points.iter_mut().flatten();
+    for pixel in segments.chain(points).chain(&mut annotation.foot).chain(&mut annotation.head) {
+        (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
+    }
+}
+
+/// Moves all that is drawn on the image of a camera to an image of another size.
+pub(crate) fn scale_camera(site: &mut Site, id: &str, ratio: [f64; 2]) {
+    let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+    for annotation in &mut entry.annotations {
+        scale(annotation, ratio);
+    }
+    let points = entry.efov_px.iter_mut().flatten();
+    let points = points.chain(entry.control_points.iter_mut().map(|point| &mut point.px));
+    let pins = site.marks.iter_mut().flat_map(|mark| &mut mark.seen);
+    let pins = pins.filter(|seen| seen.camera == id).map(|seen| &mut seen.px);
+    let sightings = site.links.iter_mut().flat_map(|link| &mut link.seen).filter(|seen| seen.camera == id);
+    let sightings = sightings.flat_map(|seen| {
+        let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
+        ends.chain(seen.segment.iter_mut().flatten())
+    });
+    for pixel in points.chain(pins).chain(sightings) {
+        (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
+    }
+}
+
+/// A name that no link or mark of the site has yet: the letter and a number.
+#[must_use]
+pub fn free_id(site: &Site, letter: char) -> String {
+    let is_free = |id: &String| {
+        let mut ids = site.links.iter().map(|link| &link.id).chain(site.marks.iter().map(|mark| &mark.id));
+        !ids.any(|other| other.as_ref() == Some(id))
+    };
+    (1..).map(|number| format!("{letter}{number}")).find(is_free).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(u: f64) -> Vec<Pixel> {
+        vec![Pixel::new(u, 10.0), Pixel::new(u, 90.0)]
+    }
+
+    fn site() -> Site {
+        let mut camera = SiteCamera::new("a", [640, 480]);
+        for u in [10.0, 20.0, 30.0] {
+            add_line(&mut camera, Kind::Vertical, line(u), false);
+            add_line(&mut camera, Kind::Perpendicular, line(u + 100.0), false);
+        }
+        Site { cameras: vec![camera], ..Site::new() }
+    }
+
+    #[test]
+    fn verticals_share_a_group_and_right_angles_come_in_pairs() {
+        let annotations = &site().cameras[0].annotations;
+        let counts: Vec<usize> = annotations.iter().map(|a| a.segments.as_ref().unwrap().len()).collect();
+        assert_eq!(counts, [3, 2, 1]);
+    }
+
+    #[test]
+    fn deleting_a_point_of_two_deletes_the_line_and_the_last_line_the_annotation() {
+        let mut site = site();
+        let ends = (0..3).map(|segment| Part::Vertex { annotation: 0, segment, vertex: 1 });
+        delete(&mut site, 0, &ends.collect());
+        assert!(site.cameras[0].annotations.iter().all(|a| a.kind == Kind::Perpendicular));
+    }
+
+    #[test]
+    fn several_lines_of_one_annotation_are_deleted_together() {
+        let mut site = site();
+        let parts = [0, 2].map(|segment| Part::Line { annotation: 0, segment });
+        delete(&mut site, 0, &parts.into());
+        assert_eq!(site.cameras[0].annotations[0].segments, Some(vec![line(20.0)]));
+    }
+
+    #[test]
+    fn shifting_a_line_and_its_end_moves_the_end_once() {
+        let mut site = site();
+        let parts =
+            [Part::Line { annotation: 0, segment: 0 }, Part::Vertex { annotation: 0, segment: 0, vertex: 0 }];
+        shift(&mut site, 0, &parts.into(), [5.0, 0.0]);
+        assert_eq!(site.cameras[0].annotations[0].segments.as_ref().unwrap()[0], line(15.0));
+    }
+}

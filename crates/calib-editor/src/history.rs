@@ -1,0 +1,265 @@
+//! Undo and redo: named snapshots of the site, as many as there were gestures.
+
+use std::sync::Arc;
+
+use calib_core::{Site, SiteCamera};
+
+/// A site at a moment. Cameras that did not change are shared between moments.
+#[derive(Clone, Debug)]
+struct Snapshot {
+    cameras: Vec<Arc<SiteCamera>>,
+    /// Everything but the cameras.
+    rest: Arc<Site>,
+}
+
+impl Snapshot {
+    fn of(site: &Site, before: Option<&Self>) -> Self {
+        let shared = |camera: &SiteCamera| {
+            let known = before.and_then(|before| before.cameras.iter().find(|known| ***known == *camera));
+            known.map_or_else(|| Arc::new(camera.clone()), Arc::clone)
+        };
+        let cameras = site.cameras.iter().map(shared).collect();
+        let rest = without_cameras(site);
+        let rest = match before {
+            Some(before) if *before.rest == rest => Arc::clone(&before.rest),
+            _ => Arc::new(rest),
+        };
+        Self { cameras, rest }
+    }
+
+    fn site(&self) -> Site {
+        let mut site = Site::clone(&self.rest);
+        site.cameras = self.cameras.iter().map(|camera| SiteCamera::clone(camera)).collect();
+        site
+    }
+
+    fn is(&self, site: &Site) -> bool {
+        self.cameras.len() == site.cameras.len()
+            && self.cameras.iter().zip(&site.cameras).all(|(known, camera)| **known == *camera)
+            && is_same_rest(&self.rest, site)
+    }
+}
+
+/// Puts back everything but the cameras.
+fn put_back_rest(site: &mut Site, known: &Site) {
+    let Site { cameras: _, format, version, name, plan, links, marks, distances, georeference, solution } =
+        known;
+    (site.format, site.version) = (*format, *version);
+    restore(&mut site.name, name);
+    restore(&mut site.plan, plan);
+    restore(&mut site.links, links);
+    restore(&mut site.marks, marks);
+    restore(&mut site.distances, distances);
+    restore(&mut site.georeference, georeference);
+    restore(&mut site.solution, solution);
+}
+
+fn restore<T: Clone + PartialEq>(value: &mut T, known: &T) {
+    if value != known {
+        value.clone_from(known);
+    }
+}
+
+/// Whether everything but the cameras is the same.
+fn is_same_rest(a: &Site, b: &Site) -> bool {
+    a.format == b.format
+        && a.version == b.version
+        && a.name == b.name
+        && a.plan == b.plan
+        && a.links == b.links
+        && a.marks == b.marks
+        && a.distances == b.distances
+        && a.georeference == b.georeference
+        && a.solution == b.solution
+}
+
+fn without_cameras(site: &Site) -> Site {
+    Site {
+        cameras: Vec::new(),
+        format: site.format,
+        version: site.version,
+        name: site.name.clone(),
+        plan: site.plan.clone(),
+        links: site.links.clone(),
+        marks: site.marks.clone(),
+        distances: site.distances.clone(),
+        georeference: site.georeference.clone(),
+        solution: site.solution.clone(),
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Step {
+    /// What the gesture did, as it reads after "Undo": "move V2".
+    name: String,
+    after: Snapshot,
+}
+
+/// Every state of the site since it was opened.
+#[derive(Clone, Debug)]
+pub struct History {
+    first: Snapshot,
+    steps: Vec<Step>,
+    /// How many of the steps are done.
+    done: usize,
+}
+
+impl History {
+    /// A history that begins here.
+    #[must_use]
+    pub fn new(site: &Site) -> Self {
+        Self { first: Snapshot::of(site, None), steps: Vec::new(), done: 0 }
+    }
+
+    fn now(&self) -> &Snapshot {
+        self.done.checked_sub(1).and_then(|last| self.steps.get(last)).map_or(&self.first, |step| &step.after)
+    }
+
+    /// The site as the last finished gesture left it.
+    #[must_use]
+    pub fn site(&self) -> Site {
+        self.now().site()
+    }
+
+    /// Puts what differs back to how the last finished gesture left it; cameras and lists that a gesture has
+    /// not touched are compared and not copied.
+    pub fn put_back(&self, site: &mut Site) {
+        let now = self.now();
+        site.cameras.truncate(now.cameras.len());
+        for (camera, known) in site.cameras.iter_mut().zip(&now.cameras) {
+            if *camera != **known {
+                camera.clone_from(known);
+            }
+        }
+        let missing = now.cameras.iter().skip(site.cameras.len());
+        site.cameras.extend(missing.map(|known| SiteCamera::clone(known)));
+        put_back_rest(site, &now.rest);
+    }
+
+    /// One camera as the last finished gesture left it.
+    #[must_use]
+    pub fn camera(&self, index: usize) -> Option<&SiteCamera> {
+        self.now().cameras.get(index).map(Arc::as_ref)
+    }
+
+    /// Whether the site is as the last finished gesture left it.
+    #[must_use]
+    pub fn is_at(&self, site: &Site) -> bool {
+        self.now().is(site)
+    }
+
+    /// Ends a gesture. What was undone before is gone. `false` when the gesture changed nothing.
+    pub fn commit(&mut self, name: impl Into<String>, site: &Site) -> bool {
+        if self.is_at(site) {
+            return false;
+        }
+        let after = Snapshot::of(site, Some(self.now()));
+        self.steps.truncate(self.done);
+        self.steps.push(Step { name: name.into(), after });
+        self.done += 1;
+        true
+    }
+
+    /// What undo would take back.
+    #[must_use]
+    pub fn undo_name(&self) -> Option<&str> {
+        Some(&self.steps.get(self.done.checked_sub(1)?)?.name)
+    }
+
+    /// What redo would do again.
+    #[must_use]
+    pub fn redo_name(&self) -> Option<&str> {
+        Some(&self.steps.get(self.done)?.name)
+    }
+
+    /// The site before the last gesture, and what is taken back.
+    pub fn undo(&mut self) -> Option<(Site, String)> {
+        let name = self.undo_name()?.to_owned();
+        self.done -= 1;
+        Some((self.site(), name))
+    }
+
+    /// The site after the gesture that was undone last, and what is done again.
+    pub fn redo(&mut self) -> Option<(Site, String)> {
+        let name = self.redo_name()?.to_owned();
+        self.done += 1;
+        Some((self.site(), name))
+    }
+
+    /// Changes every state alike, as when images are looked for elsewhere.
+    pub fn map(&mut self, change: impl Fn(&Site) -> Site) {
+        self.first = Snapshot::of(&change(&self.first.site()), None);
+        let mut before = self.first.clone();
+        for step in &mut self.steps {
+            step.after = Snapshot::of(&change(&step.after.site()), Some(&before));
+            before = step.after.clone();
+        }
+    }
+
+    /// How many gestures can be undone.
+    #[must_use]
+    pub const fn depth(&self) -> usize {
+        self.done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn site(count: u32) -> Site {
+        let mut site = Site::new();
+        site.cameras = (0..count).map(|i| SiteCamera::new(format!("c{i}"), [100 + i, 80])).collect();
+        site
+    }
+
+    #[test]
+    fn undo_to_the_beginning_and_redo_to_the_end_restore_every_state() {
+        let states: Vec<Site> = (0..20).map(site).collect();
+        let mut history = History::new(&states[0]);
+        for (i, state) in states.iter().enumerate().skip(1) {
+            assert!(history.commit(format!("step {i}"), state));
+        }
+        for state in states.iter().rev().skip(1) {
+            assert_eq!(history.undo().unwrap().0, *state);
+        }
+        assert!(history.undo().is_none());
+        for state in &states[1..] {
+            assert_eq!(history.redo().unwrap().0, *state);
+        }
+    }
+
+    #[test]
+    fn what_a_gesture_changed_is_put_back_whatever_it_was() {
+        let (known, history) = (site(4), History::new(&site(4)));
+        let gestures: [fn(&mut Site); 5] = [
+            |site| site.cameras[1].sigma_px = Some(2.0),
+            |site| site.cameras.push(SiteCamera::new("new", [9, 9])),
+            |site| drop(site.cameras.remove(0)),
+            |site| site.name = Some("hall".into()),
+            |site| site.links.push(calib_core::Link::new(None, calib_core::LinkKind::Point, Vec::new())),
+        ];
+        for gesture in gestures {
+            let mut changed = known.clone();
+            gesture(&mut changed);
+            history.put_back(&mut changed);
+            assert_eq!(changed, known);
+        }
+    }
+
+    #[test]
+    fn a_gesture_that_changed_nothing_is_no_step() {
+        let mut history = History::new(&site(2));
+        assert!(!history.commit("nothing", &site(2)));
+        assert_eq!(history.undo_name(), None);
+    }
+
+    #[test]
+    fn cameras_that_did_not_change_are_shared() {
+        let mut history = History::new(&site(3));
+        let mut changed = site(3);
+        changed.cameras[1].sigma_px = Some(2.0);
+        history.commit("change", &changed);
+        assert!(Arc::ptr_eq(&history.first.cameras[0], &history.now().cameras[0]));
+    }
+}

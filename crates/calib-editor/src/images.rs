@@ -1,0 +1,272 @@
+//! The images of a site: files beside it, or bytes in a store by id.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use base64::Engine as _;
+use calib_core::Site;
+
+const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
+/// Prefix of the ids of stored images in the site as the app holds it.
+const STORED: &str = "stored:";
+
+/// What can be said of a document that cannot be opened or saved.
+pub type FileResult<T> = Result<T, String>;
+
+/// Reads a file, as the platform does.
+pub type ReadFile = fn(&Path) -> FileResult<Vec<u8>>;
+
+/// Makes the bytes of an image that is not there.
+pub type Make = fn(&str) -> FileResult<Vec<u8>>;
+
+/// Where the images of a site come from.
+#[derive(Clone, Debug, Default)]
+pub struct Images {
+    /// What names in the site are relative to.
+    pub folder: Option<PathBuf>,
+    /// Makes an image that is not there.
+    pub missing: Option<Make>,
+    stored: BTreeMap<String, Stored>,
+    /// What `missing` made, so that it is made once.
+    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+}
+
+#[derive(Clone, Debug)]
+struct Stored {
+    bytes: Arc<[u8]>,
+    mime: String,
+    /// The file that the bytes are from, if they are from one.
+    name: Option<String>,
+}
+
+impl Images {
+    /// Images of files in a folder; one that is not there, `missing` makes.
+    #[must_use]
+    pub fn beside(folder: Option<PathBuf>, missing: Option<Make>) -> Self {
+        Self { folder, missing, ..Self::default() }
+    }
+
+    /// Stores bytes and returns the id by which the site refers to them.
+    pub fn store(&mut self, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) -> String {
+        let known = self.stored.iter().find(|(_, stored)| stored.bytes == bytes).map(|(id, _)| id.clone());
+        known.unwrap_or_else(|| {
+            let id = format!("{STORED}{}", self.stored.len() + 1);
+            self.restore(&id, bytes, mime, name);
+            id
+        })
+    }
+
+    /// What an operator calls an image: the name of its file, without folders.
+    #[must_use]
+    pub fn shown_name(&self, name: &str) -> String {
+        let own = self.stored.get(name).map_or(Some(name), |stored| stored.name.as_deref());
+        let base = own.and_then(|own| own.rsplit(['/', '\\']).next());
+        base.unwrap_or("a picture of this site").to_owned()
+    }
+
+    /// Stores bytes under the id that they had before.
+    pub fn restore(&mut self, id: &str, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) {
+        let stored = Stored { bytes, mime: mime.to_owned(), name: name.map(str::to_owned) };
+        self.stored.insert(id.to_owned(), stored);
+    }
+
+    /// Whatever is stored: id, type, name of the file, bytes.
+    pub fn stored(&self) -> impl Iterator<Item = (&str, &str, Option<&str>, &[u8])> {
+        self.stored
+            .iter()
+            .map(|(id, stored)| (id.as_str(), stored.mime.as_str(), stored.name.as_deref(), &*stored.bytes))
+    }
+
+    /// Whether bytes are stored under this name.
+    #[must_use]
+    pub fn is_stored(&self, name: &str) -> bool {
+        self.stored.contains_key(name)
+    }
+
+    /// Takes `data:` URIs out of the site into the store, so that a snapshot holds ids only.
+    pub fn take_from(&mut self, site: &mut Site) {
+        for image in images_mut(site) {
+            let Some((mime, bytes)) = parse_data_uri(image) else { continue };
+            *image = self.store(bytes.into(), &mime, None);
+        }
+    }
+
+    /// The site with stored images as `data:` URIs again, and paths relative to `folder`.
+    #[must_use]
+    pub fn put_into(&self, site: &Site, folder: Option<&Path>) -> Site {
+        let mut site = site.clone();
+        for image in images_mut(&mut site) {
+            if let Some(stored) = self.stored.get(image.as_str()) {
+                *image = data_uri(&stored.mime, &stored.bytes);
+            } else if self.folder.is_none()
+                && let Some(Ok(bytes)) = self.missing.map(|make| self.reader(image).make(make))
+            {
+                *image = data_uri("image/png", &bytes);
+            }
+        }
+        folder.map_or_else(|| site.clone(), |folder| self.rebased(&site, folder))
+    }
+
+    /// The site with the names of its images alone, as files beside it are called.
+    #[must_use]
+    pub fn name_into(&self, site: &Site) -> Site {
+        let mut site = site.clone();
+        for image in images_mut(&mut site) {
+            if let Some(stored) = self.stored.get(image.as_str()) {
+                let end = if stored.mime == "image/png" { "png" } else { "jpg" };
+                let made_up = || format!("{}.{end}", image.trim_start_matches(STORED));
+                *image = stored.name.clone().unwrap_or_else(made_up);
+            }
+        }
+        site
+    }
+
+    /// The site with the paths of its images as seen from another folder.
+    #[must_use]
+    pub fn rebased(&self, site: &Site, folder: &Path) -> Site {
+        let mut site = site.clone();
+        let is_path = |image: &String| !self.stored.contains_key(image) && !image.starts_with("data:");
+        for image in images_mut(&mut site).filter(|image| is_path(image)) {
+            let from = self.folder.as_ref().map_or_else(|| PathBuf::from(&*image), |f| f.join(&*image));
+            *image = relative(&from, folder);
+        }
+        site
+    }
+
+    /// Where an image comes from, to be read off the frame's path.
+    #[must_use]
+    pub fn reader(&self, name: &str) -> Source {
+        Source {
+            stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
+            path: self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name)),
+            missing: self.missing,
+            name: name.to_owned(),
+            made: Arc::clone(&self.made),
+        }
+    }
+}
+
+/// Where an image comes from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    stored: Option<Arc<[u8]>>,
+    path: PathBuf,
+    missing: Option<Make>,
+    name: String,
+    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+}
+
+impl Source {
+    /// Its bytes; those of a file come from `read`.
+    ///
+    /// # Errors
+    /// When it is not there and cannot be made.
+    pub fn read(self, read: ReadFile) -> FileResult<Arc<[u8]>> {
+        match (&self.stored, self.missing) {
+            (Some(bytes), _) => Ok(Arc::clone(bytes)),
+            (None, Some(make)) => read(&self.path).map(Into::into).or_else(|_| self.make(make)),
+            (None, None) => read(&self.path).map(Into::into),
+        }
+    }
+
+    /// The name of an image that has to be made, and was not made yet.
+    #[must_use]
+    pub fn made_by_name(&self) -> Option<&str> {
+        let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.known().is_none();
+        is_to_be_made.then_some(self.name.as_str())
+    }
+
+    fn known(&self) -> Option<Arc<[u8]>> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
+    }
+
+    /// Keeps what was made, so that it is made once.
+    pub fn keep(&self, bytes: Arc<[u8]>) {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
+    }
+
+    fn make(&self, make: Make) -> FileResult<Arc<[u8]>> {
+        if let Some(known) = self.known() {
+            return Ok(known);
+        }
+        let bytes: Arc<[u8]> = make(&self.name)?.into();
+        self.keep(Arc::clone(&bytes));
+        Ok(bytes)
+    }
+}
+
+/// The names of a site's images.
+#[must_use]
+pub fn image_names(site: &Site) -> Vec<String> {
+    let plan = site.plan.iter().filter_map(|plan| plan.image.clone());
+    site.cameras.iter().filter_map(|camera| camera.image.clone()).chain(plan).collect()
+}
+
+/// The names of a site's images, to be changed.
+pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
+    let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
+    site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
+}
+
+fn data_uri(mime: &str, bytes: &[u8]) -> String {
+    format!("data:{mime};base64,{}", BASE64.encode(bytes))
+}
+
+fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
+    let (mime, encoded) = text.strip_prefix("data:")?.split_once(";base64,")?;
+    Some((mime.to_owned(), BASE64.decode(encoded.trim()).ok()?))
+}
+
+/// `path` as seen from `folder`, with `/` between its parts; as it is where they share no root.
+fn relative(path: &Path, folder: &Path) -> String {
+    let parts = |path: &Path| -> Vec<String> {
+        path.components().map(|part| part.as_os_str().to_string_lossy().into_owned()).collect()
+    };
+    if path.is_absolute() != folder.is_absolute() {
+        return path.to_string_lossy().into_owned();
+    }
+    let (path_parts, folder_parts) = (parts(path), parts(folder));
+    let shared = path_parts.iter().zip(&folder_parts).take_while(|(a, b)| a == b).count();
+    if shared == 0 && path.is_absolute() {
+        return path.to_string_lossy().into_owned();
+    }
+    let up = std::iter::repeat_n("..".to_owned(), folder_parts.len() - shared);
+    up.chain(path_parts.into_iter().skip(shared)).collect::<Vec<_>>().join("/")
+}
+
+/// Reads a site from text; stored images go to the returned store.
+///
+/// # Errors
+/// When the text is no site: the message names the field.
+pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> {
+    let mut site = Site::from_json(text).map_err(|error| error.to_string())?;
+    let mut images = Images { folder, ..Images::default() };
+    images.take_from(&mut site);
+    Ok((site, images))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::SiteCamera;
+
+    fn site() -> Site {
+        let mut camera = SiteCamera::new("a", [4, 3]);
+        camera.image = Some("data:image/png;base64,aGVsbG8=".into());
+        Site { cameras: vec![camera], ..Site::new() }
+    }
+
+    #[test]
+    fn data_uris_go_to_the_store_and_come_back() {
+        let (held, images) = parse(&site().to_json(), None).unwrap();
+        assert_eq!(held.cameras[0].image.as_deref(), Some("stored:1"));
+        assert_eq!(images.put_into(&held, None), site());
+    }
+
+    #[test]
+    fn paths_are_relative_to_the_file() {
+        assert_eq!(relative(Path::new("/a/b/c.png"), Path::new("/a/d")), "../b/c.png");
+        assert_eq!(relative(Path::new("/a/d/c.png"), Path::new("/a/d")), "c.png");
+    }
+}

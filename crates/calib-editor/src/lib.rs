@@ -1,0 +1,57 @@
+//! The operator's document without a screen: what is open, how it is changed, what follows from it.
+//!
+//! A view reads the [`Editor`] and sends [`Action`]s; [`Editor::apply`] is the one place that changes the
+//! document. A day of work goes through here without a window: see `tests/day.rs`.
+//!
+//! In the order of the data: images and what is found in them; what is drawn, picked and edited, with its
+//! history; what is solved from it as it is drawn; the tools that take the pointer; the commands; the actions
+//! and what they do.
+//!
+//! Points of the document are raw pixels of an image or metres of the floor, never points of a screen. Here are
+//! no files, threads or windows: whoever has them hands over bytes and sends what became of them.
+
+// A file uses only those above it; a test holds it.
+mod number;
+mod units;
+mod input;
+pub mod file_name;
+mod images;
+mod still;
+pub mod hit;
+pub mod edit;
+pub mod edges;
+mod snap;
+mod history;
+mod solved;
+mod family;
+mod epipolar;
+mod session;
+mod refine;
+pub mod steps;
+mod tools;
+pub mod command;
+mod import;
+mod action;
+mod editor;
+mod apply;
+
+pub use action::{Action, NewStill, Opened};
+pub use command::Command;
+pub use edges::Edge;
+pub use editor::{Editor, OldStill};
+pub use epipolar::{Trace, post_length};
+pub use family::{Family, Fit, view_of};
+pub use history::History;
+pub use hit::{Hit, Part};
+pub use images::{FileResult, Images, Make, ReadFile, Source, image_names, parse};
+pub use import::{plan_told_by, recognise, world_endings};
+pub use input::{Key, Modifiers, Shortcut};
+pub use number::{digits, number};
+pub use refine::refined;
+pub use session::{Session, corners_of};
+pub use solved::Solved;
+pub use still::decode;
+pub use tools::{
+    Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
+};
+pub use units::Units;

@@ -1,0 +1,380 @@
+//! The open site with its verbs: begin and end gestures, undo, select, solve.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use calib_core::{
+    Camera, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Site, SiteCamera, Solution,
+    Warning,
+};
+
+use crate::history::History;
+use crate::hit::Part;
+use crate::images::Images;
+use crate::solved::{Solved, joint_of, keep_polygon, report_of};
+use crate::units::Units;
+
+/// A site that is being worked on.
+#[derive(Clone, Debug)]
+pub struct Session {
+    /// As drawn so far, the gesture under way included.
+    pub site: Site,
+    /// What undo and redo know.
+    pub history: History,
+    /// What follows from the site.
+    pub solved: Solved,
+    /// The images of the site.
+    pub images: Images,
+    /// The file of the site, if it has one.
+    pub path: Option<PathBuf>,
+    /// The camera in hand.
+    pub camera: usize,
+    /// What is selected on its image.
+    pub selection: BTreeSet<Part>,
+    /// Which mark the mark tool makes.
+    pub mark_kind: MarkKind,
+    /// The next line begins a group of its own.
+    pub fresh_group: bool,
+    /// Two points of the plan whose distance waits for a length.
+    pub measured: Option<[PlanPixel; 2]>,
+    /// About which point of the floor a polygon turns, if the operator pinned one, in metres.
+    pub pivot: Option<[f64; 2]>,
+    /// What lengths are shown in.
+    pub units: Units,
+    /// What is dragged on the plan snaps to round numbers.
+    pub snap: bool,
+    /// What happened last, in a sentence, for the status line.
+    pub note: Option<String>,
+    /// Counts finished gestures, so that autosave sees a new one.
+    pub generation: u64,
+    /// The generation that was saved.
+    pub saved: u64,
+    /// Poses at the last finished gesture: where polygons lie that are to stay.
+    settled: Vec<Option<Camera>>,
+    /// Poses before the last joint solve.
+    pub before_refine: Option<Vec<Option<Camera>>>,
+}
+
+impl Session {
+    /// A session on this site.
+    #[must_use]
+    pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
+        let joint = joint_of(&site);
+        for camera in &mut site.cameras {
+            // Results are recomputed; what was entered as a result stays.
+            if camera.solution.as_ref().is_some_and(|solution| solution.method != Method::Given) {
+                camera.solution = None;
+            }
+            camera.error = None;
+        }
+        site.solution = None;
+        // A mark that was moved by a solve stays where that put it: here it is dragged on from there.
+        for link in &mut site.links {
+            link.solution = None;
+        }
+        for mark in &mut site.marks {
+            mark.solution = None;
+        }
+        let history = History::new(&site);
+        let mut session = Self {
+            site,
+            history,
+            solved: Solved::default(),
+            images,
+            path,
+            camera: 0,
+            selection: BTreeSet::new(),
+            mark_kind: MarkKind::Box,
+            fresh_group: false,
+            measured: None,
+            pivot: None,
+            units: Units::default(),
+            snap: false,
+            note: None,
+            generation: 0,
+            saved: 0,
+            settled: Vec::new(),
+            before_refine: None,
+        };
+        if let Some(report) = joint {
+            session.solved.keep_joint(&session.site, report);
+        }
+        session.solve();
+        session.settle();
+        session
+    }
+
+    /// The camera in hand.
+    #[must_use]
+    pub fn entry(&self) -> Option<&SiteCamera> {
+        self.site.cameras.get(self.camera)
+    }
+
+    /// The camera in hand, to be changed.
+    pub fn entry_mut(&mut self) -> Option<&mut SiteCamera> {
+        self.site.cameras.get_mut(self.camera)
+    }
+
+    /// The result of the camera in hand.
+    #[must_use]
+    pub fn solution(&self) -> Option<&Solution> {
+        self.solved.solution(self.camera)
+    }
+
+    /// The pose of the camera in hand.
+    #[must_use]
+    pub fn pose(&self) -> Option<&Camera> {
+        self.solved.pose(self.camera)
+    }
+
+    /// Solves what differs; a placed polygon stays where it lies when stage 1 changes under it.
+    pub fn solve(&mut self) -> bool {
+        let changed = self.solved.update(&self.site);
+        if changed && self.keep_polygons() {
+            self.solved.update(&self.site);
+        }
+        changed
+    }
+
+    fn keep_polygons(&mut self) -> bool {
+        let mut moved = false;
+        for index in 0..self.site.cameras.len() {
+            let (Some(before), Some(Some(settled))) = (self.history.camera(index), self.settled.get(index))
+            else {
+                continue;
+            };
+            let Some(camera) = self.site.cameras.get(index) else { continue };
+            let Some(own) = &before.placement else { continue };
+            let Some(now) = self.solved.pose(index) else { continue };
+            let turned =
+                [now.roll - settled.roll, now.pitch - settled.pitch, now.focal / settled.focal - 1.0];
+            let is_stage_1 = camera.id == before.id
+                && (camera.annotations != before.annotations || camera.lens != before.lens);
+            if own.fixed || !is_stage_1 || turned.iter().all(|by| by.abs() < 1e-12) {
+                continue;
+            }
+            let corners = corners_of(camera);
+            let Some(kept) = keep_polygon(settled, now, &corners) else { continue };
+            let kept = PlacementEntry { fixed: own.fixed, ..rounded(kept) };
+            if camera.placement.as_ref() != Some(&kept) {
+                self.site.cameras[index].placement = Some(kept);
+                self.note = Some("The polygon stays where it lies on the plan.".into());
+                moved = true;
+            }
+        }
+        moved
+    }
+
+    /// Poses as they are now are those to come back to.
+    fn settle(&mut self) {
+        self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
+    }
+
+    /// What a warning about a camera says, with its annotations named as the screen names them: "V1", not
+    /// "Vertical (annotation 0)", which tells where it is in a file.
+    #[must_use]
+    pub fn as_on_screen(&self, camera: usize, warning: &Warning) -> String {
+        match self.solved.finding(&self.site, camera, warning) {
+            Some(finding) => self.site.in_english(Some(camera), finding, Names::OnScreen).message,
+            None => warning.message.clone(),
+        }
+    }
+
+    /// Poses at the last finished gesture.
+    #[must_use]
+    pub fn settled(&self) -> &[Option<Camera>] {
+        &self.settled
+    }
+
+    /// Ends a gesture under this name. One that would make a site that no file can hold is put back.
+    pub fn commit(&mut self, name: impl Into<String>) {
+        if let Err(error) = self.site.check() {
+            self.revert();
+            self.note = Some(format!("Not possible: {}.", error.message()));
+        }
+        self.solve();
+        if self.history.commit(name, &self.site) {
+            self.generation += 1;
+            self.before_refine = None;
+        }
+        self.settle();
+    }
+
+    /// Puts the site back to where the gesture under way began.
+    pub fn revert(&mut self) {
+        self.history.put_back(&mut self.site);
+    }
+
+    /// Takes the last gesture back.
+    pub fn undo(&mut self) {
+        if let Some((site, name)) = self.history.undo() {
+            self.restore(site, format!("Undone: {name}."));
+        }
+    }
+
+    /// Does the gesture again that was taken back last.
+    pub fn redo(&mut self) {
+        if let Some((site, name)) = self.history.redo() {
+            self.restore(site, format!("Done again: {name}."));
+        }
+    }
+
+    fn restore(&mut self, site: Site, note: String) {
+        self.site = site;
+        self.selection.clear();
+        self.before_refine = None;
+        self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
+        self.generation += 1;
+        self.note = Some(note);
+        // Before solving, so that no polygon is held to what was undone.
+        self.settled.clear();
+        self.solve();
+        self.settle();
+    }
+
+    /// Takes a camera in hand.
+    pub fn choose(&mut self, camera: usize) {
+        if camera != self.camera && camera < self.site.cameras.len() {
+            self.camera = camera;
+            self.selection.clear();
+            self.pivot = None;
+        }
+    }
+
+    /// Selects this and nothing else.
+    pub fn select_only(&mut self, camera: usize, part: Part) {
+        self.choose(camera);
+        self.selection = BTreeSet::from([part]);
+    }
+
+    /// Whether anything differs from the file.
+    #[must_use]
+    pub const fn is_saved(&self) -> bool {
+        self.generation == self.saved
+    }
+
+    /// What the operator calls a part: V2, corner 3, control point 7, M1.
+    #[must_use]
+    pub fn part_name(&self, part: Part) -> String {
+        let Some(entry) = self.entry() else { return String::new() };
+        let named = |id: Option<&String>, what: &str, index: usize| {
+            id.cloned().unwrap_or_else(|| format!("{what} {}", index + 1))
+        };
+        match part {
+            Part::Vertex { annotation, segment, .. } | Part::Line { annotation, segment } => {
+                calib_core::line_name(&entry.annotations, annotation, segment)
+            }
+            Part::Corner(corner) => format!("corner {} of the field", corner + 1),
+            Part::Field => "the field".into(),
+            Part::Control(i) => {
+                named(entry.control_points.get(i).and_then(|p| p.id.as_ref()), "control point", i)
+            }
+            Part::Link { link, .. } => {
+                named(self.site.links.get(link).and_then(|l| l.id.as_ref()), "link", link)
+            }
+            Part::Pin { mark, .. } => {
+                format!(
+                    "pin of {}",
+                    named(self.site.marks.get(mark).and_then(|m| m.id.as_ref()), "mark", mark)
+                )
+            }
+            Part::Mark(mark) => named(self.site.marks.get(mark).and_then(|m| m.id.as_ref()), "mark", mark),
+        }
+    }
+
+    /// The names of what is selected, for the name of a step.
+    #[must_use]
+    pub fn selection_name(&self) -> String {
+        let names: BTreeSet<String> = self.selection.iter().map(|&part| self.part_name(part)).collect();
+        match names.len() {
+            0 => "nothing".into(),
+            1..=3 => names.into_iter().collect::<Vec<_>>().join(", "),
+            count => format!("{count} things"),
+        }
+    }
+
+    /// The upright edges of a camera's prism: at the corners that were drawn, not where its outline bends.
+    #[must_use]
+    pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
+        let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
+        let (Some(drawn), Some(pose)) = (drawn, self.solved.pose(index)) else { return Vec::new() };
+        let on_floor = drawn.iter().filter_map(|&corner| pose.pixel_to_floor(corner, 0.0));
+        on_floor.map(|at| calib_core::vertical(at, calib_core::PRISM_HEIGHT)).collect()
+    }
+
+    /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.
+    #[must_use]
+    pub fn placement(&self, index: usize) -> Option<Placement> {
+        let entered = self.site.cameras.get(index)?.placement.as_ref().map(PlacementEntry::placement);
+        entered.or_else(|| self.solved.pose(index).map(Placement::of))
+    }
+
+    /// Places a camera; what else the entry says stays.
+    pub fn place(&mut self, index: usize, placement: Placement) {
+        if let Some(camera) = self.site.cameras.get_mut(index) {
+            let fixed = camera.placement.as_ref().is_some_and(|entry| entry.fixed);
+            camera.placement = Some(PlacementEntry { fixed, ..rounded(placement) });
+        }
+    }
+
+    /// Whether control points say where a camera stands, so that a hand does not.
+    #[must_use]
+    pub fn is_held_by_points(&self, index: usize) -> bool {
+        self.site.cameras.get(index).is_some_and(|camera| {
+            let is_usable = |p: &&calib_core::ControlPointEntry| {
+                !p.off && p.control_point(self.site.plan.as_ref()).is_some()
+            };
+            let fixed = camera.placement.as_ref().is_some_and(|placement| placement.fixed);
+            !fixed && camera.control_points.iter().filter(is_usable).count() >= 2
+        })
+    }
+
+    /// Looks for images beside another folder from now on; the history goes with it.
+    pub fn rebase(&mut self, folder: &std::path::Path) {
+        let images = self.images.clone();
+        self.site = images.rebased(&self.site, folder);
+        self.history.map(|site| images.rebased(site, folder));
+        self.images.folder = Some(folder.to_path_buf());
+        self.images.missing = None;
+    }
+
+    /// Takes over what refining `from` gave, as one step that undo takes back. Whatever was changed meanwhile
+    /// is worth more than a result that does not know of it.
+    pub fn take_refined(&mut self, from: &Site, refined: &Site) {
+        if self.site != *from {
+            self.note = Some("The site was changed while it was refined: refine again.".into());
+            return;
+        }
+        let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
+        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
+            camera.placement.clone_from(&refined.placement);
+        }
+        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
+            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
+        }
+        self.solved.keep_joint(&self.site, report_of(refined));
+        self.commit("refine all cameras");
+        self.before_refine = Some(before);
+    }
+}
+
+/// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
+pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
+    let round = |value: f64, digits: f64| (value * digits).round() / digits;
+    let mut entry = PlacementEntry::from(placement);
+    entry.move_m.x = round(entry.move_m.x, 1e6);
+    entry.move_m.y = round(entry.move_m.y, 1e6);
+    entry.turn_deg = round(entry.turn_deg, 1e6);
+    entry.scale = round(entry.scale, 1e8);
+    entry
+}
+
+/// The corners of the field, or the lower part of the image where none is drawn.
+#[must_use]
+pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
+    let [w, h] = camera.size();
+    let drawn = camera.efov_px.clone().filter(|corners| corners.len() >= 3);
+    drawn.unwrap_or_else(|| {
+        [[0.1, 0.98], [0.9, 0.98], [0.8, 0.7], [0.2, 0.7]].map(|[x, y]| Pixel::new(x * w, y * h)).to_vec()
+    })
+}

@@ -1,0 +1,416 @@
+//! The results of the site: recomputed where what they follow from differs, never edited.
+
+use std::sync::Arc;
+
+use calib_core::{
+    Camera, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement, Plan, Report,
+    Site, SiteCamera, Solution, Stage, Warning,
+};
+use web_time::Instant;
+
+/// What the results of cameras that share a lens follow from, and the lenses that were fitted for them.
+#[derive(Clone, Debug)]
+struct Family {
+    cameras: Vec<SiteCamera>,
+    plan: Option<Plan>,
+    lenses: LensCache,
+}
+
+impl Family {
+    fn of(site: &Site, family: &[usize]) -> Self {
+        let cameras = family.iter().map(|&index| unsolved(&site.cameras[index])).collect();
+        Self { cameras, plan: site.plan.clone(), lenses: LensCache::default() }
+    }
+
+    /// Whether this is what these cameras of a site still follow from.
+    fn is(&self, site: &Site, family: &[usize]) -> bool {
+        self.cameras.len() == family.len()
+            && self.cameras.iter().zip(family).all(|(known, &index)| same_input(known, &site.cameras[index]))
+            && self.plan == site.plan
+    }
+}
+
+/// The camera as drawn and entered; a given result is entered.
+fn unsolved(camera: &SiteCamera) -> SiteCamera {
+    let given = camera.solution.as_ref().filter(|s| s.method == calib_core::Method::Given).cloned();
+    SiteCamera { solution: given, error: None, ..camera.clone() }
+}
+
+fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
+    // Field by field, so that no camera is cloned to be compared.
+    known.id == camera.id
+        && known.size_px == camera.size_px
+        && known.lens == camera.lens
+        && known.height_m == camera.height_m
+        && known.sigma_px == camera.sigma_px
+        && known.annotations == camera.annotations
+        && known.efov_px == camera.efov_px
+        && known.placement == camera.placement
+        && known.control_points == camera.control_points
+}
+
+/// A camera's result as a report has it.
+type Told = (usize, Result<Solution, FailureEntry>);
+
+/// One camera's result.
+#[derive(Clone, Debug)]
+struct Entry {
+    id: String,
+    family: Arc<Family>,
+    result: Result<Solution, FailureEntry>,
+    findings: Vec<Finding>,
+    pose: Option<Camera>,
+}
+
+/// The results of a joint solve, for as long as the site is what it was then.
+#[derive(Clone, Debug)]
+struct Joint {
+    site: Site,
+    report: Report,
+    poses: Vec<Option<Camera>>,
+}
+
+/// Every camera's result, in the order of the site.
+#[derive(Clone, Debug, Default)]
+pub struct Solved {
+    entries: Vec<Entry>,
+    joint: Vec<Joint>,
+    /// Which of the joint results is the site's.
+    current: Option<usize>,
+    /// How long the last solve took, in milliseconds.
+    pub milliseconds: f64,
+    /// Solving waits.
+    pub paused: bool,
+}
+
+/// How many joint results are kept, so that undo finds them again.
+const MOST_JOINT: usize = 16;
+
+impl Solved {
+    /// Solves what differs from what was solved before. Whether anything did.
+    pub fn update(&mut self, site: &Site) -> bool {
+        if self.paused {
+            self.realign(site);
+            return false;
+        }
+        self.current = self.joint.iter().rposition(|joint| is_same_site(&joint.site, site));
+        let start = Instant::now();
+        let families = site.lens_families();
+        let is_known = |family: &Vec<usize>| {
+            family.iter().all(|&index| self.entries.get(index).is_some_and(|e| e.family.is(site, family)))
+        };
+        let open: Vec<&Vec<usize>> = families.iter().filter(|family| !is_known(family)).collect();
+        if open.is_empty() && self.entries.len() == site.cameras.len() {
+            return false;
+        }
+        let mut solved: Vec<(usize, Entry)> =
+            open.into_iter().flat_map(|family| self.solve(site, family)).collect();
+        self.entries.truncate(site.cameras.len());
+        // In the order of the site, so that every one that is new stands behind those before it.
+        solved.sort_by_key(|(index, _)| *index);
+        for (index, entry) in solved {
+            match self.entries.get_mut(index) {
+                Some(known) => *known = entry,
+                None => self.entries.push(entry),
+            }
+        }
+        self.milliseconds = start.elapsed().as_secs_f64() * 1e3;
+        true
+    }
+
+    /// While nothing is solved, results stay with their cameras, whichever were added or removed.
+    fn realign(&mut self, site: &Site) {
+        let is_aligned = self.entries.len() == site.cameras.len()
+            && self.entries.iter().zip(&site.cameras).all(|(entry, camera)| entry.id == camera.id);
+        if is_aligned {
+            return;
+        }
+        // What nothing follows from is what a camera without a drawing has: it is solved when solving goes on.
+        let nothing = Arc::new(Family::of(site, &[]));
+        let waits = |camera: &SiteCamera| Entry {
+            id: camera.id.clone(),
+            family: Arc::clone(&nothing),
+            result: Err(FailureEntry {
+                code: FailureCode::NoSolution,
+                message: "Solving is paused.".into(),
+                advice: "Resume it to have this camera solved.".into(),
+            }),
+            findings: Vec::new(),
+            pose: None,
+        };
+        let known = |camera: &SiteCamera| self.entries.iter().find(|entry| entry.id == camera.id);
+        self.entries = site
+            .cameras
+            .iter()
+            .map(|camera| known(camera).cloned().unwrap_or_else(|| waits(camera)))
+            .collect();
+        self.current = None;
+    }
+
+    /// The results of cameras that share a lens, each with its index.
+    fn solve(&self, site: &Site, family: &[usize]) -> Vec<(usize, Entry)> {
+        let known = |index: &usize| {
+            let same = |entry: &&Entry| entry.id == site.cameras[*index].id && entry.family.is(site, family);
+            self.entries.iter().find(same).map(|entry| (*index, entry.clone()))
+        };
+        // Cameras that moved in the list, or came back by undo, are known already.
+        if let Some(known) = family.iter().map(known).collect() {
+            return known;
+        }
+        let same = |entry: &&Entry| family.iter().any(|&index| site.cameras[index].id == entry.id);
+        let before = self.entries.iter().find(same).map(|entry| entry.family.lenses.clone());
+        let input = Family::of(site, family);
+        let (report, lenses) = site.calibrate_family(family, &before.unwrap_or_default());
+        let shared = Arc::new(Family { lenses, ..input });
+        let entry = |(&index, ((_, result), found)): (&usize, (Told, Result<Vec<Finding>, Failure>))| {
+            let findings = found.unwrap_or_default();
+            let pose = result.as_ref().ok().and_then(Solution::camera);
+            let (id, family) = (site.cameras[index].id.clone(), Arc::clone(&shared));
+            (index, Entry { id, family, result, findings, pose })
+        };
+        family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
+    }
+
+    /// Keeps the results of a joint solve as those of this site.
+    pub fn keep_joint(&mut self, site: &Site, report: Report) {
+        let mut poses = vec![None; site.cameras.len()];
+        for (index, result) in &report.cameras {
+            if let Some(pose) = poses.get_mut(*index) {
+                *pose = result.as_ref().ok().and_then(Solution::camera);
+            }
+        }
+        if self.joint.len() >= MOST_JOINT {
+            self.joint.remove(0);
+        }
+        self.joint.push(Joint { site: site.clone(), report, poses });
+        self.current = Some(self.joint.len() - 1);
+    }
+
+    fn joint(&self) -> Option<&Joint> {
+        self.joint.get(self.current?)
+    }
+
+    /// What a joint solve found out about the site as it is now.
+    #[must_use]
+    pub fn joint_report(&self) -> Option<&Report> {
+        self.joint().map(|joint| &joint.report)
+    }
+
+    /// The lenses that were fitted for a camera.
+    #[must_use]
+    pub fn lenses(&self, index: usize) -> LensCache {
+        self.entries.get(index).map(|entry| entry.family.lenses.clone()).unwrap_or_default()
+    }
+
+    /// A camera's result.
+    #[must_use]
+    pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
+        if let Some(joint) = self.joint()
+            && let Some((_, result)) = joint.report.cameras.iter().find(|(camera, _)| *camera == index)
+        {
+            return Some(result.as_ref());
+        }
+        self.entries.get(index).map(|entry| entry.result.as_ref())
+    }
+
+    /// A camera's solution.
+    #[must_use]
+    pub fn solution(&self, index: usize) -> Option<&Solution> {
+        self.result(index)?.ok()
+    }
+
+    /// What was found that a warning of a camera tells; `None` of a warning that a file brought along.
+    #[must_use]
+    pub fn finding(&self, site: &Site, index: usize, warning: &Warning) -> Option<&Finding> {
+        // The results of a joint solve come as a document, which has the words alone.
+        let told = |finding: &&Finding| {
+            finding.code() == warning.code && site.in_english(Some(index), finding, Names::InFile) == *warning
+        };
+        self.entries.get(index)?.findings.iter().find(told)
+    }
+
+    /// A camera's pose and lens.
+    #[must_use]
+    pub fn pose(&self, index: usize) -> Option<&Camera> {
+        match self.joint() {
+            Some(joint) => joint.poses.get(index)?.as_ref(),
+            None => self.entries.get(index)?.pose.as_ref(),
+        }
+    }
+
+    /// The pose of a camera that stands where it belongs.
+    #[must_use]
+    pub fn placed(&self, index: usize) -> Option<&Camera> {
+        let stage = self.solution(index)?.stage;
+        self.pose(index).filter(|_| stage >= Stage::Placed)
+    }
+
+    /// The site with its results, as it is saved.
+    #[must_use]
+    pub fn write_into(&self, site: &Site) -> Site {
+        if let Some(report) = self.joint_report() {
+            return report.write_into(site);
+        }
+        let mut solved = site.clone();
+        for (index, camera) in solved.cameras.iter_mut().enumerate() {
+            (camera.solution, camera.error) = match self.result(index) {
+                Some(Ok(solution)) => (Some(solution.clone()), None),
+                Some(Err(failure)) => (None, Some(failure.clone())),
+                None => (camera.solution.take(), camera.error.take()),
+            };
+        }
+        solved
+    }
+}
+
+fn is_same_site(known: &Site, site: &Site) -> bool {
+    known.cameras.len() == site.cameras.len()
+        && known.cameras.iter().zip(&site.cameras).all(|(a, b)| same_input(a, b))
+        && known.plan == site.plan
+        && known.links == site.links
+        && known.marks == site.marks
+        && known.distances == site.distances
+}
+
+/// The results of a joint solve that a file brings along.
+pub(crate) fn joint_of(site: &Site) -> Option<Report> {
+    let is_refined = |camera: &SiteCamera| {
+        camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
+    };
+    site.cameras.iter().any(is_refined).then(|| report_of(site))
+}
+
+/// The results that are written into a site.
+pub(crate) fn report_of(site: &Site) -> Report {
+    let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
+        (Some(solution), _) => Some(Ok(solution.clone())),
+        (None, error) => error.clone().map(Err),
+    };
+    let cameras = site.cameras.iter().enumerate();
+    Report {
+        cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
+        links: site.links.iter().map(|link| link.solution.clone()).collect(),
+        marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
+        site: site.solution.clone().unwrap_or_default(),
+        // A file has words alone.
+        findings: Vec::new(),
+        site_findings: Vec::new(),
+    }
+}
+
+/// A corner where `after` shows it unplaced, and where `before` shows it.
+type Pair = ([f64; 2], [f64; 2]);
+
+/// The placement with which the polygon of `after` lies nearest to where that of `before` lies.
+///
+/// Least squares of a similarity, as complex numbers `b = move + scale e^(i turn) a` over the corners.
+#[must_use]
+pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
+    /// Beyond so many camera heights a corner weighs more than it knows.
+    const REACH: f64 = 30.0;
+    let unplaced = Placement::NONE.apply(after);
+    let pairs: Vec<Pair> = corners
+        .iter()
+        .filter_map(|&pixel| {
+            let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
+            (a.x.hypot(a.y) < REACH * calib_core::STAGE_1_HEIGHT).then(|| (a.into(), b.into()))
+        })
+        .collect();
+    if pairs.len() < 2 {
+        return None;
+    }
+    let count = pairs.len() as f64;
+    let mean = |of: fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (ax, ay) = (mean(|p| p.0[0]), mean(|p| p.0[1]));
+    let (bx, by) = (mean(|p| p.1[0]), mean(|p| p.1[1]));
+    let (mut re, mut im, mut square) = (0.0, 0.0, 0.0);
+    for (a, b) in &pairs {
+        let (a, b) = ([a[0] - ax, a[1] - ay], [b[0] - bx, b[1] - by]);
+        re += a[0] * b[0] + a[1] * b[1];
+        im += a[0] * b[1] - a[1] * b[0];
+        square += a[0] * a[0] + a[1] * a[1];
+    }
+    let (c, s) = (re / square, im / square);
+    let scale = c.hypot(s);
+    let by = calib_core::FloorPoint::new(bx - (c * ax - s * ay), by - (s * ax + c * ay));
+    (scale.is_finite() && scale > 1e-6 && by.is_finite()).then(|| Placement { by, turn: s.atan2(c), scale })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::{Annotation, Covariance, Distortion, Kind, Lens, LensEntry, Options, WorldPoint};
+
+    /// The demonstration's cameras, the first three with one lens that is fitted to the edges of all three.
+    fn sharing() -> Site {
+        let mut site = calib_demo::demo_site().site;
+        site.cameras.truncate(4);
+        (site.links, site.marks, site.distances) = Default::default();
+        let like = site.cameras[0].id.clone();
+        site.cameras[0].lens = None;
+        for index in [1, 2] {
+            site.cameras[index].size_px = site.cameras[0].size_px;
+            site.cameras[index].lens = Some(LensEntry { like: Some(like.clone()), ..LensEntry::default() });
+        }
+        for camera in &mut site.cameras[..3] {
+            camera.annotations.extend(bent(0.1).into_iter().chain(bent(0.9)));
+        }
+        site
+    }
+
+    /// An edge near the side of the image that the lens bends.
+    fn bent(share: f64) -> Option<Annotation> {
+        let points = (1..10).map(|i| {
+            let t = f64::from(i) / 10.0 - 0.5;
+            Pixel::new(1920.0 * (share + 0.04 * (0.5 - share) * (1.0 - 4.0 * t * t)), 1080.0 * (t + 0.5))
+        });
+        Some(Annotation { points: Some(points.collect()), ..Annotation::new(Kind::Straight) })
+    }
+
+    #[test]
+    fn a_lens_that_cameras_share_is_live_what_the_whole_site_gives() {
+        let site = sharing();
+        let whole = site.calibrate(&Options { refine: false, ..Options::default() });
+        let mut solved = Solved::default();
+        assert!(solved.update(&site));
+        for (index, result) in &whole.cameras {
+            let lens = |s: &Solution| s.camera().unwrap().lens;
+            let (live, whole) = (solved.solution(*index).unwrap(), result.as_ref().unwrap());
+            assert_eq!(lens(live), lens(whole), "camera {index}");
+            assert_eq!(live.focal_px, whole.focal_px, "camera {index}");
+        }
+        let first = solved.pose(0).unwrap().lens;
+        assert!(first.distortion != Distortion::None, "the edges bend it");
+    }
+
+    #[test]
+    fn an_edge_on_one_camera_changes_the_lens_of_all_that_share_it_and_no_other() {
+        let mut site = sharing();
+        let mut solved = Solved::default();
+        solved.update(&site);
+        let before: Vec<Lens> = (0..4).map(|i| solved.pose(i).unwrap().lens).collect();
+        site.cameras[2].annotations.extend(bent(0.06));
+        assert!(solved.update(&site));
+        let differs = |i: usize| solved.pose(i).unwrap().lens.distortion != before[i].distortion;
+        assert_eq!([0, 1, 2, 3].map(differs), [true, true, true, false]);
+        assert!(!solved.update(&site), "nothing differs any more");
+    }
+
+    #[test]
+    fn a_polygon_whose_camera_did_not_change_keeps_its_placement() {
+        let camera = Camera {
+            position: WorldPoint::new(4.0, -2.0, 4.5),
+            yaw: 0.7,
+            pitch: 0.5,
+            roll: 0.05,
+            focal: 1000.0,
+            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        };
+        let corners = [[100.0, 1000.0], [1800.0, 1000.0], [1500.0, 600.0]].map(Pixel::from);
+        let kept = keep_polygon(&camera, &camera, &corners).unwrap();
+        let own = Placement::of(&camera);
+        assert!(kept.by.distance(own.by) < 1e-9 && (kept.turn - own.turn).abs() < 1e-9);
+        assert!((kept.scale - own.scale).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,319 @@
+//! An operator's day without a window: stills come in, lines are drawn, cameras placed, linked, refined, saved.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::path::PathBuf;
+
+use calib_core::{Camera, FloorPoint, Kind, Pixel, Placement, Site, Stage};
+use calib_editor::command::{Cameras, Gesture, Group, Lines, Nudge, Selection};
+use calib_editor::{
+    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlanHandle, Pointer,
+    TOOLS, command, parse, plan_handles, refined, steps,
+};
+
+/// The operator: what the hands do.
+struct Operator(Editor);
+
+impl Operator {
+    fn site(&self) -> &Site {
+        self.0.site()
+    }
+
+    fn take(&mut self, title: &str) {
+        let index = TOOLS.iter().position(|tool| tool.title == title).unwrap();
+        self.0.apply(Action::TakeTool(index));
+    }
+
+    fn pointer(&mut self, pane: Pane, at: [f64; 2], phase: Phase, moved: bool) {
+        self.0.apply(Action::Pointer(Pointer {
+            pane,
+            at,
+            phase,
+            modifiers: Modifiers::NONE,
+            radius: if pane == Pane::Plan { 0.1 } else { 8.0 },
+            moved,
+            double: false,
+            offer: None,
+            still: None,
+        }));
+    }
+
+    fn drag(&mut self, pane: Pane, from: [f64; 2], to: [f64; 2]) {
+        self.pointer(pane, from, Phase::Press, false);
+        let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
+        self.pointer(pane, middle, Phase::Drag, true);
+        self.pointer(pane, to, Phase::Drag, true);
+        self.pointer(pane, to, Phase::Release, true);
+    }
+
+    fn click(&mut self, pane: Pane, at: [f64; 2]) {
+        self.pointer(pane, at, Phase::Press, false);
+        self.pointer(pane, at, Phase::Release, false);
+    }
+
+    fn undo(&mut self) {
+        self.0.apply(Action::Gesture(Gesture::Undo));
+    }
+
+    fn redo(&mut self) {
+        self.0.apply(Action::Gesture(Gesture::Redo));
+    }
+
+    fn depth(&self) -> usize {
+        self.0.session().history.depth()
+    }
+
+    fn stage(&self, camera: usize) -> Option<Stage> {
+        self.0.session().solved.solution(camera).map(|solution| solution.stage)
+    }
+
+    fn pose(&self, camera: usize) -> Camera {
+        *self.0.session().solved.pose(camera).unwrap()
+    }
+
+    /// Draws on the image of a camera all that was drawn on the demonstration's, with the tools.
+    fn draw(&mut self, camera: usize, drawn: &Site) {
+        let pane = Pane::Image(camera);
+        for annotation in &drawn.cameras[camera].annotations {
+            self.take(annotation.kind.row().title);
+            for (index, line) in annotation.polylines().enumerate() {
+                if index == 0 && annotation.kind == Kind::Parallel {
+                    self.0.apply(Action::Lines(Lines::NewGroup));
+                }
+                match annotation.kind {
+                    Kind::Straight => {
+                        line.iter().for_each(|&point| self.click(pane, point.into()));
+                        self.0.apply(Action::Gesture(Gesture::Accept));
+                    }
+                    _ => self.drag(pane, line[0].into(), line[line.len() - 1].into()),
+                }
+            }
+        }
+        self.take("Field of view");
+        for &corner in drawn.cameras[camera].efov_px.iter().flatten() {
+            self.click(pane, corner.into());
+        }
+        self.0.apply(Action::Gesture(Gesture::Accept));
+    }
+
+    /// Drags the camera's foot, then its ring and its square on the plan, to where a placement has them.
+    fn place(&mut self, camera: usize, to: Placement) {
+        self.take("Select");
+        self.0.apply(Action::Choose(camera));
+        let handle = |own: &Self, wanted: PlanHandle| {
+            let handles = plan_handles(own.0.session(), camera);
+            handles.into_iter().find(|(handle, _)| *handle == wanted).unwrap().1
+        };
+        let from = handle(self, PlanHandle::Foot);
+        self.drag(Pane::Plan, from, to.by.into());
+        for wanted in [PlanHandle::Turn, PlanHandle::Scale] {
+            let now = self.0.session().placement(camera).unwrap();
+            let (from, foot) = (handle(self, wanted), [now.by.x, now.by.y]);
+            let (turn, scale) = match wanted {
+                PlanHandle::Turn => (to.turn - now.turn, 1.0),
+                _ => (0.0, to.scale / now.scale),
+            };
+            let (sin, cos) = turn.sin_cos();
+            let [x, y] = [from[0] - foot[0], from[1] - foot[1]];
+            let at = [foot[0] + scale * (cos * x - sin * y), foot[1] + scale * (sin * x + cos * y)];
+            self.drag(Pane::Plan, from, at);
+        }
+    }
+}
+
+/// Where a camera of the demonstration shows a point of the floor, if it does.
+fn shown(camera: &Camera, at: FloorPoint) -> Option<Pixel> {
+    let px = camera.world_to_pixel(at.at_height(0.0))?;
+    ((50.0..1870.0).contains(&px.u) && (50.0..1030.0).contains(&px.v)).then_some(px)
+}
+
+/// Two cameras of the demonstration that see some floor in common, alone in a site.
+fn two() -> (Site, [Camera; 2]) {
+    let demo = calib_demo::demo_site();
+    let mut site = demo.site;
+    site.cameras.truncate(2);
+    (site, [demo.truth[0].1, demo.truth[1].1])
+}
+
+/// Stills come in and lines are drawn; what follows is seen at once.
+fn drawn() -> Operator {
+    let (demo, _) = two();
+    let mut operator = Operator(Editor::default());
+    for camera in &demo.cameras {
+        let still =
+            NewStill { image: format!("{}.png", camera.id), title: camera.id.clone(), size: camera.size_px };
+        operator.0.apply(Action::AddCamera(still));
+    }
+    assert_eq!(operator.site().cameras.len(), 2);
+    assert_eq!(operator.stage(0), None, "nothing is drawn");
+    for camera in 0..2 {
+        operator.draw(camera, &demo);
+        assert_eq!(operator.stage(camera), Some(Stage::Partial), "lines give roll, pitch and focal");
+        let own = &operator.site().cameras[camera];
+        assert_eq!(own.efov_px, demo.cameras[camera].efov_px);
+    }
+    operator
+}
+
+#[test]
+fn what_is_drawn_is_solved_as_it_is_drawn_and_undone_line_by_line() {
+    let mut operator = drawn();
+    let (after, depth) = (operator.site().clone(), operator.depth());
+    let pose = operator.pose(0);
+    let fitted = |operator: &Operator| operator.0.session().solution().unwrap().residuals.len();
+    operator.0.apply(Action::Choose(0));
+    let before = fitted(&operator);
+    operator.take("Vertical");
+    let pane = Pane::Image(0);
+    operator.pointer(pane, [900.0, 200.0], Phase::Press, false);
+    operator.pointer(pane, [1000.0, 700.0], Phase::Drag, true);
+    assert_eq!(fitted(&operator), before + 1, "a line in the hand is solved with");
+    operator.0.apply(Action::Gesture(Gesture::Cancel));
+    assert!(*operator.site() == after && operator.pose(0) == pose, "Esc puts back what was in the hand");
+    assert_eq!(operator.depth(), depth);
+    while operator.depth() > 0 {
+        operator.undo();
+    }
+    assert!(operator.site().cameras.is_empty(), "the day begins with nothing");
+    for _ in 0..depth {
+        operator.redo();
+    }
+    assert!(*operator.site() == after, "every gesture is done again");
+}
+
+#[test]
+fn a_site_is_placed_linked_refined_saved_and_opened_again() {
+    let mut operator = drawn();
+    let (_, truth) = two();
+    for (camera, truth) in truth.iter().enumerate() {
+        operator.place(camera, Placement::of(truth));
+        assert_eq!(operator.stage(camera), Some(Stage::Placed));
+        let off = operator.pose(camera).position.on_floor().distance(truth.position.on_floor());
+        assert!(off < 0.2, "camera {camera} stands {off} m off");
+    }
+    // Things of the floor that both show are clicked in both.
+    operator.take("Link");
+    let grid = (0..600).map(|i| FloorPoint::new(0.5 * f64::from(i % 30), 0.5 * f64::from(i / 30)));
+    let common = grid.filter_map(|at| Some([shown(&truth[0], at)?, shown(&truth[1], at)?]));
+    let common: Vec<[Pixel; 2]> = common.step_by(4).take(6).collect();
+    assert!(common.len() > 3, "the two see some floor in common");
+    for seen in &common {
+        seen.iter().enumerate().for_each(|(camera, &px)| operator.click(Pane::Image(camera), px.into()));
+        operator.0.apply(Action::Gesture(Gesture::Accept));
+    }
+    assert_eq!(
+        operator.site().links.iter().map(|link| link.seen.len()).collect::<Vec<_>>(),
+        vec![2; common.len()]
+    );
+
+    let before = operator.site().clone();
+    operator.0.apply(Action::Refined(Box::new((before.clone(), refined(before.clone())))));
+    for camera in 0..2 {
+        assert_eq!(operator.stage(camera), Some(Stage::Refined));
+    }
+    let apart = |operator: &Operator| {
+        let place = |camera: usize, px: Pixel| operator.pose(camera).pixel_to_floor(px, 0.0).unwrap();
+        common.iter().map(|[a, b]| place(0, *a).distance(place(1, *b))).fold(0.0, f64::max)
+    };
+    let agreed = apart(&operator);
+    operator.undo();
+    assert!(*operator.site() == before && apart(&operator) >= agreed, "refining makes views agree");
+    operator.redo();
+
+    exported(&operator);
+    saved_and_opened(operator);
+}
+
+/// Another program takes it.
+fn exported(operator: &Operator) {
+    let session = operator.0.session();
+    let solved = session.solved.write_into(&session.site);
+    let format = calib_formats::FORMATS.iter().find(|format| format.exports()).unwrap();
+    let export = calib_formats::export(format, &solved, &calib_formats::ExportOptions::default()).unwrap();
+    assert!(export.unsolved.is_empty() && export.files.iter().all(|file| !file.bytes.is_empty()));
+}
+
+fn saved_and_opened(mut operator: Operator) {
+    let session = operator.0.session();
+    let solved = session.solved.write_into(&session.site);
+    let text = session.images.put_into(&solved, None).to_json();
+    let path = PathBuf::from("site.json");
+    assert!(!session.is_saved());
+    operator.0.apply(Action::Saved { path: path.clone(), folder: None });
+    assert!(operator.0.session().is_saved());
+
+    let (site, images) = parse(&text, None).unwrap();
+    let mut again = Editor::default();
+    again.apply(Action::Open(Box::new(Opened { site, images, path: Some(path), is_unsaved: false })));
+    for camera in 0..2 {
+        assert_eq!(again.session().solved.pose(camera), Some(&operator.pose(camera)), "the same camera");
+    }
+    assert_eq!(again.session().history.depth(), 0);
+}
+
+#[test]
+fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it_should_not() {
+    let drawn = drawn().site().clone();
+    for row in command::all().filter(|row| row.command != Command::RemoveCamera) {
+        let (mut editor, site) = (Editor::default(), drawn.clone());
+        let opened = Opened { site, images: Images::default(), path: None, is_unsaved: false };
+        editor.apply(Action::Open(Box::new(opened)));
+        editor.apply(Action::Select(Part::Line { annotation: 0, segment: 0 }));
+        let before = editor.site().cameras.len();
+        let action = match row.command.group() {
+            Group::Tool(index) => Action::TakeTool(index),
+            Group::Gesture(Gesture::Undo) => continue,
+            Group::Gesture(command) => Action::Gesture(command),
+            Group::Selection(command) => Action::Selection(command, None),
+            Group::Nudge(step) => Action::Nudge { step, coarse: false, pane: None },
+            Group::Lines(command) => Action::Lines(command),
+            Group::Cameras(command) => Action::Cameras(command),
+            Group::Files(_) | Group::View(_) | Group::Solving(_) | Group::Switch(_) => continue,
+        };
+        editor.apply(action);
+        assert_eq!(editor.site().cameras.len(), before, "{}", row.text);
+        assert!(editor.is_at_rest(), "{} leaves a gesture open", row.text);
+    }
+}
+
+#[test]
+fn an_empty_site_takes_every_command() {
+    let commands = [
+        Action::Selection(Selection::Delete, None),
+        Action::Nudge { step: Nudge::NudgeLeft, coarse: true, pane: Some(Pane::Plan) },
+        Action::Nudge { step: Nudge::Grow, coarse: false, pane: None },
+        Action::Lines(Lines::PasteLines),
+        Action::Cameras(Cameras::NextCamera),
+        Action::Cameras(Cameras::PreviousUnfinished),
+        Action::Cameras(Cameras::RemoveCamera),
+        Action::HoldPlace,
+        Action::ForgetPlace,
+        Action::Choose(7),
+    ];
+    let mut editor = Editor::default();
+    for command in commands {
+        editor.apply(command);
+        assert_eq!(editor.session().history.depth(), 0);
+    }
+}
+
+#[test]
+fn what_came_in_for_a_site_that_is_closed_does_not_land_in_the_next() {
+    let mut operator = drawn();
+    let before = operator.site().clone();
+    let opened = Opened { site: Site::new(), images: Images::default(), path: None, is_unsaved: false };
+    operator.0.apply(Action::Open(Box::new(opened)));
+    operator.0.apply(Action::Refined(Box::new((before.clone(), before))));
+    assert!(operator.site().cameras.is_empty(), "what was refined is another site");
+}
+
+#[test]
+fn the_steps_say_what_a_camera_still_needs() {
+    let (demo, _) = two();
+    let still = NewStill { image: "a.png".into(), title: "a".into(), size: demo.cameras[0].size_px };
+    let mut operator = Operator(Editor::default());
+    operator.0.apply(Action::AddCamera(still));
+    let missing = steps::missing(operator.0.session(), 0);
+    operator.draw(0, &demo);
+    assert!(steps::missing(operator.0.session(), 0) < missing);
+    assert!(!steps::is_finished(operator.0.session(), 0), "it is not placed");
+}
