@@ -20,17 +20,12 @@ pub(crate) fn camera_on_light(index: usize) -> &'static str {
     CAMERAS_ON_LIGHT[index % CAMERAS_ON_LIGHT.len()]
 }
 
+/// Colours of the kinds of annotation, in the order of their rows.
+const KINDS: [&str; 7] = ["#5BB8F5", "#FFB020", "#38D391", "#F48FC3", "#F2DF4A", "#EEF1F4", "#FF7F57"];
+
 /// Colour of a kind of annotation.
 pub(crate) fn kind(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Vertical => "#5BB8F5",
-        Kind::Parallel => "#FFB020",
-        Kind::Perpendicular => "#38D391",
-        Kind::EqualLength => "#F48FC3",
-        Kind::KnownLength => "#F2DF4A",
-        Kind::Straight => "#EEF1F4",
-        Kind::Upright => "#FF7F57",
-    }
+    KINDS[kind.row().colour % KINDS.len()]
 }
 
 /// Control points, marks, grid and horizon.

@@ -123,10 +123,10 @@ pub use floor::{
     with_placement_covariance,
 };
 pub use single::{
-    Annotation, Constraints, Direction, DrawNext, Edge, Endpoint, Fit, FitOptions, Fitted, FixedParameters,
-    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
-    Priors, Shape, Source, Unusable, Upright, closed_form, draw_next, line_name, paper_minimum,
-    straightness_rms, warnings,
+    Annotation, Constraints, Direction, DrawNext, Edge, Endpoint, Evidence, Fit, FitOptions, Fitted,
+    FixedParameters, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum,
+    Orientation, Prior, Priors, Shape, Source, Unusable, Upright, closed_form, draw_next, line_name,
+    paper_minimum, straightness_rms, warnings,
 };
 #[cfg(feature = "serde")]
 pub use site::{

@@ -18,7 +18,7 @@ mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
 pub use advice::{DrawNext, draw_next, warnings};
-pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
+pub use annotation::{Annotation, Evidence, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Source, Unusable, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use likelihood::{Prior, Priors};
@@ -27,6 +27,7 @@ pub use straightness::{Edge, straightness_rms};
 
 pub(crate) use accuracy::placed_floor_length_rel;
 pub(crate) use advice::floor_warning;
+pub(crate) use annotation::Belongs;
 pub(crate) use fit::grid;
 pub(crate) use likelihood::{Problem, State, predictable, residuals_at};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};

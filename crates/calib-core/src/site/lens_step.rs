@@ -3,7 +3,7 @@
 use crate::camera::{Coefficient, Distortion, Lens};
 use crate::finding::{Code, Warning};
 use crate::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, is_misfit, line_name, straightness_rms,
+    Annotation, Edge, Fitted, LensFit, LensOptions, Source, is_misfit, line_name, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -42,7 +42,7 @@ fn asked(entry: &DistortionEntry) -> Option<Fitted> {
 
 /// Lines of three points and more, of whatever kind, that are not switched off.
 pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
-    let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
+    let used = annotations.iter().enumerate().filter(|(_, a)| !a.off);
     used.flat_map(|(annotation, drawn)| {
         let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
         lines
@@ -81,7 +81,7 @@ impl Site {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let fitted = distortion.map(asked);
         // Without polylines, lines that happen to have a third point are not asked about the lens.
-        let straight = entry.annotations.iter().any(|a| a.kind == Kind::Straight && !a.off);
+        let straight = entry.annotations.iter().any(|a| a.is_straight_edge() && !a.off);
         if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
             return None;
         }
@@ -143,7 +143,7 @@ impl LensEstimate {
     pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
         edges(annotations)
             .iter()
-            .filter(|edge| annotations[edge.source.annotation].kind == Kind::Straight)
+            .filter(|edge| annotations[edge.source.annotation].is_straight_edge())
             .filter_map(|edge| Some((edge.source, straightness_rms(lens, &edge.points)?)))
             .collect()
     }
@@ -156,9 +156,8 @@ impl LensEstimate {
             return self.unfitted(annotations);
         };
         let mut warnings = Vec::new();
-        let is_own = |source: &Source| {
-            annotations.get(source.annotation).is_some_and(|drawn| drawn.kind == Kind::Straight)
-        };
+        let is_own =
+            |source: &Source| annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge);
         let unusable: Vec<&(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).collect();
         let [_, _, corner] = fit.map_error;

@@ -207,7 +207,7 @@ fn paper(
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = listed(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
+    let unknown = |kind: Kind| !kind.row().in_paper;
     unused(&entry.annotations, "The paper's method does not use", unknown, &mut solution.warnings);
     priors_unused(entry, &mut solution.warnings);
     Ok(solution)
