@@ -149,10 +149,11 @@ fn second_cue(
             painter.circle_stroke(a, 7.0, Stroke::new(1.5, colour));
             painter.circle_filled(b, 5.0, colour);
         }
-        Kind::Straight => {}
+        // An edge, and what has no sign of its own.
+        _ => {}
     }
     // A second direction at right angles to a parallel group carries the square too.
-    if drawn.kind == Kind::Parallel && drawn.at_right_angles_to.is_some() && segment == 0 {
+    if drawn.may_be_tied() && drawn.at_right_angles_to.is_some() && segment == 0 {
         stroke(&[at(6.0, 0.0), at(6.0, -8.0), at(14.0, -8.0), at(14.0, 0.0)]);
     }
 }

@@ -125,7 +125,7 @@ pub fn kind(kind: Kind) -> Color32 {
         hex(0xEEF1F4),
         hex(0xFF7F57),
     ];
-    COLOURS[kind as usize]
+    COLOURS[kind.row().colour % COLOURS.len()]
 }
 
 /// The colour of a kind's icon in the panels.
@@ -140,7 +140,7 @@ pub fn kind_icon(kind_of: Kind, dark: bool) -> Color32 {
         hex(0x3C444C),
         hex(0xC4401B),
     ];
-    if dark { kind(kind_of) } else { LIGHT_ICONS[kind_of as usize] }
+    if dark { kind(kind_of) } else { LIGHT_ICONS[kind_of.row().colour % LIGHT_ICONS.len()] }
 }
 
 /// The colour of a camera; after eight they start again, the letters go on.
