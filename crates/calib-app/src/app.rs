@@ -255,17 +255,15 @@ impl App {
         at: calib_core::Pixel,
         radius: f64,
     ) -> Option<Edge> {
-        let draws = self.editor.tool_kind().is_some_and(|kind| kind != calib_core::Kind::Straight);
+        let draws =
+            self.editor.tool_kind().is_some_and(|kind| kind.row().shape != calib_core::Shape::Polyline);
         if !draws || !self.layers.edges {
             return None;
         }
         let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;
         // What stands upright is not offered what lies flat.
-        let plumb = self
-            .editor
-            .tool_kind()
-            .is_some_and(|kind| matches!(kind, calib_core::Kind::Vertical | calib_core::Kind::Upright));
+        let plumb = self.editor.tool_kind().is_some_and(|kind| kind.row().is_upright());
         let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
         let [a, b] = edge;
         (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)

@@ -125,9 +125,9 @@ pub use outcome::{
     Severity, Source, Subject, Suggestion, Tie, WhyUnused,
 };
 pub use single::{
-    Annotation, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted, FixedParameters, KINDS,
-    Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior, Priors,
-    Shape, Sketch, Unusable, Upright, closed_form, draw_next, findings, line_name, paper_minimum,
+    Annotation, Constraints, Direction, Edge, Endpoint, Evidence, Fit, FitOptions, Fitted, FixedParameters,
+    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
+    Priors, Shape, Sketch, Unusable, Upright, closed_form, draw_next, findings, line_name, paper_minimum,
     straightness_rms,
 };
 #[cfg(feature = "serde")]

@@ -18,23 +18,21 @@ pub struct KindLook {
     pub dash: &'static [f64],
     /// What tells the kind without its colour.
     pub sign: Sign,
-    /// Whether its lines lie level, so that a view from above shows them in their true shape.
-    pub is_level: bool,
 }
 
 /// The look of every kind, in the order of `calib_core::KINDS`.
 pub const KIND_LOOKS: [KindLook; calib_core::KINDS.len()] = {
-    const fn row(kind: Kind, [colour, on_light]: [u32; 2], (sign, is_level): (Sign, bool)) -> KindLook {
-        KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign, is_level }
+    const fn row(kind: Kind, [colour, on_light]: [u32; 2], sign: Sign) -> KindLook {
+        KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign }
     }
     [
-        row(Kind::Vertical, [0x5BB8F5, 0x0B76B8], (sign::ARROW, false)),
-        row(Kind::Parallel, [0xFFB020, 0xA86B00], (sign::CHEVRONS, true)),
-        row(Kind::Perpendicular, [0x38D391, 0x0B8A55], (SQUARE, true)),
-        row(Kind::EqualLength, [0xF48FC3, 0xB83A80], (sign::TICKS, true)),
-        row(Kind::KnownLength, [0xF2DF4A, 0x857300], (sign::ENDS, true)),
-        row(Kind::Straight, [0xEEF1F4, 0x3C444C], (sign::NONE, false)),
-        row(Kind::Upright, [0xFF7F57, 0xC4401B], (sign::FOOT_AND_HEAD, false)),
+        row(Kind::Vertical, [0x5BB8F5, 0x0B76B8], sign::ARROW),
+        row(Kind::Parallel, [0xFFB020, 0xA86B00], sign::CHEVRONS),
+        row(Kind::Perpendicular, [0x38D391, 0x0B8A55], SQUARE),
+        row(Kind::EqualLength, [0xF48FC3, 0xB83A80], sign::TICKS),
+        row(Kind::KnownLength, [0xF2DF4A, 0x857300], sign::ENDS),
+        row(Kind::Straight, [0xEEF1F4, 0x3C444C], sign::NONE),
+        row(Kind::Upright, [0xFF7F57, 0xC4401B], sign::FOOT_AND_HEAD),
     ]
 };
 

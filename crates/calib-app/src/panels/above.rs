@@ -1,7 +1,6 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
 use calib_core::{Camera, FloorPoint, SiteCamera, ellipse};
-use calib_draw::KindLook;
 use calib_editor::{Units, corners_of};
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -99,7 +98,7 @@ pub fn paint(
     let mut outline = field.clone();
     outline.extend(field.first().copied());
     line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.25).dashed(&[5.0, 4.0]).faint());
-    for drawn in entry.annotations.iter().filter(|drawn| KindLook::of(drawn.kind).is_level && !drawn.off) {
+    for drawn in entry.annotations.iter().filter(|drawn| drawn.kind.row().is_level() && !drawn.off) {
         for pixels in drawn.polylines() {
             let points: Vec<FloorPoint> = pixels.iter().filter_map(|&pixel| on_floor(pixel)).collect();
             line(painter, &path(&points), Pen::new(theme::kind(drawn.kind), 1.75));

@@ -1,6 +1,6 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
-use calib_core::{Annotation, KINDS, Kind, Pixel, line_name};
+use calib_core::{Annotation, KINDS, Pixel, line_name};
 use calib_editor::{Action, Part, TOOLS, Units};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -36,10 +36,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     for row in KINDS {
         let mut letter = 'a';
         // What has nothing of its own to say stands under one heading with the others of its kind.
-        let (plain, named): (Vec<usize>, Vec<usize>) =
-            (0..annotations.len()).filter(|&i| annotations[i].kind == row.kind).partition(|&i| {
-                matches!(row.kind, Kind::Vertical | Kind::Straight) && annotations[i].name.is_none()
-            });
+        let (plain, named): (Vec<usize>, Vec<usize>) = (0..annotations.len())
+            .filter(|&i| annotations[i].kind == row.kind)
+            .partition(|&i| row.is_one_group() && annotations[i].name.is_none());
         let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
@@ -75,9 +74,8 @@ fn group(
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         icons::inline(ui, icon, theme::kind_icon(row.kind, ui.visuals().dark_mode));
-        let lettered = matches!(row.kind, Kind::Parallel | Kind::EqualLength | Kind::Perpendicular);
         let name = annotation.name.clone().unwrap_or_else(|| {
-            if lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
+            if row.is_lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
         });
         ui.label(RichText::new(name).font(theme::medium(12.0)));
         ui.label(RichText::new(count.to_string()).color(palette.text3));

@@ -1,6 +1,6 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
-use calib_core::{Known, LensEntry, Solution};
+use calib_core::{Coefficient, Known, LensEntry, Solution};
 use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
@@ -230,15 +230,14 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
 
 fn lens_row(ui: &mut Ui, solution: &Solution) {
     let Some(distortion) = &solution.distortion else { return };
-    let named = [
-        ("k1", distortion.k1),
-        ("k2", distortion.k2),
-        ("k3", distortion.k3),
-        ("k4", distortion.k4),
-        ("\u{3bb}", distortion.lambda),
-    ];
-    let used: Vec<(&str, f64)> =
-        named.into_iter().filter_map(|(name, value)| Some((name, value.filter(|v| *v != 0.0)?))).collect();
+    // The decentring is too small to be read here.
+    let is_shown = |which: &Coefficient| !matches!(which, Coefficient::P1 | Coefficient::P2);
+    let value = |which| distortion.coefficient(which).filter(|value| *value != 0.0);
+    let used: Vec<(&str, f64)> = Coefficient::ALL
+        .into_iter()
+        .filter(is_shown)
+        .filter_map(|which| Some((which.title(), value(which)?)))
+        .collect();
     if used.is_empty() {
         return;
     }

@@ -11,7 +11,8 @@ use crate::theme;
 
 /// The warnings of the camera in hand.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let warnings = app.editor.session().solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let warnings =
+        app.editor.session().solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
     let mut wish = None;
     for (index, warning) in warnings.iter().enumerate() {
         // The first is met first; the others keep their words until they are asked for.

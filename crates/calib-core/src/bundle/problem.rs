@@ -212,7 +212,10 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Derivatives of the residuals of stage 1 by every coefficient that is free, by differences.
+    /// Derivatives of the residuals of stage 1 by every coefficient that is free, by differences: a coefficient
+    /// moves the ends of a segment, the noise that whitens its residual, which is the derivative of the
+    /// undistortion there, and the spread of a polyline. The chain through all three, for every kind of residual,
+    /// is longer than these residuals are, and one evaluation serves a whole column.
     fn rows_by_lens(
         &self,
         view: usize,

@@ -68,7 +68,8 @@ impl FloorProjector {
             Distortion::None => self.by_quotient(0.0, [u, v], [x, y]),
             Distortion::Division { lambda } => self.by_quotient(lambda, [u, v], [x, y]),
             Distortion::BrownConrady(brown) => self.by_newton(&brown, [u, v], [x, y]),
-            Distortion::KannalaBrandt { .. } => {
+            // What has no faster way of its own goes pixel by pixel.
+            _ => {
                 for i in 0..u.len() {
                     let floor = self.camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, self.height);
                     (x[i], y[i]) = floor.map_or((f64::NAN, f64::NAN), |p| (p.x, p.y));

@@ -3,7 +3,7 @@
 use crate::optimize::Uncertainty;
 use crate::outcome::{Drawing, Finding, Rival, Suggestion};
 use crate::single::accuracy::floor_length_rel;
-use crate::single::annotation::Kind;
+use crate::single::annotation::{Evidence, Kind};
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
@@ -135,22 +135,23 @@ impl Candidate {
         let end = |at: [f64; 2]| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
         let source = |segment: usize| Source { annotation: usize::MAX, segment };
         let group = joined.groups;
-        if matches!(self.kind, Kind::Parallel | Kind::Perpendicular) {
+        let evidence = self.kind.row().evidence;
+        if matches!(evidence, Evidence::Parallel | Evidence::RightAngle) {
             joined.groups += 1;
         }
-        if self.kind == Kind::EqualLength {
+        if evidence == Evidence::Length {
             joined.length_groups.push(None);
         }
         for (i, segment) in self.segments.iter().enumerate() {
             let ends = segment.map(end);
-            let orthogonal = self.kind == Kind::Perpendicular && i > 0;
-            let direction = if self.kind == Kind::Vertical {
+            let orthogonal = evidence == Evidence::RightAngle && i > 0;
+            let direction = if evidence == Evidence::Plumb {
                 Direction::Vertical
             } else {
                 Direction::Floor { group, orthogonal }
             };
-            match self.kind {
-                Kind::EqualLength => {
+            match evidence {
+                Evidence::Length => {
                     let group = joined.length_groups.len() - 1;
                     joined.lengths.push(Length { ends, group, source: source(i) });
                 }

@@ -65,6 +65,40 @@ pub enum Shape {
     FootAndHead,
 }
 
+/// What a kind becomes in a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evidence {
+    /// Every segment is a line to the nadir.
+    Plumb,
+    /// Every segment is a line along one floor direction, which annotations tied to it share.
+    Parallel,
+    /// The first segment is a line along a floor direction, the others lie at right angles to it.
+    RightAngle,
+    /// Every segment has one length on the floor, known or not.
+    Length,
+    /// The points lie on one line once the lens is taken out.
+    Straight,
+    /// A foot on the floor with a head at a known height above it.
+    Standing,
+}
+
+/// What a kind says of a field of its annotations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Belongs {
+    /// It has no such field.
+    Never,
+    /// It may be left out.
+    Optionally,
+    /// It must be there.
+    Always,
+}
+
+impl Belongs {
+    const fn always_if(is: bool) -> Self {
+        if is { Self::Always } else { Self::Never }
+    }
+}
+
 /// A row of the table of kinds.
 #[derive(Clone, Copy, Debug)]
 pub struct KindRow {
@@ -82,6 +116,32 @@ pub struct KindRow {
     pub least: usize,
     /// Whether `length_m` belongs to it.
     pub has_length: bool,
+    /// What it becomes in a fit.
+    pub evidence: Evidence,
+    /// Whether the paper's method uses it.
+    pub in_paper: bool,
+    /// Whether annotations of this kind are told apart by a letter: each is a group of its own.
+    pub is_lettered: bool,
+}
+
+impl KindRow {
+    /// Whether what is drawn stands upright in space.
+    #[must_use]
+    pub const fn is_upright(&self) -> bool {
+        matches!(self.evidence, Evidence::Plumb | Evidence::Standing)
+    }
+
+    /// Whether what is drawn is level: it can be shown from above.
+    #[must_use]
+    pub const fn is_level(&self) -> bool {
+        matches!(self.evidence, Evidence::Parallel | Evidence::RightAngle | Evidence::Length)
+    }
+
+    /// Whether annotations of this kind without a name say the same as one with all their lines.
+    #[must_use]
+    pub const fn is_one_group(&self) -> bool {
+        matches!(self.evidence, Evidence::Plumb | Evidence::Straight)
+    }
 }
 
 /// Every kind of annotation, in the order of tools, legends and reports.
@@ -92,18 +152,40 @@ pub const KINDS: [KindRow; 7] = {
         names: (&'static str, &'static str, char),
         shape: Shape,
         least: usize,
+        evidence: Evidence,
     ) -> KindRow {
         let (name, title, letter) = names;
-        KindRow { kind, name, title, letter, shape, least, has_length: matches!(kind, Kind::KnownLength) }
+        KindRow {
+            kind,
+            name,
+            title,
+            letter,
+            shape,
+            least,
+            has_length: false,
+            evidence,
+            in_paper: true,
+            is_lettered: false,
+        }
     }
+    const fn lettered(row: KindRow) -> KindRow {
+        KindRow { is_lettered: true, ..row }
+    }
+    const fn not_in_paper(row: KindRow) -> KindRow {
+        KindRow { in_paper: false, ..row }
+    }
+    let equal_length = ("equal_length", "Equal length", 'E');
+    let known_length =
+        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1, Evidence::Length);
+    let right_angle = ("perpendicular", "Right angle", 'R');
     [
-        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1),
-        row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2),
-        row(Kind::Perpendicular, ("perpendicular", "Right angle", 'R'), Segments, 2),
-        row(Kind::EqualLength, ("equal_length", "Equal length", 'E'), Segments, 2),
-        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1),
-        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1),
-        row(Kind::Upright, ("upright", "Upright", 'U'), FootAndHead, 1),
+        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1, Evidence::Plumb),
+        lettered(row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2, Evidence::Parallel)),
+        lettered(row(Kind::Perpendicular, right_angle, Segments, 2, Evidence::RightAngle)),
+        lettered(row(Kind::EqualLength, equal_length, Segments, 2, Evidence::Length)),
+        not_in_paper(KindRow { has_length: true, ..known_length }),
+        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1, Evidence::Straight),
+        not_in_paper(row(Kind::Upright, ("upright", "Upright", 'U'), FootAndHead, 1, Evidence::Standing)),
     ]
 };
 
@@ -199,6 +281,37 @@ impl Annotation {
         let segments = self.segments.iter().flatten().cloned();
         let upright = self.foot.zip(self.head).map(|(foot, head)| vec![foot, head]);
         segments.chain(self.points.clone()).chain(upright)
+    }
+
+    /// Its fields that not every kind has: the name in files, whether it is there, and whether it belongs.
+    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 7] {
+        let row = self.kind.row();
+        let of_shape = |shape| Belongs::always_if(row.shape == shape);
+        let (segments, points) = (of_shape(Shape::Segments), of_shape(Shape::Polyline));
+        let standing = of_shape(Shape::FootAndHead);
+        let is_tied = self.at_right_angles_to.is_some();
+        let ties = if self.may_be_tied() { Belongs::Optionally } else { Belongs::Never };
+        [
+            ("segments", self.segments.is_some(), segments),
+            ("points", self.points.is_some(), points),
+            ("foot", self.foot.is_some(), standing),
+            ("head", self.head.is_some(), standing),
+            ("height_m", self.height_m.is_some(), standing),
+            ("length_m", self.length_m.is_some(), Belongs::always_if(row.has_length)),
+            ("at_right_angles_to", is_tied, ties),
+        ]
+    }
+
+    /// Whether its direction may be tied to that of another one.
+    #[must_use]
+    pub fn may_be_tied(&self) -> bool {
+        self.kind.row().evidence == Evidence::Parallel
+    }
+
+    /// Whether it is drawn to tell the lens: an edge that is straight in space, and nothing else is known of it.
+    #[must_use]
+    pub fn is_straight_edge(&self) -> bool {
+        self.kind.row().evidence == Evidence::Straight
     }
 
     /// How a message calls it: its name or id if it has one, else its kind, with its index.

@@ -3,7 +3,7 @@
 
 use crate::camera::{Lens, Pixel};
 pub(crate) use crate::outcome::Source;
-use crate::single::annotation::{Annotation, Kind, Known};
+use crate::single::annotation::{Annotation, Evidence, Known};
 
 /// Where a line leads in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -121,20 +121,20 @@ impl Constraints {
     ) {
         let annotation = &annotations[index];
         let segments = annotation.segments.as_deref().unwrap_or_default();
-        match annotation.kind {
-            Kind::Straight => {}
-            Kind::Vertical => self.take_lines(index, segments, lens, |_| Direction::Vertical),
-            Kind::Parallel => {
+        match annotation.kind.row().evidence {
+            Evidence::Straight => {}
+            Evidence::Plumb => self.take_lines(index, segments, lens, |_| Direction::Vertical),
+            Evidence::Parallel => {
                 let (group, orthogonal) = direction_of(annotations, index, directions, &mut self.groups);
                 self.take_lines(index, segments, lens, |_| Direction::Floor { group, orthogonal });
             }
-            Kind::Perpendicular => {
+            Evidence::RightAngle => {
                 let group = self.groups;
                 self.groups += 1;
                 self.take_lines(index, segments, lens, |i| Direction::Floor { group, orthogonal: i > 0 });
             }
-            Kind::EqualLength | Kind::KnownLength => self.take_lengths(index, annotation, segments, lens),
-            Kind::Upright => self.take_upright(index, annotation, lens),
+            Evidence::Length => self.take_lengths(index, annotation, segments, lens),
+            Evidence::Standing => self.take_upright(index, annotation, lens),
         }
     }
 
@@ -196,9 +196,10 @@ fn direction_of(
         if let Some(direction) = directions[last] {
             break direction;
         }
-        let tied = annotations[last].at_right_angles_to.as_ref().and_then(|id| {
-            annotations.iter().position(|a| a.kind == Kind::Parallel && a.id.as_ref() == Some(id))
-        });
+        let tied = annotations[last]
+            .at_right_angles_to
+            .as_ref()
+            .and_then(|id| annotations.iter().position(|a| a.may_be_tied() && a.id.as_ref() == Some(id)));
         match tied {
             Some(next) if seen.insert(next) => chain.push(next),
             _ => {
@@ -264,6 +265,7 @@ fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[Endpoint; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::single::annotation::Kind;
 
     fn parallel(id: &str, tied: Option<&str>) -> Annotation {
         let segment = vec![Pixel::new(0.0, 0.0), Pixel::new(10.0, 5.0)];

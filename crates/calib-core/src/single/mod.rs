@@ -19,7 +19,7 @@ mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
 pub use advice::{Sketch, draw_next, findings};
-pub use annotation::{Annotation, KINDS, Kind, KindRow, Known, Shape, line_name};
+pub use annotation::{Annotation, Evidence, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
@@ -30,6 +30,7 @@ pub use straightness::{Edge, straightness_rms};
 pub(crate) use accuracy::placed_floor_length_rel;
 #[cfg(feature = "serde")]
 pub(crate) use advice::floor_finding;
+pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
 #[cfg(feature = "serde")]

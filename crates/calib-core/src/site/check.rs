@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use jiff::Timestamp;
 
 use crate::camera::Coefficient;
-use crate::single::{Annotation, Kind, Shape};
+use crate::single::{Annotation, Belongs};
 use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
@@ -235,35 +235,11 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     name(&at.key("id"), annotation.id.as_ref())?;
     name(&at.key("name"), annotation.name.as_ref())?;
     let row = annotation.kind.row();
-    let belongs = [
-        (
-            "segments",
-            annotation.segments.is_some(),
-            row.shape == Shape::Segments,
-            row.shape == Shape::Segments,
-        ),
-        ("points", annotation.points.is_some(), row.shape == Shape::Polyline, row.shape == Shape::Polyline),
-        ("foot", annotation.foot.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
-        ("head", annotation.head.is_some(), row.shape == Shape::FootAndHead, row.shape == Shape::FootAndHead),
-        (
-            "height_m",
-            annotation.height_m.is_some(),
-            row.shape == Shape::FootAndHead,
-            row.shape == Shape::FootAndHead,
-        ),
-        ("length_m", annotation.length_m.is_some(), row.has_length, row.has_length),
-        (
-            "at_right_angles_to",
-            annotation.at_right_angles_to.is_some(),
-            annotation.kind == Kind::Parallel,
-            false,
-        ),
-    ];
-    for (key, is_there, may, must) in belongs {
-        if is_there && !may {
+    for (key, is_there, belongs) in annotation.fields() {
+        if is_there && belongs == Belongs::Never {
             return at.key(key).expected(format!("{key:?}"), format!("fields that {} has", row.name));
         }
-        if must && !is_there {
+        if !is_there && belongs == Belongs::Always {
             return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
         }
     }
@@ -287,7 +263,7 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
     let by_id: HashMap<&str, usize> = annotations
         .iter()
         .enumerate()
-        .filter(|(_, a)| a.kind == Kind::Parallel)
+        .filter(|(_, a)| a.may_be_tied())
         .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
         .collect();
     let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();

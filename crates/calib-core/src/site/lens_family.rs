@@ -29,11 +29,7 @@ impl Site {
     ///
     /// It costs no more in a site of many cameras: the others are not looked at.
     #[must_use]
-    pub fn calibrate_family(
-        &self,
-        family: &[usize],
-        before: &LensCache,
-    ) -> (Report, LensCache) {
+    pub fn calibrate_family(&self, family: &[usize], before: &LensCache) -> (Report, LensCache) {
         let cameras = family.iter().filter_map(|&index| self.cameras.get(index)).cloned().collect();
         let alone = Self { cameras, plan: self.plan.clone(), ..Self::new() };
         let lenses = alone.lenses(before);

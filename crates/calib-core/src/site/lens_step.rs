@@ -3,7 +3,7 @@
 use crate::camera::{Coefficient, Distortion, Lens};
 use crate::outcome::Finding;
 use crate::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
+    Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -69,7 +69,7 @@ impl Site {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let fitted = distortion.map(asked);
         // Without polylines, lines that happen to have a third point are not asked about the lens.
-        let straight = entry.annotations.iter().any(|a| a.kind == Kind::Straight && !a.off);
+        let straight = entry.annotations.iter().any(|a| a.is_straight_edge() && !a.off);
         if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
             return None;
         }
@@ -131,7 +131,7 @@ impl LensEstimate {
     pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
         edges(annotations)
             .iter()
-            .filter(|edge| annotations[edge.source.annotation].kind == Kind::Straight)
+            .filter(|edge| annotations[edge.source.annotation].is_straight_edge())
             .filter_map(|edge| Some((edge.source, straightness_rms(lens, &edge.points)?)))
             .collect()
     }
@@ -145,9 +145,8 @@ impl LensEstimate {
         let Some(fit) = &self.fit else {
             return self.unfitted().into_iter().collect();
         };
-        let is_own = |source: &Source| {
-            annotations.get(source.annotation).is_some_and(|drawn| drawn.kind == Kind::Straight)
-        };
+        let is_own =
+            |source: &Source| annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge);
         let mute: Vec<(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
         let [_, _, corner] = fit.map_error;

@@ -205,7 +205,7 @@ fn paper(
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = listed(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    let unknown = |kind| matches!(kind, Kind::KnownLength | Kind::Upright);
+    let unknown = |kind: Kind| !kind.row().in_paper;
     let mut findings: Vec<Finding> = unused(&entry.annotations, Estimator::Paper, unknown).collect();
     findings.extend(priors_unused(entry));
     Ok(CameraResult { findings, ..CameraResult::new(solution) })

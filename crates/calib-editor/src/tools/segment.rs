@@ -1,6 +1,6 @@
 //! Draws a line of one kind: drag, or click and click.
 
-use calib_core::{Kind, Pixel};
+use calib_core::{Kind, Pixel, Shape};
 
 use crate::edit;
 use crate::hit::Part;
@@ -59,7 +59,7 @@ impl Segment {
 
 /// Foot first for what stands upright.
 fn upright(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
-    if kind == Kind::Upright && a.v < b.v { [b, a] } else { [a, b] }
+    if kind.row().shape == Shape::FootAndHead && a.v < b.v { [b, a] } else { [a, b] }
 }
 
 impl Tool for Segment {
