@@ -95,6 +95,11 @@
 //! `serde` (on by default): the site document. `schema`: its JSON Schema. `mint`, `nalgebra`, `cam-geom`:
 //! conversions to and from those libraries.
 
+#![cfg_attr(
+    not(feature = "serde"),
+    expect(dead_code, unused_imports, reason = "some steps only the site asks for")
+)]
+
 // A folder uses only those above it, and in a folder a file only those above it; a test holds both.
 mod camera;
 mod optimize;

@@ -25,7 +25,5 @@ pub use refinement::OutlierCandidate;
 pub use summary::{BundleSummary, CameraEstimate};
 pub use view_graph::Component;
 
-#[cfg(feature = "serde")]
 pub(crate) use landmark::LANDMARK_PARAMS;
-#[cfg(feature = "serde")]
 pub(crate) use triangulation::{floor_disagreements, triangulate};

@@ -41,7 +41,6 @@ impl Covariance {
     }
 
     /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
-    #[cfg(feature = "serde")]
     pub(crate) fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         // The rows first, then the columns of what that gives: the matrix is symmetric.
         let mut rows = self.0;

@@ -1,7 +1,6 @@
 //! How good the floor is: the predicted error of lengths on it.
 
 use crate::camera::{Camera, FloorPoint, Pixel, UndistortedPixel};
-#[cfg(feature = "serde")]
 use crate::camera::{Covariance, Distortion, ObservedPixel};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
@@ -117,7 +116,6 @@ fn length_rel<const N: usize>(
 }
 
 /// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included.
-#[cfg(feature = "serde")]
 pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     const N: usize = 4 + Distortion::MOST;
     let parameters =

@@ -312,7 +312,6 @@ impl LeastSquares for Problem<'_> {
 
 /// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
 /// and lengths taken as the evidence has them there; those without a prediction are left out.
-#[cfg(feature = "serde")]
 pub(crate) fn residuals_at(
     constraints: &Constraints,
     at: Orientation,

@@ -26,14 +26,11 @@ pub use plumb_line::{Fitted, LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use straightness::{Edge, straightness_rms};
 
-#[cfg(feature = "serde")]
 pub(crate) use accuracy::placed_floor_length_rel;
-#[cfg(feature = "serde")]
 pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-#[cfg(feature = "serde")]
 pub(crate) use likelihood::residuals_at;
 pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
