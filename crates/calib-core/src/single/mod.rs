@@ -5,6 +5,7 @@
 mod annotation;
 mod constraints;
 mod straightness;
+mod edge_information;
 mod plumb_line;
 mod vanishing_point;
 mod abramov;

@@ -2,15 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use jiff::Timestamp;
-
-use crate::camera::Coefficient;
 use crate::single::{Annotation, Belongs};
 use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
+use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
+use crate::site::period::check_periods;
 use crate::site::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain_words, quoted};
-use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
 
 /// Longest text of a site that is read, in bytes; `data:` images included.
 pub const MAX_BYTES: usize = 1 << 30;
@@ -18,10 +16,9 @@ pub const MAX_BYTES: usize = 1 << 30;
 pub const MAX_VALUES: usize = 4_000_000;
 /// Most cameras in a site.
 pub const MAX_CAMERAS: usize = 10_000;
-/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
-const MAX_CORNERS: usize = 10_000;
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
+
 impl Site {
     /// Reads and checks a site file.
     ///
@@ -187,38 +184,6 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     }
 }
 
-fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
-    let mut given = false;
-    let own = entry.model.row().coefficients;
-    for which in Coefficient::ALL {
-        let (key, Some(value)) = (which.name(), entry.coefficient(which)) else { continue };
-        given = true;
-        if !own.contains(&which) {
-            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
-        }
-        Bounds::COEFFICIENT.check(&at.key(key), value)?;
-    }
-    optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
-    if let Some(fit) = &entry.fit {
-        if given {
-            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
-        }
-        for (i, wanted) in fit.iter().enumerate() {
-            if !own.contains(wanted) || fit[..i].contains(wanted) {
-                let found = quoted(wanted.name());
-                return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
-            }
-        }
-    }
-    if given && entry.focal_px.is_none() && focal.is_none() {
-        return at.expected(
-            "coefficients without a focal",
-            "\"focal_px\" here, which they refer to, or in the lens",
-        );
-    }
-    Ok(())
-}
-
 fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
     let mut ids = HashSet::new();
     for (i, annotation) in annotations.iter().enumerate() {
@@ -321,120 +286,4 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
     optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
     optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
     optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
-}
-
-/// Whether a solution can be written and read again.
-pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
-    Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
-    let point = <[f64; 2]>::from(solution.principal_point_px);
-    Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
-    let pose = [
-        ("position_m", solution.position_m.is_some()),
-        ("yaw_deg", solution.yaw_deg.is_some()),
-        ("pitch_deg", solution.pitch_deg.is_some()),
-        ("roll_deg", solution.roll_deg.is_some()),
-    ];
-    for (key, is_there) in pose {
-        if !is_there && solution.stage != Stage::Lens {
-            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
-        }
-    }
-    if let Some(position) = solution.position_m {
-        Bounds::COORDINATE.check_all(&at.key("position_m"), &<[f64; 3]>::from(position))?;
-    }
-    let angles = [solution.yaw_deg, solution.pitch_deg, solution.roll_deg];
-    for (key, angle) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().zip(angles) {
-        optional(&at.key(key), angle, Bounds::DEGREES)?;
-    }
-    if let Some(distortion) = &solution.distortion {
-        check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
-    }
-    let efov = at.key("efov_m");
-    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
-    for (i, &point) in solution.efov_m.iter().enumerate() {
-        Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
-    }
-    solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
-}
-
-fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
-    let n = covariance.of.len();
-    count(&at.key("of"), n, 100)?;
-    let expected = n * (n + 1) / 2;
-    if covariance.upper.len() != expected {
-        let found = format!("{} numbers", covariance.upper.len());
-        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
-    }
-    let broken = covariance.upper.iter().position(|value| !value.is_finite());
-    if let Some(i) = broken {
-        return at.key("upper").index(i).expected(covariance.upper[i], "a number");
-    }
-    // Row by row, the diagonal is the first of each row.
-    let mut first = 0;
-    for row in 0..n {
-        if covariance.upper[first] < 0.0 {
-            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
-        }
-        first += n - row;
-    }
-    Ok(())
-}
-
-/// An id may repeat when the periods of validity do not overlap.
-fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
-    let mut periods: HashMap<&str, Vec<(Timestamp, Timestamp)>> = HashMap::new();
-    for (i, camera) in cameras.iter().enumerate() {
-        let at = at.index(i);
-        let from = instant(&at.key("valid_from"), camera.valid_from.as_ref(), Timestamp::MIN)?;
-        let to = instant(&at.key("valid_to"), camera.valid_to.as_ref(), Timestamp::MAX)?;
-        if from >= to {
-            return at.key("valid_to").expected("a period that ends before it begins", "a later time");
-        }
-        let others = periods.entry(&camera.id).or_default();
-        if others.iter().any(|&(start, end)| from < end && start < to) {
-            let expected = "an id that no other camera has at the same time";
-            return at.key("id").expected(quoted(&camera.id), expected);
-        }
-        others.push((from, to));
-    }
-    Ok(())
-}
-
-fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestamp, SiteError> {
-    let Some(text) = text else { return Ok(absent) };
-    match text.parse() {
-        Ok(instant) => Ok(instant),
-        Err(_) => at.expected(quoted(text), "a time such as 2026-05-01T08:00:00Z").map(|()| absent),
-    }
-}
-
-impl SiteCamera {
-    /// Whether this calibration holds at a time (RFC 3339).
-    ///
-    /// # Errors
-    /// When the text is not a time.
-    pub fn is_valid_at(&self, time: &str) -> Result<bool, SiteError> {
-        let at = At::root();
-        let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
-        let from = instant(&at, self.valid_from.as_ref(), Timestamp::MIN)?;
-        let to = instant(&at, self.valid_to.as_ref(), Timestamp::MAX)?;
-        Ok(from <= when && when < to)
-    }
-
-    /// When this calibration holds: from the first to before the second, in nanoseconds since 1970 (UTC).
-    ///
-    /// What is open, or more than 292 years from 1970, is the least or the largest number.
-    ///
-    /// # Errors
-    /// When `valid_from` or `valid_to` is not a time.
-    pub fn period_ns(&self) -> Result<[i64; 2], SiteError> {
-        let at = At::root();
-        let nanoseconds = |time: Timestamp| {
-            let open = if time < Timestamp::UNIX_EPOCH { i64::MIN } else { i64::MAX };
-            i64::try_from(time.as_nanosecond()).unwrap_or(open)
-        };
-        let from = instant(&at.key("valid_from"), self.valid_from.as_ref(), Timestamp::MIN)?;
-        let to = instant(&at.key("valid_to"), self.valid_to.as_ref(), Timestamp::MAX)?;
-        Ok([from, to].map(nanoseconds))
-    }
 }

@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 
 use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels};
-use crate::site::document::{Link, LinkKind, Mark, Site};
+use crate::site::document::Site;
+use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::site_error::quoted;
 
 /// Links, marks and the distances between them.

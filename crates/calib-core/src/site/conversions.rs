@@ -6,7 +6,8 @@ use crate::camera::{
 };
 use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors};
-use crate::site::document::{ControlPointEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera};
+use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
+use crate::site::elements::Mark;
 use crate::site::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 impl Plan {

@@ -3,6 +3,8 @@
 //! Law: the only folder that knows names, degrees and files' words; it states no formula.
 
 mod solution;
+mod site_solution;
+mod elements;
 mod document;
 mod conversions;
 mod english;
@@ -10,6 +12,8 @@ mod camera_result;
 mod site_error;
 mod bounds;
 mod check_elements;
+mod check_solution;
+mod period;
 mod check;
 mod options;
 mod lens_cache;
@@ -26,15 +30,16 @@ mod lens_family;
 pub use bounds::MAX_ITEMS;
 pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
 pub use document::{
-    ControlPointEntry, Distance, Format, Georeference, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen,
-    PlacementEntry, Plan, Site, SiteCamera,
+    ControlPointEntry, Format, Georeference, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
 };
+pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
+pub use site_solution::{ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
 pub use solution::{
-    Alternative, CovarianceEntry, DistortionEntry, DrawNext, ElementSolution, FailureEntry, Method, Overlap,
-    Scale, SeenResidual, Sigmas, SiteSolution, Solution, Stage, Warning,
+    Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
+    Warning,
 };

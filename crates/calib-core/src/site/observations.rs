@@ -8,7 +8,8 @@ use crate::camera::{Pixel, WorldPoint};
 use crate::floor::Shape3;
 use crate::outcome::Failure;
 use crate::single::{Known, Prior};
-use crate::site::document::{ControlPointEntry, Link, LinkKind, Mark, Site};
+use crate::site::document::{ControlPointEntry, Site};
+use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::single_step::SingleFit;
 
 /// What a landmark is in the site file.
@@ -143,7 +144,7 @@ impl Site {
                 by_id.insert(id, index);
             }
         }
-        let measurement = |(index, entry): (usize, &crate::site::document::Distance)| {
+        let measurement = |(index, entry): (usize, &crate::site::elements::Distance)| {
             let [a, b] = [&entry.between[0], &entry.between[1]].map(|id| by_id.get(id.as_str()).copied());
             let measurement = DistanceMeasurement {
                 between: [a?, b?],

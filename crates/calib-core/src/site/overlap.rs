@@ -10,7 +10,8 @@ use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
 use crate::site::document::Site;
 use crate::site::observations::LandmarkSource;
-use crate::site::solution::{Overlap, Stage};
+use crate::site::site_solution::Overlap;
+use crate::site::solution::Stage;
 
 impl Site {
     /// Pairs of cameras that share evidence, or floor.

@@ -10,15 +10,14 @@ use crate::single::{Constraints, OPEN_FOCAL, Unusable};
 use crate::site::bounds::At;
 use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
-use crate::site::check::check_solution;
+use crate::site::check_solution::check_solution;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
 use crate::site::single_step::{LensOwners, Lenses, SingleFit, listed, residuals_when_off, rms};
-use crate::site::solution::{
-    DistortionEntry, ElementSolution, FailureEntry, Method, SiteSolution, Solution, Stage,
-};
+use crate::site::site_solution::{ElementSolution, SiteSolution};
+use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 
 /// What calibrating a site found out.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,7 +10,8 @@ use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
 use crate::site::document::Site;
 use crate::site::observations::LandmarkSource;
-use crate::site::solution::{ElementSolution, Scale, SeenResidual, Sigmas, SiteSolution, Stage};
+use crate::site::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
+use crate::site::solution::{Sigmas, Stage};
 
 /// Where a landmark is and what every observation of it is off, in pixels.
 #[derive(Clone, Debug)]

@@ -1,0 +1,98 @@
+//! Checks of lenses, and of what solving wrote into a site.
+
+use crate::camera::Coefficient;
+use crate::site::bounds::{At, Bounds, Checked, count, optional};
+use crate::site::site_error::quoted;
+use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
+
+/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
+const MAX_CORNERS: usize = 10_000;
+
+/// Whether a solution can be written and read again.
+pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
+    Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
+    let point = <[f64; 2]>::from(solution.principal_point_px);
+    Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    let pose = [
+        ("position_m", solution.position_m.is_some()),
+        ("yaw_deg", solution.yaw_deg.is_some()),
+        ("pitch_deg", solution.pitch_deg.is_some()),
+        ("roll_deg", solution.roll_deg.is_some()),
+    ];
+    for (key, is_there) in pose {
+        if !is_there && solution.stage != Stage::Lens {
+            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
+        }
+    }
+    if let Some(position) = solution.position_m {
+        Bounds::COORDINATE.check_all(&at.key("position_m"), &<[f64; 3]>::from(position))?;
+    }
+    let angles = [solution.yaw_deg, solution.pitch_deg, solution.roll_deg];
+    for (key, angle) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().zip(angles) {
+        optional(&at.key(key), angle, Bounds::DEGREES)?;
+    }
+    if let Some(distortion) = &solution.distortion {
+        check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
+    }
+    let efov = at.key("efov_m");
+    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
+    for (i, &point) in solution.efov_m.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
+    }
+    solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
+}
+
+fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
+    let n = covariance.of.len();
+    count(&at.key("of"), n, 100)?;
+    let expected = n * (n + 1) / 2;
+    if covariance.upper.len() != expected {
+        let found = format!("{} numbers", covariance.upper.len());
+        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
+    }
+    let broken = covariance.upper.iter().position(|value| !value.is_finite());
+    if let Some(i) = broken {
+        return at.key("upper").index(i).expected(covariance.upper[i], "a number");
+    }
+    // Row by row, the diagonal is the first of each row.
+    let mut first = 0;
+    for row in 0..n {
+        if covariance.upper[first] < 0.0 {
+            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
+        }
+        first += n - row;
+    }
+    Ok(())
+}
+
+pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
+    let mut given = false;
+    let own = entry.model.row().coefficients;
+    for which in Coefficient::ALL {
+        let (key, Some(value)) = (which.name(), entry.coefficient(which)) else { continue };
+        given = true;
+        if !own.contains(&which) {
+            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
+        }
+        Bounds::COEFFICIENT.check(&at.key(key), value)?;
+    }
+    optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    if let Some(fit) = &entry.fit {
+        if given {
+            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
+        }
+        for (i, wanted) in fit.iter().enumerate() {
+            if !own.contains(wanted) || fit[..i].contains(wanted) {
+                let found = quoted(wanted.name());
+                return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
+            }
+        }
+    }
+    if given && entry.focal_px.is_none() && focal.is_none() {
+        return at.expected(
+            "coefficients without a focal",
+            "\"focal_px\" here, which they refer to, or in the lens",
+        );
+    }
+    Ok(())
+}
