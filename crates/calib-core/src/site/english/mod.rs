@@ -4,11 +4,11 @@
 //! into one.
 
 mod suggestion;
-mod advice;
-mod message;
+mod phrase;
+mod finding;
 mod failure;
 
-pub use message::Names;
+pub use phrase::Names;
 
 pub(crate) use suggestion::what_to_draw;
 

@@ -1,10 +1,8 @@
-//! What is so: a finding in a sentence.
+//! What sentences are made of: names of what they speak about, and the longer phrases.
 
-use crate::outcome::{Apart, Estimator, Finding, Parameter, Rival, Source, Subject, Tie, WhyUnused};
+use crate::outcome::{Apart, Estimator, Parameter, Rival, Source, Subject, Tie, WhyUnused};
 use crate::single::{Annotation, line_name};
 use crate::site::document::{Site, SiteCamera};
-use crate::site::english::advice::advice;
-use crate::site::solution::Warning;
 
 /// How annotations are named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,86 +13,21 @@ pub enum Names {
     OnScreen,
 }
 
-impl Site {
-    /// A finding as a message and an advice: about the result of a camera, or about the site as a whole.
-    #[must_use]
-    pub fn in_english(&self, camera: Option<usize>, finding: &Finding, names: Names) -> Warning {
-        let entry = camera.and_then(|index| self.cameras.get(index));
-        let message = English { site: self, entry, names }.message(finding);
-        Warning { code: finding.code(), message, advice: advice(finding) }
-    }
-}
-
 /// What sentences name things by.
-struct English<'a> {
-    site: &'a Site,
+pub(super) struct English<'a> {
+    pub(super) site: &'a Site,
     /// The camera in question.
-    entry: Option<&'a SiteCamera>,
-    names: Names,
+    pub(super) entry: Option<&'a SiteCamera>,
+    pub(super) names: Names,
 }
 
 impl English<'_> {
-    fn message(&self, finding: &Finding) -> String {
-        use Finding as F;
-        match finding {
-            F::FocalUnobservable { sigma, looks_down, good_floor, .. } => {
-                open_focal(*sigma, good_floor.filter(|_| *looks_down))
-            }
-            F::PriorDominates { focal, sigma } => from_prior(*focal, *sigma),
-            F::TwoSolutions { others, .. } => rivals(others),
-            F::Weak { floor_length_rel, .. } | F::Unusable { floor_length_rel, .. } => {
-                floor(*floor_length_rel)
-            }
-            F::NoFloor => "The camera sees no floor where its field of view is.".into(),
-            F::LineOutlier { line, px } => self.line_outlier(*line, *px),
-            F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
-            F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
-            F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
-            F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
-            F::UncertainCorners { px } => corners(*px),
-            F::UnusedEdges { first, count, is_undistorted, px } => {
-                self.unused_edges(*first, *count, *is_undistorted, *px)
-            }
-            F::UnusedKind { annotation, by } => format!("{} {}.", estimator(*by), self.label(*annotation)),
-            F::TooFewSegments { annotation, by, drawn, least } => {
-                let (who, label) = (estimator(*by), self.label(*annotation));
-                format!("{who} {label}: it has {drawn} segment(s) and needs {least}.")
-            }
-            F::UnusedPrior { parameter } => {
-                format!("The paper's method does not use the prior {}.", field(*parameter))
-            }
-            F::OutsideLens { line } => {
-                format!("{} has a point where the lens shows nothing.", self.line_of(*line))
-            }
-            F::NoLength { line } => format!("{} has no length.", self.line_of(*line)),
-            F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
-            F::HiddenControlPoints { points } => self.hidden(points),
-            F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
-            F::ScaleConflict { told, placed } => scale_conflict(*told, *placed),
-            F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
-            F::DistortionNotInvertible => {
-                "The distortion folds back on itself inside the image: a corner shows no ray.".into()
-            }
-            F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
-            F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
-            F::DistanceOutlier { distance } => self.distance_outlier(*distance),
-            F::NotConnected { cameras, apart } => self.not_connected(cameras, *apart),
-            F::Sliding { camera } => format!("The links of {} leave open where it stands.", self.id(*camera)),
-            F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
-            F::TooManyCameras { count, first } => self.too_many(*count, *first),
-            F::Unused { what, why } => self.unused(what, *why),
-            F::UnusedTies { ties, count } => {
-                format!("{count} {} are not used: every camera is solved by itself.", tied(*ties))
-            }
-        }
-    }
-
     fn annotations(&self) -> &[Annotation] {
         self.entry.map_or(&[], |entry| &entry.annotations)
     }
 
     /// An annotation by where it stands in the file, or by its lines.
-    fn label(&self, index: usize) -> String {
+    pub(super) fn label(&self, index: usize) -> String {
         let Some(annotation) = self.annotations().get(index) else { return String::new() };
         // One without lines has no name on the screen.
         if self.names == Names::InFile || annotation.polylines().count() == 0 {
@@ -112,7 +45,7 @@ impl English<'_> {
     }
 
     /// A line, and in files its annotation.
-    fn line_of(&self, line: Source) -> String {
+    pub(super) fn line_of(&self, line: Source) -> String {
         match self.names {
             Names::InFile => format!("{} of {}", self.line(line), self.label(line.annotation)),
             Names::OnScreen => self.line(line),
@@ -120,7 +53,7 @@ impl English<'_> {
     }
 
     /// The id of a camera.
-    fn id(&self, camera: usize) -> &str {
+    pub(super) fn id(&self, camera: usize) -> &str {
         self.site.cameras.get(camera).map_or("", |entry| &entry.id)
     }
 
@@ -161,7 +94,7 @@ impl English<'_> {
         }
     }
 
-    fn line_outlier(&self, line: Source, px: Option<f64>) -> String {
+    pub(super) fn line_outlier(&self, line: Source, px: Option<f64>) -> String {
         let line = self.line_of(line);
         match px {
             Some(px) => format!("{line} contradicts the others by {px:.1} px and was set aside."),
@@ -169,14 +102,14 @@ impl English<'_> {
         }
     }
 
-    fn misfit(&self, chi2: f64, dof: i64, worst: Option<(Source, f64)>) -> String {
+    pub(super) fn misfit(&self, chi2: f64, dof: i64, worst: Option<(Source, f64)>) -> String {
         let worst = worst.map_or_else(String::new, |(line, px)| {
             format!(" The largest is {}: {px:.1} px.", self.line_of(line))
         });
         format!("Residuals are larger than drawing noise (chi-square {chi2:.0} on {dof}).{worst}")
     }
 
-    fn says_little(&self, edges: &[Source], drawn: usize, bend_px: f64) -> String {
+    pub(super) fn says_little(&self, edges: &[Source], drawn: usize, bend_px: f64) -> String {
         /// Edges that are named one by one; more are counted.
         const NAMED: usize = 4;
         let names: Vec<String> = edges.iter().map(|&edge| self.line(edge)).collect();
@@ -191,39 +124,39 @@ impl English<'_> {
         )
     }
 
-    fn unused_edges(&self, first: usize, count: usize, is_undistorted: bool, px: f64) -> String {
+    pub(super) fn unused_edges(&self, first: usize, count: usize, is_undistorted: bool, px: f64) -> String {
         let which = if count == 1 { self.label(first) } else { format!("{count} straight edges") };
         let bent = if is_undistorted { "no distortion" } else { "the distortion that is given" };
         format!("The fit does not use {which}: {bent} is held. They are {px:.2} px off straight under it.")
     }
 
-    fn hidden(&self, points: &[usize]) -> String {
+    pub(super) fn hidden(&self, points: &[usize]) -> String {
         let names: Vec<String> = points.iter().map(|&point| self.control_point(self.entry, point)).collect();
         format!("The camera does not show control points {} where it stands now.", names.join(", "))
     }
 
-    fn far(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
+    pub(super) fn far(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
         let name = self.control_point(self.entry, worst);
         format!("The control points are {rms_px:.1} px rms off; the worst is {name}: {worst_px:.1} px.")
     }
 
-    fn control_point_outlier(&self, camera: usize, point: usize) -> String {
+    pub(super) fn control_point_outlier(&self, camera: usize, point: usize) -> String {
         let name = self.control_point(self.site.cameras.get(camera), point);
         format!("Control point {name} contradicts the others and was set aside.")
     }
 
-    fn element_outlier(&self, element: Subject, worst: Option<(usize, f64)>) -> String {
+    pub(super) fn element_outlier(&self, element: Subject, worst: Option<(usize, f64)>) -> String {
         let far =
             worst.map_or_else(String::new, |(camera, px)| format!(" ({px:.0} px in {})", self.id(camera)));
         let element = capitalised(&self.shared(element));
         format!("{element} contradicts the others and was set aside{far}.")
     }
 
-    fn distance_outlier(&self, distance: usize) -> String {
+    pub(super) fn distance_outlier(&self, distance: usize) -> String {
         format!("The {} contradicts the rest and was set aside.", self.distance(distance))
     }
 
-    fn not_connected(&self, cameras: &[usize], apart: Apart) -> String {
+    pub(super) fn not_connected(&self, cameras: &[usize], apart: Apart) -> String {
         let ids = self.ids(cameras);
         match apart {
             Apart::TooLittle => format!("What {ids} shares with other cameras is too little to place it."),
@@ -234,19 +167,19 @@ impl English<'_> {
         }
     }
 
-    fn scale_unknown(&self, cameras: &[usize], root: usize) -> String {
+    pub(super) fn scale_unknown(&self, cameras: &[usize], root: usize) -> String {
         let (ids, root) = (self.ids(cameras), self.id(root));
         format!("Nothing gives the scale of {ids}: camera {root} stands at the height it was placed with.")
     }
 
-    fn too_many(&self, count: usize, first: usize) -> String {
+    pub(super) fn too_many(&self, count: usize, first: usize) -> String {
         let first = self.id(first);
         format!(
             "{count} cameras, {first} among them, share more than can be fitted together: each is solved by itself."
         )
     }
 
-    fn unused(&self, what: &[Subject], why: WhyUnused) -> String {
+    pub(super) fn unused(&self, what: &[Subject], why: WhyUnused) -> String {
         let names: Vec<String> = what.iter().map(|&subject| self.shared(subject)).collect();
         let why = match why {
             WhyUnused::OutOfSight => "a camera that shows it cannot see anything where the others put it",
@@ -272,7 +205,7 @@ fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-fn open_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
+pub(super) fn open_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
     let known =
         if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
     match floor_seen_from_above {
@@ -286,14 +219,14 @@ fn open_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
     }
 }
 
-fn from_prior(focal: f64, sigma: f64) -> String {
+pub(super) fn from_prior(focal: f64, sigma: f64) -> String {
     format!(
         "The focal of {focal:.0} px \u{b1} {:.0} % comes from what cameras usually have, not from the lines.",
         100.0 * sigma
     )
 }
 
-fn rivals(others: &[Rival]) -> String {
+pub(super) fn rivals(others: &[Rival]) -> String {
     let list: Vec<String> = others
         .iter()
         .map(|rival| format!("focal {:.0} px with pitch {:.1}\u{b0}", rival.focal, rival.pitch.to_degrees()))
@@ -301,28 +234,28 @@ fn rivals(others: &[Rival]) -> String {
     format!("The lines fit another camera as well: {}.", list.join("; "))
 }
 
-fn floor(rel: f64) -> String {
+pub(super) fn floor(rel: f64) -> String {
     format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel)
 }
 
-fn joint_misfit(chi2: f64, dof: i64) -> String {
+pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
     format!(
         "The cameras that are fitted together contradict each other: chi-square {chi2:.0} for {dof} degrees of freedom."
     )
 }
 
-fn bent(px: f64, px_without_lens: f64) -> String {
+pub(super) fn bent(px: f64, px_without_lens: f64) -> String {
     format!(
         "The edges drawn as straight are {px:.2} px rms off straight ({px_without_lens:.2} px without a lens)."
     )
 }
 
-fn corners(px: f64) -> String {
+pub(super) fn corners(px: f64) -> String {
     let how = if px.is_finite() { format!("by \u{b1} {px:.0} px") } else { "altogether".into() };
     format!("The straight edges leave the corners of the image uncertain {how}.")
 }
 
-const fn estimator(by: Estimator) -> &'static str {
+pub(super) const fn estimator(by: Estimator) -> &'static str {
     match by {
         Estimator::MaximumLikelihood => "The fit does not use",
         Estimator::Paper => "The paper's method does not use",
@@ -330,7 +263,7 @@ const fn estimator(by: Estimator) -> &'static str {
 }
 
 /// The field of a camera's entry that tells a parameter.
-const fn field(parameter: Parameter) -> &'static str {
+pub(super) const fn field(parameter: Parameter) -> &'static str {
     match parameter {
         Parameter::Focal => "lens.focal_px",
         Parameter::Pitch => "lens.pitch_deg",
@@ -339,13 +272,13 @@ const fn field(parameter: Parameter) -> &'static str {
     }
 }
 
-fn scale_conflict(told: f64, placed: f64) -> String {
+pub(super) fn scale_conflict(told: f64, placed: f64) -> String {
     format!(
         "The camera is {told:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
     )
 }
 
-const fn efov(is_whole: bool) -> &'static str {
+pub(super) const fn efov(is_whole: bool) -> &'static str {
     if is_whole {
         "The whole EFOV lies above the horizon or outside the lens."
     } else {
@@ -353,7 +286,7 @@ const fn efov(is_whole: bool) -> &'static str {
     }
 }
 
-const fn tied(ties: Tie) -> &'static str {
+pub(super) const fn tied(ties: Tie) -> &'static str {
     match ties {
         Tie::Links => "links",
         Tie::Marks => "marks tied to pixels",

@@ -1,10 +1,83 @@
-//! What the operator can do about a finding.
+//! A finding in words: what is so, and what the operator can do about it. A new finding has its two arms here.
 
 use crate::outcome::{Finding, Suggestion, WhyUnused};
+use crate::site::document::Site;
+use crate::site::english::phrase::{
+    English, Names, bent, corners, efov, estimator, field, floor, from_prior, joint_misfit, open_focal,
+    rivals, scale_conflict, tied,
+};
 use crate::site::english::suggestion::what_to_draw;
+use crate::site::solution::Warning;
+
+impl Site {
+    /// A finding as a message and an advice: about the result of a camera, or about the site as a whole.
+    #[must_use]
+    pub fn in_english(&self, camera: Option<usize>, finding: &Finding, names: Names) -> Warning {
+        let entry = camera.and_then(|index| self.cameras.get(index));
+        let message = English { site: self, entry, names }.message(finding);
+        Warning { code: finding.code(), message, advice: advice(finding) }
+    }
+}
+
+impl English<'_> {
+    fn message(&self, finding: &Finding) -> String {
+        use Finding as F;
+        match finding {
+            F::FocalUnobservable { sigma, looks_down, good_floor, .. } => {
+                open_focal(*sigma, good_floor.filter(|_| *looks_down))
+            }
+            F::PriorDominates { focal, sigma } => from_prior(*focal, *sigma),
+            F::TwoSolutions { others, .. } => rivals(others),
+            F::Weak { floor_length_rel, .. } | F::Unusable { floor_length_rel, .. } => {
+                floor(*floor_length_rel)
+            }
+            F::NoFloor => "The camera sees no floor where its field of view is.".into(),
+            F::LineOutlier { line, px } => self.line_outlier(*line, *px),
+            F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
+            F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
+            F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
+            F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
+            F::UncertainCorners { px } => corners(*px),
+            F::UnusedEdges { first, count, is_undistorted, px } => {
+                self.unused_edges(*first, *count, *is_undistorted, *px)
+            }
+            F::UnusedKind { annotation, by } => format!("{} {}.", estimator(*by), self.label(*annotation)),
+            F::TooFewSegments { annotation, by, drawn, least } => {
+                let (who, label) = (estimator(*by), self.label(*annotation));
+                format!("{who} {label}: it has {drawn} segment(s) and needs {least}.")
+            }
+            F::UnusedPrior { parameter } => {
+                format!("The paper's method does not use the prior {}.", field(*parameter))
+            }
+            F::OutsideLens { line } => {
+                format!("{} has a point where the lens shows nothing.", self.line_of(*line))
+            }
+            F::NoLength { line } => format!("{} has no length.", self.line_of(*line)),
+            F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
+            F::HiddenControlPoints { points } => self.hidden(points),
+            F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
+            F::ScaleConflict { told, placed } => scale_conflict(*told, *placed),
+            F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
+            F::DistortionNotInvertible => {
+                "The distortion folds back on itself inside the image: a corner shows no ray.".into()
+            }
+            F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
+            F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
+            F::DistanceOutlier { distance } => self.distance_outlier(*distance),
+            F::NotConnected { cameras, apart } => self.not_connected(cameras, *apart),
+            F::Sliding { camera } => format!("The links of {} leave open where it stands.", self.id(*camera)),
+            F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
+            F::TooManyCameras { count, first } => self.too_many(*count, *first),
+            F::Unused { what, why } => self.unused(what, *why),
+            F::UnusedTies { ties, count } => {
+                format!("{count} {} are not used: every camera is solved by itself.", tied(*ties))
+            }
+        }
+    }
+}
 
 /// What the operator can do about a finding.
-pub(crate) fn advice(finding: &Finding) -> String {
+fn advice(finding: &Finding) -> String {
     use Finding as F;
     let next = || next(finding.suggestion());
     match finding {
