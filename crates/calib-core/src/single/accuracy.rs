@@ -67,7 +67,7 @@ pub(crate) fn floor_length_rel(
     height_known: bool,
 ) -> Option<f64> {
     let points = grid.0.iter().filter_map(|&pixel| {
-        let FloorJacobian { at, by: [roll, pitch, focal] } = FloorJacobian::new(parameters, pixel)?;
+        let FloorJacobian { at, by: [roll, pitch, focal], .. } = FloorJacobian::new(parameters, pixel)?;
         Some((at, [roll, pitch, focal, [0.0; 2]]))
     });
     let points: Vec<([f64; 2], [[f64; 2]; 4])> = points.collect();
@@ -122,26 +122,19 @@ pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f6
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
     let fitted = std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
     let point = |&[x, y]: &[f64; 2]| {
-        let FloorJacobian { at, by } = FloorJacobian::new(&parameters, [x, y])?;
+        let floor = FloorJacobian::new(&parameters, [x, y])?;
         let mut jacobian = [[0.0; 2]; N];
-        jacobian[..3].copy_from_slice(&by);
+        jacobian[..3].copy_from_slice(&floor.by);
         if fitted.contains(&true) {
-            let moved = |dx: f64, dy: f64| {
-                FloorJacobian::new(&parameters, [x + dx, y + dy]).map(|gradient| gradient.at)
-            };
             let Pixel { u: cu, v: cv } = camera.lens.principal_point;
             let raw = camera.distort(UndistortedPixel { u: cu + x, v: cv + y })?;
-            let observed = ObservedPixel::new(raw, &camera.lens, fitted)?;
-            // A pixel to one side: what bends over it is far below what is asked.
-            let (by_x, by_y) = ([moved(0.5, 0.0)?, moved(-0.5, 0.0)?], [moved(0.0, 0.5)?, moved(0.0, -0.5)?]);
+            let ObservedPixel { d_lens: [du, dv], .. } = ObservedPixel::new(raw, &camera.lens, fitted)?;
+            let [by_x, by_y] = floor.by_pixel;
             for k in 0..Distortion::MOST {
-                jacobian[4 + k] = std::array::from_fn(|axis| {
-                    observed.d_lens[0][k] * (by_x[0][axis] - by_x[1][axis])
-                        + observed.d_lens[1][k] * (by_y[0][axis] - by_y[1][axis])
-                });
+                jacobian[4 + k] = [0, 1].map(|axis| du[k] * by_x[axis] + dv[k] * by_y[axis]);
             }
         }
-        Some((at, jacobian))
+        Some((floor.at, jacobian))
     };
     let points: Vec<([f64; 2], [[f64; 2]; N])> = grid.0.iter().filter_map(point).collect();
     let index = |k: usize| match k {
@@ -165,6 +158,8 @@ pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f6
 struct FloorJacobian {
     at: [f64; 2],
     by: [[f64; 2]; 3],
+    /// By x and y of the undistorted pixel.
+    by_pixel: [[f64; 2]; 2],
 }
 
 impl FloorJacobian {
@@ -183,7 +178,9 @@ impl FloorJacobian {
             [(du - at[0] * d_depth) / depth, (d_ahead - at[1] * d_depth) / depth]
         };
         let by = [quotient(-v, -sp * u, cp * u), quotient(0.0, -depth, ahead), quotient(0.0, cp * f, sp * f)];
-        Some(Self { at, by })
+        // The unrolled pixel turns with the pixel: du = cos r, dv = sin r by x, and -sin r, cos r by y.
+        let by_pixel = [quotient(cr, -sp * sr, cp * sr), quotient(-sr, -sp * cr, cp * cr)];
+        Some(Self { at, by, by_pixel })
     }
 }
 
@@ -210,6 +207,14 @@ mod tests {
                 for axis in 0..2 {
                     let numeric = (a[axis] - b[axis]) / (2.0 * STEP);
                     prop_assert!((numeric - here.by[k][axis]).abs() < 1e-3 * (1.0 + numeric.abs()), "{k} {axis}: {numeric} {:?}", here.by[k]);
+                }
+            }
+            for (k, [dx, dy]) in [[1e-3, 0.0], [0.0, 1e-3]].into_iter().enumerate() {
+                let at = |sign: f64| FloorJacobian::new(&parameters, [x + sign * dx, y + sign * dy]).map(|p| p.at);
+                let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
+                for axis in 0..2 {
+                    let numeric = (a[axis] - b[axis]) / 2e-3;
+                    prop_assert!((numeric - here.by_pixel[k][axis]).abs() < 1e-3 * (1e-3 + numeric.abs()), "{k} {axis}: {numeric} {:?}", here.by_pixel[k]);
                 }
             }
         }
