@@ -18,7 +18,7 @@ use crate::refine::Refining;
 use crate::shelf::Shelf;
 use crate::theme;
 
-/// The whole app.
+/// What views read: the document, how it is looked at, and what is under way.
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct App {
