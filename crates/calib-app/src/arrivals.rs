@@ -1,43 +1,41 @@
 //! Files that arrive together, by a drop or a choice of several: a site with its images, or images.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib_editor::file_name::{base, has_ending, is_image, mime};
-use calib_editor::{Action, FileResult, image_names, parse};
+use calib_editor::{Action, image_names, parse};
 use egui::Context;
 
-use crate::app::App;
-use crate::dialog::Chosen;
+use crate::choice::Chosen;
 use crate::plan::is_world_file;
 use crate::platform::{Here, Platform as _};
+use crate::state::App;
 
-impl Chosen {
-    /// What is in the file.
-    ///
-    /// # Errors
-    /// When it cannot be read.
-    pub fn into_bytes(self) -> FileResult<Vec<u8>> {
-        match (self.bytes, self.path) {
-            (Some(bytes), _) => Ok(bytes),
-            (None, Some(path)) => Here::read(&path),
-            (None, None) => Err("cannot be read".into()),
+impl App {
+    /// Takes what was dropped or named: a site, an image, or a folder of images.
+    pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
+        if has_ending(&path, "json") {
+            self.open_path(&path);
+            return;
+        }
+        if has_ending(&path, "svg") {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            self.load_plan(ctx, vec![Chosen { name, path: Some(path), bytes: None }]);
+            return;
+        }
+        let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
+        if images.is_empty() {
+            self.act(Action::Complain(format!(
+                "{}: neither a site (.json) nor an image (.png, .jpg), nor a folder of images",
+                path.display()
+            )));
+        }
+        for path in images {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });
         }
     }
 
-    /// The text of the file.
-    ///
-    /// # Errors
-    /// When it cannot be read or is no text.
-    pub fn into_text(self) -> FileResult<String> {
-        String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
-    }
-
-    fn is_site(&self) -> bool {
-        has_ending(Path::new(&self.name), "json")
-    }
-}
-
-impl App {
     pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
         let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
         if !dropped.is_empty() {

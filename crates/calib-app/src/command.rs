@@ -7,10 +7,8 @@ use egui::{Context, Modifiers, Vec2};
 pub use calib_editor::Command;
 pub use calib_editor::command::{COMMANDS, Row, all};
 
-use crate::app::{App, Mode};
-use crate::dialog::Purpose;
-use crate::panels::tour::Tour;
-use crate::scene3d::Orbit;
+use crate::choice::Purpose;
+use crate::state::{App, Mode, Orbit, Tour};
 
 /// Whether a command would do something now.
 #[must_use]

@@ -1,48 +1,13 @@
-//! The system's file chooser, asked without holding up the frame.
+//! The system's file chooser, asked without holding up the frame, and what is in the files it is closed with.
 
-use std::path::PathBuf;
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
+use calib_editor::FileResult;
 use web_time::Instant;
 
+use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Here, Platform as _};
-
-/// What the chosen files are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// A site to open.
-    OpenSite,
-    /// Where to save the site.
-    SaveSite,
-    /// Where to save the site without its images.
-    SavePlain,
-    /// Stills of new cameras.
-    AddImages,
-    /// The floor plan.
-    LoadPlan,
-    /// Another still of the camera in hand.
-    ReplaceStill,
-    /// A saved version to compare with.
-    Compare,
-    /// Lenses or cameras of another program.
-    Import,
-    /// The folder for what other programs take.
-    Export,
-    /// Where to save a picture of a view.
-    SavePicture,
-}
-
-/// A file that was chosen.
-#[derive(Clone, Debug)]
-pub struct Chosen {
-    /// Its name without folders.
-    pub name: String,
-    /// Where it is; not in the browser.
-    pub path: Option<PathBuf>,
-    /// What is in it; only in the browser.
-    pub bytes: Option<Vec<u8>>,
-}
 
 /// Nobody closes a chooser faster.
 const UNSEEN: Duration = Duration::from_millis(400);
@@ -90,9 +55,24 @@ impl Dialog {
     }
 }
 
-/// Endings of stills.
-pub(crate) const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
-/// Endings of plans.
-pub(crate) const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
-/// Endings of sites.
-pub(crate) const SITE: &[&str] = &["json"];
+impl Chosen {
+    /// What is in the file.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn into_bytes(self) -> FileResult<Vec<u8>> {
+        match (self.bytes, self.path) {
+            (Some(bytes), _) => Ok(bytes),
+            (None, Some(path)) => Here::read(&path),
+            (None, None) => Err("cannot be read".into()),
+        }
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// When it cannot be read or is no text.
+    pub fn into_text(self) -> FileResult<String> {
+        String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
+    }
+}

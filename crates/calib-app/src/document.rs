@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{LensEntry, Site};
+use calib_core::Site;
 use calib_editor::{Action, Images, Opened};
 
-use crate::app::App;
 use crate::autosave::{Autosave, Found};
 use crate::files;
-use crate::pane::Panes;
-use crate::panels;
 use crate::platform::{Here, Platform as _};
 use crate::shelf::{News, Work};
+use crate::state::{App, Panes, Sheet, Tour};
 
 impl App {
     /// Opens a site in place of the one that is open.
@@ -34,8 +32,16 @@ impl App {
         self.adding.clear();
         (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
         (self.picture, self.pictured) = (None, None);
-        (self.export, self.tour) = (panels::export::Sheet::default(), panels::tour::Tour::default());
+        (self.export, self.tour) = (Sheet::default(), Tour::default());
         self.compares_views = false;
+    }
+
+    /// Opens a site file; what is wrong with it is shown.
+    pub fn open_path(&mut self, path: &Path) {
+        match files::open(path) {
+            Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
+            Err(error) => self.act(Action::Fail(error)),
+        }
     }
 
     /// Goes on with what a crashed session left.
@@ -157,14 +163,6 @@ impl App {
             autosave.forget();
         }
         self.kept = self.editor.session().generation;
-    }
-
-    /// Asks for what is known of the lens of the camera in hand to be changed.
-    pub(crate) fn change_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
-        let Some(entry) = self.editor.session().entry() else { return };
-        let mut lens = entry.lens.clone().unwrap_or_default();
-        change(&mut lens);
-        self.send(Action::Lens { lens: Box::new(lens), name: name.to_owned() });
     }
 
     /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.

@@ -3,8 +3,8 @@
 use calib_editor::{Action, Part, PlanHandle, hit, plan_handles};
 use egui::{EventFilter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::canvas::Mapping;
+use crate::state::App;
 use crate::theme;
 
 /// A name for every handle, for screen readers, the Tab key and tests.

@@ -3,8 +3,8 @@
 use calib_editor::{Action, recognise};
 use calib_formats::{File, Format, Imported};
 
-use crate::app::App;
-use crate::dialog::Chosen;
+use crate::choice::Chosen;
+use crate::state::App;
 
 impl App {
     /// Takes what files of another program say about cameras.

@@ -1,43 +1,51 @@
 //! The app: annotate stills, see the site solved as you draw, place the polygons, check in every view.
 //!
-//! The document is `calib_editor`'s; this is the window about it. A frame, in order: finished work arrives
-//! ([`app::App::logic`]), keys become commands ([`command`]), the pointer goes to the tool in hand through a
-//! canvas ([`pane`]), everything is painted, what panels asked for is done, and a finished gesture is kept
-//! ([`autosave`]).
+//! The document is `calib_editor`'s; this is the window about it. Low stands what views read, the [`state`]; then
+//! what comes in and goes out, commands, canvases and panels; highest the frame, which calls them. In its order:
+//! finished work arrives ([`App::logic`]), keys become commands ([`command`]), the pointer goes to the tool in
+//! hand through a canvas ([`pane`]), everything is painted, what panels asked for is done, and a finished gesture
+//! is kept ([`autosave`]).
 
+// A file uses only those above it; a test holds it.
+pub mod choice;
+mod drawing;
 pub mod platform;
 pub mod theme;
 pub mod icons;
 pub mod paint;
-mod drawing;
+pub mod canvas;
 pub mod picture;
+pub mod edges;
+pub mod refine;
 pub mod files;
 pub mod autosave;
 pub mod shelf;
 pub mod demo;
 pub mod dialog;
-pub mod canvas;
-pub mod refine;
-pub mod edges;
-pub mod overlay;
-mod horizon;
-mod lines;
-mod mesh;
-pub mod floor;
-pub mod scene3d;
-pub mod command;
-pub mod keys;
-mod loupe;
-mod minimap;
-pub mod panes;
-mod handles;
-pub mod pane;
-pub mod panels;
-pub mod app;
+pub mod state;
 mod document;
-mod arrivals;
 mod stills;
 mod plan;
 mod import;
+mod arrivals;
+mod screenshot;
+mod answers;
+pub mod command;
+pub mod keys;
+mod mesh;
+pub mod overlay;
+pub mod floor;
+pub mod scene3d;
+mod still;
+mod loupe;
+mod minimap;
+mod handles;
+mod menu;
+mod context;
+pub mod pane;
+pub mod panels;
+mod frame;
+#[cfg(target_arch = "wasm32")]
+pub mod browser;
 
-pub use app::App;
+pub use state::App;

@@ -2,10 +2,10 @@
 
 use egui::{Color32, Pos2, Rect, Ui, Vec2};
 
-use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::paint::{Pen, line};
-use crate::pane::{Place, overlay};
+use crate::state::{App, Place};
+use crate::still;
 use crate::theme::{self, on_image};
 
 /// Its side, in points.
@@ -29,8 +29,8 @@ pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at:
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.clone());
-    app.paint_still(&painter, name.as_deref(), &large, rect);
-    let mut overlay = overlay(app, ui, camera, large, Place::Tile);
+    still::paint(app, &painter, name.as_deref(), &large, rect);
+    let mut overlay = still::overlay(app, ui, camera, large, Place::Tile);
     (overlay.labels, overlay.cursor, overlay.lines) = (false, None, true);
     overlay.paint(&painter);
     let centre = rect.center();

@@ -25,5 +25,5 @@ fn main() -> eframe::Result {
 
 #[cfg(target_arch = "wasm32")]
 fn main() {
-    calib_app::platform::start();
+    calib_app::browser::start();
 }

@@ -3,9 +3,9 @@
 use calib_editor::Pane;
 use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::canvas::{Mapping, View};
-use crate::pane::Place;
+use crate::state::{App, Place};
+use crate::still;
 
 /// Its longer side, in points.
 const SIDE: f32 = 124.0;
@@ -39,7 +39,7 @@ pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, siz
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 0.0, Color32::BLACK);
     let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.clone());
-    app.paint_still(&painter, name.as_deref(), &small, rect);
+    still::paint(app, &painter, name.as_deref(), &small, rect);
     painter.rect_filled(rect, 0.0, Color32::from_black_alpha(90));
     let shown = [mapping.rect.min, mapping.rect.max].map(|at| small.screen(mapping.document(at)));
     let shown = Rect::from_two_pos(shown[0], shown[1]).intersect(rect);

@@ -3,21 +3,19 @@
 use std::sync::Arc;
 
 use calib_core::{Distortion, Pixel};
-use calib_editor::{Action, OldStill, Pane, Part, Phase, Pointer, hit};
-use egui::{Color32, CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use calib_editor::{Action, Pane, Phase, Pointer, hit};
+use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::canvas::{Mapping, View};
+use crate::context;
 use crate::floor::Floor;
 use crate::handles;
 use crate::keys;
 use crate::loupe;
 use crate::minimap;
-use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
-use crate::panels::context;
-pub use crate::panes::{Panes, Place};
-use crate::picture::Piece;
+use crate::state::{App, Place};
+use crate::still;
 use crate::theme::{self, on_image};
 
 /// Movement less than this is a click, in points.
@@ -180,9 +178,9 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let lens = lens.filter(|lens| lens.distortion != Distortion::None);
     let mapping = Mapping { view, rect, lens };
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
-    app.paint_still(&painter, name.as_deref(), &mapping, rect);
-    blend_old(app, &painter, camera, &mapping, size);
-    let overlay = overlay(app, ui, camera, mapping, place);
+    still::paint(app, &painter, name.as_deref(), &mapping, rect);
+    still::blend_old(app, &painter, camera, &mapping, size);
+    let overlay = still::overlay(app, ui, camera, mapping, place);
     overlay.paint(&painter);
     for points in app.editor.tool().rubber(pane) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
@@ -204,21 +202,6 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
 }
 
-/// The still that was replaced, over the new one.
-fn blend_old(app: &mut App, painter: &Painter, camera: usize, mapping: &Mapping, [w, h]: [f64; 2]) {
-    let Some(OldStill { camera: own, image: name, share, .. }) = app.editor.old_still().cloned() else {
-        return;
-    };
-    let images = &app.editor.session().images;
-    let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
-    if let Some(picture) =
-        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| entry.id == own))
-    {
-        let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
-        whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
-    }
-}
-
 /// The edge under the cursor, as a ghost that a click takes.
 fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
     let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
@@ -231,58 +214,6 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
     for end in ends {
         painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
-    }
-}
-
-/// What lies on the image of a camera.
-pub(crate) fn overlay<'a>(
-    app: &'a App,
-    ui: &Ui,
-    camera: usize,
-    mapping: Mapping,
-    place: Place,
-) -> Overlay<'a> {
-    let cursor =
-        app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
-    let lit = app.lit.filter(|_| camera == app.editor.session().camera).or_else(|| {
-        let pose = app.editor.session().solved.pose(camera);
-        let near = mapping.units(theme::HIT);
-        let over = cursor.filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle());
-        let hit = hit::pick(
-            &app.editor.session().site,
-            camera,
-            pose,
-            over?,
-            near,
-            &app.editor.session().selection,
-        )?;
-        match hit.part {
-            Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
-                Some((annotation, segment))
-            }
-            _ => None,
-        }
-    });
-    Overlay {
-        session: app.editor.session(),
-        camera,
-        mapping,
-        layers: app.layers,
-        cursor: cursor.filter(|_| app.editor.tool().is_idle()),
-        lit,
-        holding: !app.editor.tool().is_idle(),
-        time: ui.input(|i| i.time) - app.suspect_since,
-        family: app
-            .editor
-            .family()
-            .filter(|(of, _)| *of == camera && place == Place::Main && app.editor.tool().is_idle())
-            .map(|(_, family)| family)
-            .filter(|family| {
-                app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
-            }),
-        begun: app.editor.tool().begun(app.editor.session()),
-        labels: place != Place::Tile || mapping.rect.width() > 300.0,
-        lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }
 }
 

@@ -2,26 +2,16 @@
 
 use std::path::Path;
 
-use calib_core::{FloorPoint, Plan, PlanPixel};
+use calib_core::Plan;
 use calib_editor::file_name::{has_ending, is_image};
-use calib_editor::{Action, plan_scale, plan_told_by, world_endings};
+use calib_editor::{Action, plan_told_by, world_endings};
 use calib_formats::File;
 use egui::Context;
 
-use crate::app::{App, Mode};
-use crate::dialog::Chosen;
-use crate::picture::Piece;
-use crate::platform::Task;
-use crate::stills::Read;
+use crate::choice::Chosen;
+use crate::state::{App, Mode, Planning};
 
-/// A plan whose picture is being read.
-#[derive(Debug)]
-pub(crate) struct Planning {
-    picture: Task<Read>,
-    /// What its world file says.
-    told: Option<Plan>,
-}
-
+/// Whether a file says where the picture of a plan lies.
 pub(crate) fn is_world_file(file: &Chosen) -> bool {
     world_endings().iter().any(|ending| has_ending(Path::new(&file.name), ending))
 }
@@ -111,51 +101,5 @@ impl App {
             others.into_iter().partition(|file| worlds.iter().any(|world| is_of(world, file)));
         *dropped = others;
         self.load_plan(ctx, pictures.into_iter().chain(worlds).collect());
-    }
-
-    /// The floor that is worth looking at, in metres.
-    #[must_use]
-    pub fn floor_bounds(&self) -> [[f64; 2]; 2] {
-        let session = self.editor.session();
-        let count = session.site.cameras.len();
-        let fields = (0..count).filter_map(|i| session.solved.solution(i)).flat_map(|s| &s.efov_m);
-        let feet = (0..count).filter_map(|i| session.solved.pose(i)).map(|pose| pose.position.on_floor());
-        let points: Vec<[f64; 2]> =
-            fields.copied().chain(feet).chain(self.plan_corners()).map(Into::into).collect();
-        if points.is_empty() {
-            return [[-5.0, -2.0], [5.0, 10.0]];
-        }
-        let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        let margin = 0.06 * (high(0) - low(0)).hypot(high(1) - low(1));
-        [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
-    }
-
-    /// Where the corners of the plan's picture lie on the floor.
-    fn plan_corners(&self) -> Vec<FloorPoint> {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
-        let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
-        let [w, h] = picture.size().map(f64::from);
-        let scale = plan_scale(self.editor.site());
-        let corner = |[x, y]: [f64; 2]| scale.floor_from_plan(PlanPixel::new(x, y));
-        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
-    }
-
-    /// Starts decoding of the plan.
-    pub fn ask_for_plan(&mut self, ctx: &Context) {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-        if let Some(name) = name {
-            let images = &self.editor.session().images;
-            self.pictures.get(ctx, &name, || images.reader(&name));
-        }
-    }
-
-    /// The plan's picture, in pieces, as sharp as it is.
-    pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
-        let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
-        let Some(name) = name else { return Vec::new() };
-        let images = &self.editor.session().images;
-        let picture = self.pictures.get(ctx, &name, || images.reader(&name));
-        picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 }

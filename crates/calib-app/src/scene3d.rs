@@ -1,103 +1,13 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
-use calib_core::{FloorPoint, WorldPoint, in_front, position_ellipse, prism};
+use calib_core::{WorldPoint, in_front, position_ellipse, prism};
 use calib_editor::Session;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
+use crate::state::{NEAR, Orbit};
 use crate::theme::{self, on_image};
-
-/// From where the scene is looked at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orbit {
-    /// The point in the middle, in metres.
-    pub target: [f64; 3],
-    /// Distance from it, in metres.
-    pub distance: f64,
-    /// Turn about the vertical, in radians.
-    pub yaw: f64,
-    /// Above the floor, in radians.
-    pub pitch: f64,
-}
-
-/// Nearer than this to the eye nothing is drawn, in metres.
-const NEAR: f64 = 0.05;
-
-impl Orbit {
-    /// Sees the whole site.
-    #[must_use]
-    pub fn of(session: &Session) -> Self {
-        let count = session.site.cameras.len();
-        let points: Vec<FloorPoint> = (0..count)
-            .filter_map(|i| session.solved.solution(i))
-            .flat_map(|solution| solution.efov_m.iter().copied())
-            .chain((0..count).filter_map(|i| session.solved.pose(i)).map(|pose| pose.position.on_floor()))
-            .collect();
-        let range = |of: fn(&FloorPoint) -> f64| {
-            let values = || points.iter().map(of);
-            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
-        };
-        let ((x0, x1), (y0, y1)) = (range(|p| p.x), range(|p| p.y));
-        if points.is_empty() {
-            return Self { target: [0.0, 4.0, 0.0], distance: 15.0, yaw: 0.5, pitch: 0.6 };
-        }
-        let target = [0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5];
-        Self { target, distance: 1.1 * (x1 - x0).hypot(y1 - y0).clamp(3.0, 500.0), yaw: 0.5, pitch: 0.7 }
-    }
-
-    fn axes(&self) -> [[f64; 3]; 3] {
-        let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
-        [[cy, sy, 0.0], [sy * sp, -cy * sp, -cp], [-sy * cp, cy * cp, -sp]]
-    }
-
-    /// Right, down and forward of a point as the eye has it, in metres.
-    fn seen(&self, point: WorldPoint) -> [f64; 3] {
-        let by = [point.x - self.target[0], point.y - self.target[1], point.z - self.target[2]];
-        let mut seen = self.axes().map(|axis| axis.iter().zip(by).map(|(a, b)| a * b).sum::<f64>());
-        seen[2] += self.distance;
-        seen
-    }
-
-    fn screen(rect: Rect, [x, y, z]: [f64; 3]) -> Pos2 {
-        let focal = 0.9 * f64::from(rect.height().min(rect.width()));
-        rect.center() + Vec2::new((focal * x / z) as f32, (focal * y / z) as f32)
-    }
-
-    /// Where the screen shows a point; `None` behind the eye.
-    #[must_use]
-    pub fn project(&self, rect: Rect, point: WorldPoint) -> Option<Pos2> {
-        let seen = self.seen(point);
-        (seen[2] > NEAR).then(|| Self::screen(rect, seen))
-    }
-
-    /// Turns by a drag of so many points.
-    pub fn turn(&mut self, by: Vec2) {
-        self.yaw -= 0.008 * f64::from(by.x);
-        self.pitch = (self.pitch + 0.008 * f64::from(by.y)).clamp(-0.2, 1.57);
-    }
-
-    /// Moves the point in the middle by a drag of so many points.
-    pub fn pan(&mut self, by: Vec2) {
-        let [right, down, _] = self.axes();
-        let share = self.distance / 700.0;
-        for axis in 0..3 {
-            self.target[axis] -= share * (f64::from(by.x) * right[axis] + f64::from(by.y) * down[axis]);
-        }
-    }
-
-    /// Comes nearer or goes farther.
-    pub fn zoom(&mut self, factor: f64) {
-        self.distance = (self.distance / factor).clamp(0.2, 1e4);
-    }
-
-    fn polyline(&self, painter: &Painter, rect: Rect, points: &[WorldPoint], pen: Pen) {
-        for pair in points.windows(2) {
-            let Some([a, b]) = in_front(self.seen(pair[0]), self.seen(pair[1]), NEAR) else { continue };
-            line(painter, &[Self::screen(rect, a), Self::screen(rect, b)], pen);
-        }
-    }
-}
 
 /// Paints the scene; `plan` is its texture with its size in pixels.
 pub fn paint(
@@ -113,11 +23,18 @@ pub fn paint(
     paint_ground(painter, rect, orbit);
     for mark in session.site.marks.iter().filter(|mark| !mark.off) {
         for part in mark.shape().polylines() {
-            orbit.polyline(painter, rect, &part, Pen::new(on_image::WHITE, 1.75));
+            polyline(painter, rect, orbit, &part, Pen::new(on_image::WHITE, 1.75));
         }
     }
     for index in 0..session.site.cameras.len() {
         paint_camera(painter, rect, orbit, session, index);
+    }
+}
+
+fn polyline(painter: &Painter, rect: Rect, orbit: &Orbit, points: &[WorldPoint], pen: Pen) {
+    for pair in points.windows(2) {
+        let Some([a, b]) = in_front(orbit.seen(pair[0]), orbit.seen(pair[1]), NEAR) else { continue };
+        line(painter, &[Orbit::screen(rect, a), Orbit::screen(rect, b)], pen);
     }
 }
 
@@ -136,7 +53,7 @@ fn paint_ground(painter: &Painter, rect: Rect, orbit: &Orbit) {
             [WorldPoint::new(middle[0] - reach, y, 0.0), WorldPoint::new(middle[0] + reach, y, 0.0)],
         ];
         for points in lines {
-            orbit.polyline(painter, rect, &points, pen);
+            polyline(painter, rect, orbit, &points, pen);
         }
     }
 }
@@ -186,10 +103,10 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
     let colour = theme::camera(index);
     for (i, face) in prism(&solution.efov_m).iter().take(2).enumerate() {
         let pen = Pen::new(colour, if i == 0 { 2.0 } else { 1.25 });
-        orbit.polyline(painter, rect, face, if i == 0 { pen.dashed(&[10.0, 5.0]) } else { pen.bare() });
+        polyline(painter, rect, orbit, face, if i == 0 { pen.dashed(&[10.0, 5.0]) } else { pen.bare() });
     }
     for edge in session.prism_edges(index) {
-        orbit.polyline(painter, rect, &edge, Pen::new(colour, 1.25).bare());
+        polyline(painter, rect, orbit, &edge, Pen::new(colour, 1.25).bare());
     }
     // The frustum to a plane a little in front of the camera.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);
@@ -205,15 +122,15 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
         .collect();
     let pen = Pen::new(colour, if is_own { 2.5 } else { 1.5 });
     for (i, &end) in ends.iter().enumerate() {
-        orbit.polyline(painter, rect, &[pose.position, end], pen);
-        orbit.polyline(painter, rect, &[end, ends[(i + 1) % ends.len()]], pen);
+        polyline(painter, rect, orbit, &[pose.position, end], pen);
+        polyline(painter, rect, orbit, &[end, ends[(i + 1) % ends.len()]], pen);
     }
     let foot = pose.position.on_floor().at_height(0.0);
-    orbit.polyline(painter, rect, &[pose.position, foot], Pen::new(colour, 1.0).dashed(&[2.0, 4.0]).bare());
+    polyline(painter, rect, orbit, &[pose.position, foot], Pen::new(colour, 1.0).dashed(&[2.0, 4.0]).bare());
     if let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) {
         outline.extend(outline.first().copied());
         let outline: Vec<WorldPoint> = outline.into_iter().map(|point| point.at_height(0.0)).collect();
-        orbit.polyline(painter, rect, &outline, Pen::new(colour, 1.25).bare());
+        polyline(painter, rect, orbit, &outline, Pen::new(colour, 1.25).bare());
     }
     if let Some(at) = orbit.project(rect, pose.position) {
         handle(painter, at, Color32::WHITE);

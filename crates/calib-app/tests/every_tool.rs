@@ -4,9 +4,9 @@
 
 mod desk;
 
-use calib_app::app::Mode;
 use calib_app::command::{self, Command};
 use calib_app::keys;
+use calib_app::state::Mode;
 use calib_core::{Kind, Pixel, Shape, Site};
 use calib_editor::{Action, Pane, Part, TOOLS};
 use desk::{Desk, demo};

@@ -5,7 +5,7 @@
 mod desk;
 
 use calib_app::keys;
-use calib_app::pane::Place;
+use calib_app::state::Place;
 use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage, WorldPoint};
 use calib_editor::command::Gesture;
 use calib_editor::{Action, Pane, Part, TOOLS, plan_scale};

@@ -4,7 +4,6 @@ use calib_core::{Camera, FloorPoint, SiteCamera, ellipse};
 use calib_editor::{Units, corners_of};
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::command::Command;
 use crate::floor::{SIGMAS, paint_grid};
@@ -12,6 +11,7 @@ use crate::icons::{self, Icon, Look};
 use crate::mesh::lay;
 use crate::paint::{Pen, line};
 use crate::picture::Picture;
+use crate::state::App;
 use crate::theme;
 
 /// Height of the part, in points.

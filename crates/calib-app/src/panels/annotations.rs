@@ -4,9 +4,9 @@ use calib_core::{Annotation, KINDS, Pixel, line_name};
 use calib_editor::{Action, Part, TOOLS, Units};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::icons::{self, Icon};
 use crate::panels::{heading, length_field};
+use crate::state::App;
 use crate::theme;
 
 /// What a row asks for.

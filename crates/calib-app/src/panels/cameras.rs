@@ -3,45 +3,18 @@
 use calib_editor::{Action, steps};
 use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
-use crate::dialog::Purpose;
+use crate::choice::Purpose;
 use crate::icons::{self, Icon, Look};
 use crate::paint::chip;
 use crate::panels::above;
 use crate::picture::cropped;
+use crate::state::{App, Mode, Order};
 use crate::theme;
-
-/// How the list is ordered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// As in the site.
-    #[default]
-    Site,
-    /// Those that miss most first.
-    Missing,
-    /// Those whose floor is known worst first.
-    Sigma,
-}
-
-/// How the list is filtered and sorted.
-#[derive(Clone, Debug, Default)]
-pub struct List {
-    /// Part of a name.
-    pub filter: String,
-    /// Only those that are not finished.
-    pub unfinished: bool,
-    /// How it is ordered.
-    pub order: Order,
-}
 
 /// The list, or (`rail`) a narrow strip of it.
 pub fn show(app: &mut App, ui: &mut Ui, rail: bool) {
     let rows = rows(app);
-    if !rail
-        && app.above
-        && app.mode == crate::app::Mode::Image
-        && ui.available_height() > 2.0 * above::HEIGHT
-    {
+    if !rail && app.above && app.mode == Mode::Image && ui.available_height() > 2.0 * above::HEIGHT {
         let frame = egui::Frame::NONE.fill(theme::palette(ui.ctx()).panel);
         egui::Panel::bottom("above")
             .exact_size(above::HEIGHT)

@@ -4,13 +4,13 @@ use calib_core::{floor_grid, on_image};
 use calib_editor::{Action, Family, Fit};
 use egui::{Color32, Painter, Rect, RichText, Role, Sense, Slider, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::canvas::{Mapping, View};
 use crate::icons::{self, Icon, Look};
 use crate::overlay::grid_step;
 use crate::paint::{Pen, line};
 use crate::panels::{above, number};
 use crate::picture::Piece;
+use crate::state::App;
 use crate::theme;
 
 /// Height of the part, in points.

@@ -4,10 +4,10 @@ use calib_core::{Link, LinkKind, Pixel, ResidualOf};
 use calib_editor::{Action, Part};
 use egui::{RichText, Ui, Vec2};
 
-use crate::app::App;
 use crate::command::Command;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{heading, length_field};
+use crate::state::App;
 use crate::theme;
 
 /// Links: who sees each, how far the views are apart on the floor.

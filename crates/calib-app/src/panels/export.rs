@@ -1,70 +1,12 @@
 //! The calibration as other programs take it: what a format loses is told before anything is written.
 
-use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
+use calib_formats::{Export, ExportOptions, PlanPicture};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
-use crate::app::App;
-use crate::dialog::Purpose;
+use crate::choice::Purpose;
 use crate::platform::Task;
+use crate::state::{App, Asked, formats};
 use crate::theme::{self, Palette};
-
-/// What is asked for, and from which state of the site.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Asked {
-    format: usize,
-    extension: usize,
-    rectified: bool,
-    one: Option<usize>,
-    generation: u64,
-    has_plan: bool,
-}
-
-type Outcome = Result<Export, String>;
-
-/// The sheet: what is asked for, what it gives, and whether its losses are agreed to.
-#[derive(Debug, Default)]
-pub struct Sheet {
-    is_open: bool,
-    format: usize,
-    extension: usize,
-    rectified: bool,
-    only_this: bool,
-    agreed: bool,
-    asked: Option<Asked>,
-    making: Option<Task<Outcome>>,
-    made: Option<Outcome>,
-}
-
-impl Sheet {
-    /// Opens it.
-    pub fn open(&mut self) {
-        *self = Self { is_open: true, format: self.format, ..Self::default() };
-    }
-
-    /// Asks for the format of this name.
-    pub fn choose(&mut self, name: &str) {
-        if let Some(index) = formats().position(|format| format.name == name) {
-            (self.format, self.extension) = (index, 0);
-        }
-    }
-
-    /// Closes it. Whether it was open.
-    pub fn close(&mut self) -> bool {
-        self.making = None;
-        std::mem::take(&mut self.is_open)
-    }
-
-    /// The files that may be written: there is nothing that is lost without a word.
-    pub(crate) fn files(&self) -> Option<&[calib_formats::File]> {
-        let export = self.made.as_ref()?.as_ref().ok()?;
-        (self.agreed || export.losses.is_empty()).then_some(export.files.as_slice())
-    }
-}
-
-/// The formats that can be written.
-fn formats() -> impl Iterator<Item = &'static Format> {
-    FORMATS.iter().filter(|format| format.exports())
-}
 
 /// The sheet, if it is open.
 pub fn show(app: &mut App, ctx: &Context) {

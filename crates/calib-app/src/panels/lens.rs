@@ -4,8 +4,8 @@ use calib_core::{Coefficient, DistortionEntry, DistortionModel};
 use calib_editor::{Action, OldStill};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
-use crate::app::App;
 use crate::panels::heading;
+use crate::state::App;
 use crate::theme;
 
 /// Where the distortion comes from.

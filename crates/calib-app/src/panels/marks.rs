@@ -4,9 +4,9 @@ use calib_core::{Mark, MarkKind, WorldPoint};
 use calib_editor::{Action, Part};
 use egui::{DragValue, RichText, Ui, Vec2};
 
-use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{heading, length_field};
+use crate::state::App;
 use crate::theme;
 
 const fn icon(kind: MarkKind) -> Icon {

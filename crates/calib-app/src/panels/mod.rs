@@ -9,13 +9,12 @@ pub mod export;
 pub mod lens;
 pub mod marks;
 pub mod palette;
-pub mod placement;
 pub mod result;
+pub mod placement;
 pub mod start;
 pub mod status;
 pub mod steps;
 pub mod toolstrip;
-pub mod context;
 pub mod topbar;
 pub mod tour;
 pub mod views;
@@ -26,7 +25,7 @@ use egui::{CentralPanel, DragValue, Frame, Margin, Panel, RichText, ScrollArea, 
 
 pub use calib_editor::{digits, number};
 
-use crate::app::{App, Mode};
+use crate::state::{App, Mode};
 use crate::theme;
 
 /// In a window narrower than this, a phone's, panels lie below each other.

@@ -2,37 +2,11 @@
 
 use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Vec2, Window};
 
-use crate::app::App;
 use crate::command::{self, Command};
 use crate::keys;
-use crate::panels::topbar::shortcut_text;
+use crate::menu::shortcut_text;
+use crate::state::App;
 use crate::theme;
-
-/// The palette: what was typed, and which row is lit.
-#[derive(Clone, Debug, Default)]
-pub struct Palette {
-    is_open: bool,
-    query: String,
-    row: usize,
-}
-
-impl Palette {
-    /// Opens it empty, or closes it.
-    pub fn toggle(&mut self) {
-        *self = Self { is_open: !self.is_open, ..Self::default() };
-    }
-
-    /// Closes it.
-    pub const fn close(&mut self) {
-        self.is_open = false;
-    }
-
-    /// Whether it is open.
-    #[must_use]
-    pub const fn is_open(&self) -> bool {
-        self.is_open
-    }
-}
 
 /// The sheets that are open.
 pub fn show(app: &mut App, ctx: &Context) {

@@ -4,10 +4,10 @@ use calib_core::{STAGE_1_HEIGHT, Sigmas};
 use calib_editor::{Action, Units};
 use egui::{DragValue, RichText, Ui};
 
-use crate::app::App;
 use crate::command::Command;
 use crate::panels::result::cells;
 use crate::panels::{digits, heading, length_field, number};
+use crate::state::App;
 use crate::theme;
 
 /// Where the camera in hand stands, by numbers.
@@ -130,7 +130,7 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
     if app.editor.session().site.plan.is_none() {
         ui.label(RichText::new("A floor is shown without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {
-            app.ask(crate::dialog::Purpose::LoadPlan);
+            app.ask(crate::choice::Purpose::LoadPlan);
         }
     } else {
         scale_fields(app, ui);
@@ -198,22 +198,5 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     });
     if let Some(name) = changed {
         app.send(Action::SetPlan { plan, name: name.to_owned() });
-    }
-}
-
-impl App {
-    /// Opacity of images on the plan, remembered for every site.
-    #[must_use]
-    pub fn opacity(&self, ctx: &egui::Context) -> f32 {
-        ctx.data_mut(|data| data.get_persisted(self.opacity_id())).unwrap_or(0.8)
-    }
-
-    /// Sets the opacity of images on the plan.
-    pub fn set_opacity(&self, ctx: &egui::Context, opacity: f32) {
-        ctx.data_mut(|data| data.insert_persisted(self.opacity_id(), opacity));
-    }
-
-    fn opacity_id(&self) -> egui::Id {
-        egui::Id::unique(("opacity", &self.editor.session().site.name, &self.editor.session().path))
     }
 }

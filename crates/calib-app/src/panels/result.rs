@@ -4,9 +4,9 @@ use calib_core::{Coefficient, Known, LensEntry, Solution};
 use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
-use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, heading, number};
+use crate::state::App;
 use crate::theme;
 
 /// A number of the result that can be held.

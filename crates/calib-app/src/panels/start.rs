@@ -2,9 +2,9 @@
 
 use egui::{Align, Button, Layout, RichText, Role, ScrollArea, Stroke, Ui, Vec2, WidgetInfo};
 
-use crate::app::App;
 use crate::command::Command;
 use crate::shelf::{Entry, Shelf};
+use crate::state::App;
 use crate::theme;
 
 /// The start page.

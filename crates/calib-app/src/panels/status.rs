@@ -4,9 +4,9 @@ use calib_core::Pixel;
 use calib_editor::{Pane, plan_scale};
 use egui::{Align, Layout, RichText, Ui};
 
-use crate::app::App;
 use crate::icons::{self, Icon, Look};
 use crate::panels::{digits, number};
+use crate::state::App;
 use crate::theme;
 
 /// The status line.

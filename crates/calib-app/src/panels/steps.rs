@@ -3,9 +3,9 @@
 use calib_editor::steps::steps;
 use egui::{RichText, Ui};
 
-use crate::app::App;
 use crate::icons::{self, Icon};
 use crate::panels::heading;
+use crate::state::App;
 use crate::theme;
 
 /// The panel.

@@ -3,8 +3,8 @@
 use calib_editor::{Action, TOOLS};
 use egui::{Align2, Ui, Vec2};
 
-use crate::app::App;
 use crate::icons::{self, Look};
+use crate::state::App;
 use crate::theme;
 
 /// Behind which tools a gap stands.

@@ -1,11 +1,11 @@
 //! Menu, name of the site, views, undo, solving, commands.
 
-use egui::{Align, Button, Key, KeyboardShortcut, Layout, RichText, Ui, Vec2};
+use egui::{Align, Button, Layout, RichText, Ui, Vec2};
 
-use crate::app::{App, Mode};
-use crate::command::{COMMANDS, Command};
+use crate::command::Command;
 use crate::icons::{self, Icon, Look};
-use crate::keys;
+use crate::menu::rows;
+use crate::state::{App, Mode};
 use crate::theme;
 
 /// The commands of the menu, in its order; a gap between groups.
@@ -70,44 +70,6 @@ fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
             rows(app, ui, group, chosen);
         }
     });
-}
-
-/// Commands of a menu, a row each.
-pub fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
-    ui.set_min_width(260.0);
-    let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
-    for row in rows {
-        let keys =
-            row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
-        let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
-        if ui.add_enabled(app.is_enabled(row.command), button).clicked() {
-            *chosen = Some(row.command);
-            ui.close();
-        }
-    }
-}
-
-/// Keys in the words of this platform.
-#[must_use]
-pub fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
-    match keys.logical_key {
-        Key::Questionmark => "?".into(),
-        Key::OpenBracket => {
-            if keys.modifiers.shift {
-                "{".into()
-            } else {
-                "[".into()
-            }
-        }
-        Key::CloseBracket => {
-            if keys.modifiers.shift {
-                "}".into()
-            } else {
-                "]".into()
-            }
-        }
-        _ => ui.ctx().format_shortcut(&keys),
-    }
 }
 
 fn title(app: &App, ui: &mut Ui) {

@@ -3,7 +3,7 @@
 use calib_core::{Kind, Stage};
 use egui::{Align2, RichText, Ui, Vec2, Window};
 
-use crate::app::{App, Mode};
+use crate::state::{App, Mode};
 use crate::theme;
 
 /// One step of the tour.
@@ -49,20 +49,6 @@ const STEPS: [Step; 5] = [
         is_done: |app| app.mode == Mode::All,
     },
 ];
-
-/// How far a newcomer has come.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tour {
-    step: Option<usize>,
-}
-
-impl Tour {
-    /// Begins at the first step.
-    #[must_use]
-    pub const fn begun() -> Self {
-        Self { step: Some(0) }
-    }
-}
 
 /// The card of the step one is at.
 pub fn show(app: &mut App, ui: &Ui) {

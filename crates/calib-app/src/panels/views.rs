@@ -3,12 +3,12 @@
 use calib_editor::{Action, Pane};
 use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
 
-use crate::app::{App, Mode};
 use crate::command::Command;
 use crate::paint::chip;
-use crate::pane::{self, Place};
+use crate::pane;
 use crate::panels::{dock, number};
-use crate::scene3d::{self, Orbit};
+use crate::scene3d;
+use crate::state::{App, Mode, Orbit, Place};
 use crate::theme;
 
 /// Height of the line above a view, in points.

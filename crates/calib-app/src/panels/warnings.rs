@@ -4,9 +4,9 @@ use calib_core::{Code, Finding, Severity, Subject, Warning};
 use calib_editor::{Action, Part};
 use egui::{RichText, Ui};
 
-use crate::app::App;
 use crate::command::Command;
 use crate::icons::{self, Icon};
+use crate::state::App;
 use crate::theme;
 
 /// The warnings of the camera in hand.

@@ -4,7 +4,7 @@
 #[cfg(not(target_arch = "wasm32"))]
 mod native;
 #[cfg(target_arch = "wasm32")]
-mod web;
+pub(crate) mod web;
 
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
@@ -15,16 +15,16 @@ use calib_editor::{Edge, FileResult, Source};
 use egui::Context;
 use image::RgbImage;
 
-use crate::dialog::{Chosen, Purpose};
+use crate::choice::{Chosen, Purpose};
 
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use native::Native as Here;
 #[cfg(not(target_arch = "wasm32"))]
 pub use native::Task;
 #[cfg(target_arch = "wasm32")]
-pub(crate) use web::Web as Here;
+pub use web::Task;
 #[cfg(target_arch = "wasm32")]
-pub use web::{Task, start};
+pub(crate) use web::Web as Here;
 
 /// Work that ended without a result, by a fault of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

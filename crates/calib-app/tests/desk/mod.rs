@@ -4,11 +4,12 @@
 use std::path::PathBuf;
 
 use calib_app::App;
+use calib_app::choice::Chosen;
 use calib_app::command::{self, Command};
-use calib_app::dialog::{Chosen, Dialog};
+use calib_app::dialog::Dialog;
 use calib_app::files::Images;
 use calib_app::keys;
-use calib_app::pane::Place;
+use calib_app::state::Place;
 use calib_app::theme;
 use calib_core::{Pixel, Site};
 use calib_editor::{Action, Pane, TOOLS};

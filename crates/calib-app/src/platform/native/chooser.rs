@@ -4,7 +4,7 @@ use std::pin::Pin;
 
 use calib_editor::world_endings;
 
-use crate::dialog::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
 use crate::platform::Answer;
 
 /// Asks for files, or for where to put them.

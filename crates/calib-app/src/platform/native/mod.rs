@@ -15,7 +15,7 @@ use calib_editor::{Edge, FileResult, Source};
 use egui::Context;
 use image::RgbImage;
 
-use crate::dialog::{Chosen, Purpose};
+use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Platform};
 
 pub use task::Task;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use calib_editor::world_endings;
 
 use super::pick;
-use crate::dialog::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
 
 /// A file that is saved is a download: there is nothing to ask.
 pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {

@@ -1,10 +1,7 @@
-//! The app in the browser: one canvas, the page about it, and what the browser has in place of files.
+//! What a browser has in place of files, threads and choosers, and what the page does for the app.
 
 mod chooser;
-mod mirror;
-mod page;
-mod runner;
-mod shelf;
+pub(crate) mod page;
 mod task;
 mod worker;
 
@@ -19,11 +16,13 @@ use js_sys::{Reflect, Uint8Array};
 use wasm_bindgen::{JsCast as _, JsValue};
 use wasm_bindgen_futures::JsFuture;
 
-use crate::dialog::{Chosen, Purpose};
+use crate::choice::{Chosen, Purpose};
 use crate::drawing::{SIDE, is_svg};
 use crate::platform::{Answer, Platform};
 
 pub use task::Task;
+
+pub(crate) use worker::REFINE;
 
 /// A browser.
 #[derive(Clone, Copy, Debug)]
@@ -133,15 +132,6 @@ impl Platform for Web {
     // It computes for nobody any more.
     fn stop_refining() {
         worker::stop_refining();
-    }
-}
-
-/// Starts as the page's app, or as its worker.
-pub fn start() {
-    if web_sys::window().is_some() {
-        runner::start();
-    } else {
-        worker::start();
     }
 }
 

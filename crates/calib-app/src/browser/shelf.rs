@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::{JsFuture, spawn_local};
 
-use super::page;
 use crate::autosave::Found;
 use crate::demo;
+use crate::platform::web::page;
 use crate::shelf::{Entry, News, Shelf, Work};
 
 /// A kept site, as the database has it.

@@ -14,9 +14,10 @@ use wasm_bindgen_futures::spawn_local;
 
 use super::mirror::Mirror;
 use super::shelf::Database;
-use super::{Task, page, read_all};
-use crate::app::App;
 use crate::command::{self, Command};
+use crate::platform::Task;
+use crate::platform::web::{breath, page, read_all};
+use crate::state::App;
 use crate::theme;
 
 /// What the page was asked for.
@@ -130,7 +131,7 @@ impl Stage {
         let stage = self.clone();
         spawn_local(async move {
             for _ in 0..60 {
-                super::breath().await;
+                breath().await;
             }
             stage.restart();
         });

@@ -7,7 +7,7 @@ use egui::accesskit::{Node, NodeId, Role, Toggled, TreeUpdate};
 use egui::{Context, FullOutput, Plugin};
 use serde_json::{Value, json};
 
-use super::page;
+use crate::platform::web::page;
 
 /// So often at most is the tree sent, in seconds.
 const PACE: f64 = 0.1;

@@ -3,11 +3,10 @@
 use calib_editor::{Action, Pane};
 use egui::{Popup, Response, RichText};
 
-use crate::app::App;
 use crate::canvas::Mapping;
 use crate::command::Command;
-use crate::pane::Place;
-use crate::panels::topbar;
+use crate::menu;
+use crate::state::{App, Place};
 use crate::theme;
 
 const ON_PLAN: [&[Command]; 3] = [
@@ -23,7 +22,7 @@ const ON_IMAGE: [&[Command]; 4] = [
 ];
 
 /// The menu of a canvas, while it is open.
-pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.panes.was_idle {
         // The finger that is held draws nothing.
         app.send(Action::Drop);
@@ -59,7 +58,7 @@ pub fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Ma
             if !std::mem::take(&mut is_first) {
                 ui.separator();
             }
-            topbar::rows(app, ui, &offered, &mut chosen);
+            menu::rows(app, ui, &offered, &mut chosen);
         }
     });
     if let Some(command) = chosen {

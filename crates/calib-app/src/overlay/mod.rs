@@ -1,5 +1,8 @@
 //! What is painted on a camera's image: annotations, EFOV, grid, prism, horizon, marks, links. Reads only.
 
+mod horizon;
+mod lines;
+
 use std::collections::BTreeSet;
 
 use calib_core::{Camera, Pixel, Site, SiteCamera, Solution};
@@ -12,53 +15,8 @@ use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::paint::{Pen, handle, line, ring, tag};
+use crate::state::Layers;
 use crate::theme::{self, on_image};
-
-/// What is shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(clippy::struct_excessive_bools, reason = "every one is a switch above the image")]
-pub struct Layers {
-    /// The metre grid of the floor.
-    pub grid: bool,
-    /// The horizon.
-    pub horizon: bool,
-    /// The polygon of the field of view.
-    pub field: bool,
-    /// Its prism.
-    pub prism: bool,
-    /// A person of 1.75 m at the cursor.
-    pub guide: bool,
-    /// Lines extended to their vanishing point.
-    pub extensions: bool,
-    /// Colour lines by residual, not by kind.
-    pub by_residual: bool,
-    /// The likely next lines.
-    pub suggestion: bool,
-    /// Edges that were found are offered.
-    pub edges: bool,
-    /// The bend of the lens is taken out of the image.
-    pub straight: bool,
-    /// Everything is hidden.
-    pub hidden: bool,
-}
-
-impl Default for Layers {
-    fn default() -> Self {
-        Self {
-            grid: true,
-            horizon: true,
-            field: true,
-            prism: true,
-            guide: true,
-            extensions: true,
-            by_residual: false,
-            suggestion: true,
-            edges: true,
-            straight: false,
-            hidden: false,
-        }
-    }
-}
 
 /// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,77 @@
+//! The answers of choosers: each goes where it was asked for.
+
+use std::path::PathBuf;
+
+use calib_editor::{Action, parse};
+use egui::Context;
+
+use crate::choice::{Chosen, Purpose};
+use crate::state::App;
+
+impl App {
+    pub(crate) fn poll_dialog(&mut self, ctx: &Context) {
+        let Some(dialog) = &mut self.dialog else { return };
+        let Some(chosen) = dialog.poll() else {
+            ctx.request_repaint_after(std::time::Duration::from_millis(100));
+            return;
+        };
+        let (purpose, is_just_opened) = (dialog.purpose, dialog.is_just_opened());
+        self.dialog = None;
+        if chosen.is_empty() && is_just_opened {
+            self.act(Action::Fail(
+                "The system's file chooser did not open: install xdg-desktop-portal or zenity. Files can also be \
+                 dropped on this window, or named when it is started."
+                    .into(),
+            ));
+        }
+        self.take_chosen(ctx, purpose, chosen);
+    }
+
+    /// What was chosen goes where it was asked for: every purpose has its arm.
+    fn take_chosen(&mut self, ctx: &Context, purpose: Purpose, chosen: Vec<Chosen>) {
+        match purpose {
+            Purpose::OpenSite => self.open_chosen(ctx, chosen),
+            Purpose::SaveSite => each_path(chosen, |path| self.save_to(path)),
+            Purpose::SavePlain => each_path(chosen, |path| self.save_plain(&path)),
+            Purpose::AddImages => chosen.into_iter().for_each(|file| self.add_still(ctx, file)),
+            Purpose::LoadPlan => self.load_plan(ctx, chosen),
+            Purpose::ReplaceStill => {
+                chosen.into_iter().for_each(|file| self.replacing = Some(self.read_still(ctx, file)));
+            }
+            Purpose::Compare => chosen.into_iter().for_each(|file| self.compare_with(file)),
+            Purpose::Import => self.import(chosen),
+            Purpose::Export => each_path(chosen, |folder| self.write_export(&folder)),
+            Purpose::SavePicture => {
+                for file in chosen {
+                    self.save_picture(&file.path.unwrap_or_else(|| PathBuf::from(&file.name)));
+                }
+            }
+        }
+    }
+
+    /// Opens what was chosen: from a disk by its path, else together with its images.
+    fn open_chosen(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
+        if chosen.iter().all(|file| file.path.is_none()) {
+            self.take_together(ctx, chosen);
+            return;
+        }
+        for file in chosen {
+            match &file.path {
+                Some(path) => self.open_path(path),
+                None => self.take_together(ctx, vec![file]),
+            }
+        }
+    }
+
+    fn compare_with(&mut self, file: Chosen) {
+        let name = file.name.clone();
+        self.act(match file.into_text().and_then(|text| parse(&text, None)) {
+            Ok((site, _)) => Action::Compare(Some(Box::new(site))),
+            Err(error) => Action::Fail(format!("{name}: {error}")),
+        });
+    }
+}
+
+fn each_path(chosen: Vec<Chosen>, act: impl FnMut(PathBuf)) {
+    chosen.into_iter().filter_map(|file| file.path).for_each(act);
+}

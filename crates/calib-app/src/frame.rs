@@ -1,0 +1,75 @@
+//! The order of a frame.
+
+use egui::{Context, Ui};
+
+use crate::command;
+use crate::keys;
+use crate::panels;
+use crate::state::{App, Sent};
+
+impl App {
+    /// One frame.
+    pub fn show_ui(&mut self, ui: &mut Ui) {
+        self.logic(&ui.ctx().clone());
+        self.editor.solve();
+        self.watch_suspect(ui);
+        self.panes.begin_frame();
+        panels::show(self, ui);
+        self.was_typing = ui.ctx().text_edit_focused();
+        self.grant(&ui.ctx().clone());
+        self.remember();
+    }
+
+    /// What is done before anything is shown: finished work, dropped files, keys.
+    pub fn logic(&mut self, ctx: &Context) {
+        self.pictures.begin_frame(ctx);
+        // What comes in waits until the hand is empty: it would end the gesture that is under way.
+        if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_at_rest()) {
+            self.poll_dialog(ctx);
+            self.poll_stills();
+            self.poll_plan();
+            self.poll_refining();
+            self.poll_arrivals(ctx);
+            self.poll_shelf();
+        }
+        self.poll_picture(ctx);
+        for (command, modifiers) in keys::pressed(ctx, self.was_typing) {
+            command::run(self, ctx, command, modifiers);
+        }
+    }
+
+    /// Does what panels asked for.
+    fn grant(&mut self, ctx: &Context) {
+        let sent = std::mem::take(&mut self.sent);
+        if !sent.is_empty() {
+            ctx.request_repaint();
+        }
+        for one in sent {
+            match one {
+                Sent::Action(action) => self.act(action),
+                Sent::Recover(index) => self.recover(index),
+                Sent::Discard(index) => self.discard_found(index),
+                Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),
+            }
+        }
+    }
+
+    /// A new suspect begins to blink.
+    fn watch_suspect(&mut self, ui: &Ui) {
+        let camera = self.editor.session().camera;
+        let suspect = self.editor.session().solution().and_then(|solution| {
+            let residual = solution.residuals.iter().find(|residual| residual.outlier)?;
+            Some((camera, residual.annotation?, residual.segment?))
+        });
+        if suspect != self.suspect {
+            self.suspect = suspect;
+            self.suspect_since = ui.input(|i| i.time);
+        }
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+        self.show_ui(ui);
+    }
+}

@@ -1,0 +1,59 @@
+//! A picture of a view: taken from the window, then saved where it was chosen.
+
+use std::path::Path;
+
+use calib_editor::Action;
+use egui::Context;
+
+use crate::choice::Purpose;
+use crate::platform::{Here, Platform as _};
+use crate::state::{App, Mode};
+
+impl App {
+    /// Asks for a picture of the view that was used last.
+    pub fn take_picture(&mut self, ctx: &Context) {
+        let (sender, picture) = std::sync::mpsc::channel();
+        let again = ctx.clone();
+        ctx.request_screenshot(move |image| {
+            // Nobody waits any more when the receiver is gone.
+            let _ = sender.send(image);
+            again.request_repaint();
+        });
+        self.picture = Some(picture);
+    }
+
+    pub(crate) fn poll_picture(&mut self, ctx: &Context) {
+        let Some(image) = self.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else { return };
+        self.picture = None;
+        let key = self.zoom_key();
+        let shown = self.panes.rects.get(&key).copied().filter(|_| self.mode != Mode::Scene);
+        let points = ctx.pixels_per_point();
+        let [w, h] = image.size.map(|side| side as f32 / points);
+        let whole = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::Vec2::new(w, h));
+        let rect = shown.or(self.panes.middle).unwrap_or(whole).intersect(whole);
+        let image = image.region(&rect, Some(points));
+        let [w, h] = image.size.map(|side| side as u32);
+        let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+        let mut png = std::io::Cursor::new(Vec::new());
+        let written = image::RgbaImage::from_raw(w, h, rgba)
+            .ok_or_else(|| "The view has no size.".to_owned())
+            .and_then(|image| {
+                image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())
+            });
+        match written {
+            Ok(()) => {
+                self.pictured = Some(png.into_inner());
+                self.ask(Purpose::SavePicture);
+            }
+            Err(error) => self.act(Action::Fail(error)),
+        }
+    }
+
+    pub(crate) fn save_picture(&mut self, path: &Path) {
+        let Some(png) = self.pictured.take() else { return };
+        match Here::write(path, &png) {
+            Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
+            Err(error) => self.act(Action::Fail(error)),
+        }
+    }
+}

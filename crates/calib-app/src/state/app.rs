@@ -1,0 +1,265 @@
+//! The app's state, and what is done with it without a view.
+
+use std::path::PathBuf;
+
+use calib_core::LensEntry;
+use calib_editor::{Action, Command, Edge, Editor, Pane, Part, edges, edit, hit};
+use egui::Context;
+
+use super::{Layers, List, Mode, Orbit, Palette, Panes, Place, Planning, Read, Sent, Sheet, Tour};
+use crate::autosave::{Autosave, Found, Slots};
+use crate::canvas::View;
+use crate::choice::{Chosen, Purpose};
+use crate::dialog::Dialog;
+use crate::edges::Edges;
+use crate::picture::Pictures;
+use crate::platform::{Here, Platform, Task};
+use crate::refine::Refining;
+use crate::shelf::Shelf;
+use crate::theme;
+
+/// What views read: the document, how it is looked at, and what is under way.
+#[derive(Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
+pub struct App {
+    /// The document.
+    pub editor: Editor,
+    pub(crate) sent: Vec<Sent>,
+    /// What the middle shows.
+    pub mode: Mode,
+    /// How canvases are looked at.
+    pub panes: Panes,
+    /// Decoded stills.
+    pub pictures: Pictures,
+    /// Straight edges of the stills.
+    pub edges: Edges,
+    /// What lies on images.
+    pub layers: Layers,
+    /// The image stands beside the plan.
+    pub beside_plan: bool,
+    /// The image stands beside the scene.
+    pub beside_scene: bool,
+    /// Images of all cameras lie on the plan.
+    pub blend: bool,
+    /// Fields are filled on the plan.
+    pub coverage: bool,
+    /// The floor from above is shown beside the image.
+    pub above: bool,
+    /// What other programs take.
+    pub export: Sheet,
+    /// Poses before the joint solve are shown beside the new ones.
+    pub show_before: bool,
+    /// From where the scene is looked at.
+    pub orbit: Option<Orbit>,
+    /// The line whose row is under the cursor.
+    pub lit: Option<(usize, usize)>,
+    /// When the suspect changed, for its blinking, in seconds.
+    pub suspect_since: f64,
+    pub(crate) suspect: Option<(usize, usize, usize)>,
+    /// Two cameras that fit equally well are shown side by side.
+    pub compares_views: bool,
+    /// A field for text had the focus when the last frame ended.
+    pub(crate) was_typing: bool,
+    /// The command palette.
+    pub palette: Palette,
+    /// How far a newcomer has come.
+    pub tour: Tour,
+    /// The shortcut sheet is open.
+    pub shortcuts: bool,
+    /// The about sheet is open.
+    pub about: bool,
+    /// Between which links or marks the next distance is measured.
+    pub pair: [String; 2],
+    /// How the list of cameras is filtered and sorted.
+    pub list: List,
+    /// Work of crashed sessions, offered, each with where it is kept.
+    pub found: Vec<(Autosave, Found)>,
+    /// How files are asked for.
+    pub chooser: fn(Purpose) -> Dialog,
+    /// Where a browser keeps sites.
+    pub shelf: Option<Box<dyn Shelf>>,
+    pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
+    pub(crate) autosave: Option<Autosave>,
+    /// Where autosaves are.
+    pub(crate) folder: Option<PathBuf>,
+    /// The autosaves that no other window touches while this one lives.
+    pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
+    pub(crate) kept: u64,
+    pub(crate) dialog: Option<Dialog>,
+    pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
+    pub(crate) pictured: Option<Vec<u8>>,
+    pub(crate) adding: Vec<Task<Read>>,
+    /// The id of the camera whose still is asked for, or read.
+    pub(crate) replaced: String,
+    pub(crate) replacing: Option<Task<Read>>,
+    pub(crate) planning: Option<Planning>,
+    pub(crate) refining: Option<Refining>,
+}
+
+impl App {
+    /// The app with nothing open; what a crashed session left in `folder` is offered.
+    #[must_use]
+    pub fn new(ctx: &Context, folder: Option<PathBuf>) -> Self {
+        theme::install(ctx);
+        let Slots { found, autosave, claims } = Slots::of(folder.as_deref());
+        Self {
+            editor: Editor::default(),
+            sent: Vec::new(),
+            mode: Mode::Image,
+            panes: Panes::default(),
+            pictures: Pictures::default(),
+            edges: Edges::default(),
+            layers: Layers::default(),
+            beside_plan: true,
+            beside_scene: false,
+            blend: false,
+            coverage: true,
+            above: true,
+            export: Sheet::default(),
+            show_before: true,
+            orbit: None,
+            lit: None,
+            suspect_since: 0.0,
+            suspect: None,
+            compares_views: false,
+            was_typing: false,
+            palette: Palette::default(),
+            tour: Tour::default(),
+            shortcuts: false,
+            about: false,
+            pair: Default::default(),
+            list: List::default(),
+            found,
+            chooser: Dialog::open,
+            shelf: None,
+            arriving: Vec::new(),
+            autosave,
+            folder,
+            claims,
+            kept: 0,
+            dialog: None,
+            picture: None,
+            pictured: None,
+            adding: Vec::new(),
+            replaced: String::new(),
+            replacing: None,
+            planning: None,
+            refining: None,
+        }
+    }
+
+    /// Has the editor do something now: for canvases, which show in this frame what the pointer does.
+    pub fn act(&mut self, action: Action) {
+        self.editor.apply(action);
+    }
+
+    /// Asks for something to be done at the end of the frame: for panels, which show one state of the site.
+    pub fn send(&mut self, action: Action) {
+        self.sent.push(Sent::Action(action));
+    }
+
+    /// Asks for a command to be run at the end of the frame.
+    pub fn tell(&mut self, command: Command) {
+        self.sent.push(Sent::Command(command));
+    }
+
+    /// Asks for what a crashed session left to be gone on with, or to be discarded.
+    pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
+        self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
+    }
+
+    /// Whether a command would do something now.
+    #[must_use]
+    pub fn is_enabled(&self, command: Command) -> bool {
+        self.editor.is_enabled(command, self.is_working())
+    }
+
+    /// Asks for files.
+    pub fn ask(&mut self, purpose: Purpose) {
+        self.dialog = Some((self.chooser)(purpose));
+    }
+
+    /// Asks for what is known of the lens of the camera in hand to be changed.
+    pub(crate) fn change_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
+        let Some(entry) = self.editor.session().entry() else { return };
+        let mut lens = entry.lens.clone().unwrap_or_default();
+        change(&mut lens);
+        self.send(Action::Lens { lens: Box::new(lens), name: name.to_owned() });
+    }
+
+    /// Shows another view.
+    pub fn show(&mut self, mode: Mode) {
+        // A control point that waits for the plan waits through this.
+        if !self.editor.is_at_rest() {
+            self.act(Action::Drop);
+        }
+        self.mode = mode;
+    }
+
+    /// Closes what is open above the window. Whether anything was.
+    pub fn close_sheets(&mut self) -> bool {
+        let exported = self.export.close();
+        let was_open = exported
+            || self.palette.is_open()
+            || self.shortcuts
+            || self.about
+            || self.editor.error().is_some();
+        self.palette.close();
+        (self.shortcuts, self.about) = (false, false);
+        self.act(Action::CloseError);
+        was_open
+    }
+
+    /// The canvas that zoom keys mean.
+    #[must_use]
+    pub fn zoom_key(&self) -> (Place, Pane) {
+        let own = Pane::Image(self.editor.session().camera);
+        match (self.mode, self.panes.active) {
+            (Mode::Image, _) => (Place::Main, own),
+            (Mode::Plan, None) => (Place::Half, own),
+            (_, None) => (Place::Tile, own),
+            (_, Some(active)) => active,
+        }
+    }
+
+    /// Looks at a part of the image in hand so that it fills a good deal of the canvas.
+    pub fn reveal(&mut self, part: Part) {
+        let camera = self.editor.session().camera;
+        let key = (Place::Main, Pane::Image(camera));
+        let parts = edit::points_of(self.editor.site(), camera, &[part].into());
+        let points: Vec<[f64; 2]> = hit::handles(self.editor.site(), camera)
+            .into_iter()
+            .filter(|(part, _)| parts.contains(part))
+            .map(|(_, pixel)| pixel.into())
+            .collect();
+        let Some(mapping) = self.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else { return };
+        let points: Vec<[f64; 2]> = points.into_iter().map(|at| mapping.flat(at)).collect();
+        let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+        let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let margin = 0.5 * (high(0) - low(0)).max(high(1) - low(1)).max(20.0);
+        let (low, high) = ([low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]);
+        self.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
+    }
+
+    /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
+    pub fn offer(
+        &mut self,
+        ctx: &Context,
+        camera: usize,
+        at: calib_core::Pixel,
+        radius: f64,
+    ) -> Option<Edge> {
+        let draws =
+            self.editor.tool_kind().is_some_and(|kind| kind.row().shape != calib_core::Shape::Polyline);
+        if !draws || !self.layers.edges {
+            return None;
+        }
+        let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
+        let picture = self.pictures.ready(name)?;
+        // What stands upright is not offered what lies flat.
+        let plumb = self.editor.tool_kind().is_some_and(|kind| kind.row().is_upright());
+        let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
+        let [a, b] = edge;
+        (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)
+    }
+}

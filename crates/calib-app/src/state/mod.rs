@@ -1,0 +1,30 @@
+//! What views read: the document, and how it is looked at. No view is named here.
+
+mod mode;
+mod sent;
+mod panes;
+mod layers;
+mod orbit;
+mod palette;
+mod tour;
+mod list;
+mod export;
+mod reading;
+mod app;
+mod work;
+mod plan;
+
+pub use app::App;
+pub use export::Sheet;
+pub use layers::Layers;
+pub use list::{List, Order};
+pub use mode::Mode;
+pub use orbit::Orbit;
+pub use palette::Palette;
+pub use panes::{Panes, Place};
+pub use tour::Tour;
+
+pub(crate) use export::{Asked, formats};
+pub(crate) use orbit::NEAR;
+pub(crate) use reading::{Planning, Read, ReadPicture};
+pub(crate) use sent::Sent;

@@ -1,0 +1,25 @@
+//! Pictures that are being read.
+
+use calib_core::Plan;
+use calib_editor::NewStill;
+
+use crate::platform::Task;
+
+/// A picture that was read, to become a still or the plan.
+#[derive(Debug)]
+pub(crate) struct ReadPicture {
+    pub(crate) still: NewStill,
+    /// A drawing as the picture that stands for it.
+    pub(crate) drawn: Option<Vec<u8>>,
+}
+
+/// What reading gives.
+pub(crate) type Read = Result<ReadPicture, String>;
+
+/// A plan whose picture is being read.
+#[derive(Debug)]
+pub(crate) struct Planning {
+    pub(crate) picture: Task<Read>,
+    /// What its world file says.
+    pub(crate) told: Option<Plan>,
+}

@@ -1,0 +1,99 @@
+//! A still on a canvas: its picture, and what lies on it.
+
+use calib_core::Pixel;
+use calib_editor::{OldStill, Pane, Part, hit};
+use egui::{Color32, Painter, Rect, Ui};
+
+use crate::canvas::Mapping;
+use crate::overlay::Overlay;
+use crate::picture::Piece;
+use crate::state::{App, Place};
+use crate::theme;
+
+/// Paints a still, or says why it is not there.
+pub(crate) fn paint(app: &mut App, painter: &Painter, name: Option<&str>, mapping: &Mapping, rect: Rect) {
+    let Some(name) = name else { return };
+    let images = &app.editor.session().images;
+    if let Some(picture) = app.pictures.get(painter.ctx(), name, || images.reader(name)) {
+        picture.paint(painter, mapping, Color32::WHITE);
+        return;
+    }
+    let (text, colour) = match app.pictures.error(name) {
+        Some(error) => (error.to_owned(), theme::palette(painter.ctx()).bad),
+        None => ("Loading the image\u{2026}".to_owned(), theme::palette(painter.ctx()).text3),
+    };
+    painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, theme::regular(12.0), colour);
+}
+
+/// The still that was replaced, over the new one.
+pub(crate) fn blend_old(
+    app: &mut App,
+    painter: &Painter,
+    camera: usize,
+    mapping: &Mapping,
+    [w, h]: [f64; 2],
+) {
+    let Some(OldStill { camera: own, image: name, share, .. }) = app.editor.old_still().cloned() else {
+        return;
+    };
+    let images = &app.editor.session().images;
+    let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
+    if let Some(picture) =
+        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| entry.id == own))
+    {
+        let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
+        whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
+    }
+}
+
+/// What lies on the image of a camera.
+pub(crate) fn overlay<'a>(
+    app: &'a App,
+    ui: &Ui,
+    camera: usize,
+    mapping: Mapping,
+    place: Place,
+) -> Overlay<'a> {
+    let cursor =
+        app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
+    let lit = app.lit.filter(|_| camera == app.editor.session().camera).or_else(|| {
+        let pose = app.editor.session().solved.pose(camera);
+        let near = mapping.units(theme::HIT);
+        let over = cursor.filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle());
+        let hit = hit::pick(
+            &app.editor.session().site,
+            camera,
+            pose,
+            over?,
+            near,
+            &app.editor.session().selection,
+        )?;
+        match hit.part {
+            Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+                Some((annotation, segment))
+            }
+            _ => None,
+        }
+    });
+    Overlay {
+        session: app.editor.session(),
+        camera,
+        mapping,
+        layers: app.layers,
+        cursor: cursor.filter(|_| app.editor.tool().is_idle()),
+        lit,
+        holding: !app.editor.tool().is_idle(),
+        time: ui.input(|i| i.time) - app.suspect_since,
+        family: app
+            .editor
+            .family()
+            .filter(|(of, _)| *of == camera && place == Place::Main && app.editor.tool().is_idle())
+            .map(|(_, family)| family)
+            .filter(|family| {
+                app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
+            }),
+        begun: app.editor.tool().begun(app.editor.session()),
+        labels: place != Place::Tile || mapping.rect.width() > 300.0,
+        lines: place != Place::Tile || app.editor.tool_kind().is_some(),
+    }
+}
