@@ -52,7 +52,7 @@
 //! # #[cfg(feature = "serde")]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use calib_core::{
-//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, Shape3, Site, Status, WorldPoint, on_image,
+//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, MarkShape, Site, Status, WorldPoint, on_image,
 //! };
 //!
 //! let site = Site::from_json(
@@ -81,7 +81,7 @@
 //!
 //! // A box of space to its lines in the image.
 //! let at = WorldPoint::new(x[0], y[0], 0.0);
-//! let pallet = Shape3 { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
+//! let pallet = MarkShape { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
 //! let lines: Vec<Vec<Pixel>> = pallet.polylines().iter().flat_map(|line| on_image(&camera, line)).collect();
 //! assert!(!lines.is_empty());
 //! # Ok(())
@@ -120,8 +120,8 @@ pub use camera::{
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, PRISM_HEIGHT, Placement, Polyline, Remap,
-    STAGE_1_HEIGHT, Shape3, Status, Straightened, default_efov, efov_on_floor, ellipse, floor_grid,
+    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
+    Remap, STAGE_1_HEIGHT, Status, Undistortion, default_efov, efov_on_floor, ellipse, floor_grid,
     from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
     with_placement_covariance,
 };
@@ -130,10 +130,10 @@ pub use outcome::{
     Severity, Source, Subject, Suggestion, Tie, WhyUnused,
 };
 pub use single::{
-    Annotation, Constraints, Direction, Edge, Endpoint, Evidence, Fit, FitOptions, Fitted, FixedParameters,
-    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
-    Priors, Shape, Sketch, Unusable, Upright, closed_form, draw_next, findings, line_name, paper_minimum,
-    straightness_rms,
+    Annotation, ConstraintKind, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
+    FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
+    LocalMinimum, Orientation, Prior, Priors, Shape, Sketch, Upright, closed_form, draw_next, findings,
+    line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

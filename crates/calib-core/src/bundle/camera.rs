@@ -60,7 +60,7 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     lengths: Vec::new(),
     length_groups: Vec::new(),
     uprights: Vec::new(),
-    unusable: Vec::new(),
+    invalid: Vec::new(),
 };
 
 impl<'a> BundleCamera<'a> {

@@ -7,7 +7,8 @@ use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, 
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, Dual, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{
-    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State, straightness_with_slopes,
+    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State,
+    straightness_with_jacobian,
 };
 
 /// Views, landmarks and distances with a place for every parameter in the state.
@@ -190,7 +191,7 @@ impl<'a> BundleProblem<'a> {
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
         let is_free = self.lens_is_free(view);
-        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens, false));
+        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens));
         let rows = rows(&this.stage_1, constraints.as_ref(), &stage_1)?;
         let d_lens =
             if is_free { self.rows_by_lens(view, camera, &stage_1, rows.len())? } else { Vec::new() };
@@ -228,7 +229,7 @@ impl<'a> BundleProblem<'a> {
         free.map(|k| {
             let at = |by: f64| {
                 let lens = camera.nudged(POSE_PARAMS + k, by).lens;
-                let constraints = Constraints::new(this.annotations, &lens, false);
+                let constraints = Constraints::new(this.annotations, &lens);
                 rows(&this.stage_1, Some(&constraints), stage_1).filter(|rows| rows.len() == count)
             };
             let (ahead, behind) = (at(STEP)?, at(-STEP)?);
@@ -255,7 +256,7 @@ impl<'a> BundleProblem<'a> {
         let free: Vec<usize> =
             (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some()).collect();
         for edge in &this.edges {
-            let (distances, columns) = straightness_with_slopes(&camera.lens, &edge.points, &free)?;
+            let (distances, columns) = straightness_with_jacobian(&camera.lens, &edge.points, &free)?;
             for (i, distance) in distances.iter().enumerate() {
                 let mut by = [0.0; CAMERA_PARAMS];
                 for (&k, column) in free.iter().zip(&columns) {

@@ -15,10 +15,10 @@ pub use efov::{Efov, default_efov, efov_on_floor};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use projector::FloorProjector;
-pub use remap::{Crop, Remap, Straightened};
+pub use remap::{Crop, Remap, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use scene::{
-    MarkKind, PRISM_HEIGHT, Polyline, Shape3, ellipse, floor_grid, horizon, in_front, on_image,
+    MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, horizon, in_front, on_image,
     position_ellipse, prism, vertical,
 };
 pub use status::Status;

@@ -211,7 +211,7 @@ pub enum Finding {
     /// What was told of the height and what the placement says disagree.
     ScaleConflict {
         /// By what was entered and drawn, in metres.
-        told: f64,
+        estimated: f64,
         /// As placed, in metres.
         placed: f64,
     },

@@ -100,7 +100,7 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
 fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
     let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
     for line in lines {
-        let [a, b] = line.ends.map(|end| end.at);
+        let [a, b] = line.ends.map(|end| end.point);
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let (length, angle) = (dx.hypot(dy), 2.0 * dy.atan2(dx));
         cos += length * angle.cos();
@@ -169,7 +169,7 @@ impl Criterion {
     fn new(constraints: &Constraints, roll: f64) -> Self {
         let (sin, cos) = roll.sin_cos();
         let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
-        let line = |line: &Line| line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
+        let line = |line: &Line| line_through(unroll(line.ends[0].point), unroll(line.ends[1].point));
         let mut criterion = Self {
             verticals: Vec::new(),
             floor: Vec::new(),
@@ -184,7 +184,7 @@ impl Criterion {
             }
         }
         for length in &constraints.lengths {
-            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.at)));
+            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.point)));
         }
         criterion
     }

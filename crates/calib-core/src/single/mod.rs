@@ -20,8 +20,8 @@ mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
 pub use advice::{Sketch, draw_next, findings};
-pub use annotation::{Annotation, Evidence, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
+pub use annotation::{Annotation, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, line_name};
+pub use constraints::{Constraints, Direction, Endpoint, InvalidSegment, Length, Line, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
 pub use prior::{Prior, Priors};
@@ -37,4 +37,4 @@ pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edges, straightness_with_slopes};
+pub(crate) use straightness::{edges, straightness_with_jacobian};

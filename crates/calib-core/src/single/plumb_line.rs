@@ -11,7 +11,7 @@ use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
-use crate::single::straightness::{Edge, straightness, straightness_with_slopes};
+use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
 
 /// Which coefficients are fitted, of which model.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -146,7 +146,7 @@ impl Problem<'_> {
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
             .edges
             .iter()
-            .map(|edge| straightness_with_slopes(&lens, &edge.points, indices))
+            .map(|edge| straightness_with_jacobian(&lens, &edge.points, indices))
             .collect::<Option<_>>()?;
         let residuals = edges.iter().flat_map(|(distances, _)| distances.iter().copied()).collect();
         let column = |k: usize| edges.iter().flat_map(move |(_, slopes)| slopes[k].iter().copied());

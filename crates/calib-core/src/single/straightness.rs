@@ -28,23 +28,23 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
 /// pixels; `None` where the lens shows nothing.
 pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    Straightened::new(lens, points).map(|straightened| straightened.distances())
+    UndistortedPolyline::new(lens, points).map(|polyline| polyline.distances())
 }
 
 /// [`straightness`], and of every coefficient its derivatives.
-pub(crate) fn straightness_with_slopes(
+pub(crate) fn straightness_with_jacobian(
     lens: &Lens,
     points: &[Pixel],
     coefficients: &[usize],
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
-    let straightened = Straightened::new(lens, points)?;
-    let distances = straightened.distances();
+    let polyline = UndistortedPolyline::new(lens, points)?;
+    let distances = polyline.distances();
     let by: Vec<ByCoefficients> = points
         .iter()
-        .zip(&straightened.points)
+        .zip(&polyline.points)
         .map(|(&raw, &straight)| lens.undistort_by_coefficients(raw, straight.into()))
         .collect();
-    let slopes = coefficients.iter().map(|&k| straightened.slopes(|i| by[i][k])).collect();
+    let slopes = coefficients.iter().map(|&k| polyline.slopes(|i| by[i][k])).collect();
     Some((distances, slopes))
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn straightness_with_slopes(
 ///
 /// The weights `w = 1 / |J' n|^2` of the points hang on the line's direction: twice is enough, for they
 /// change slowly with it.
-struct Straightened {
+struct UndistortedPolyline {
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
@@ -64,7 +64,7 @@ struct Straightened {
     sign: f64,
 }
 
-impl Straightened {
+impl UndistortedPolyline {
     fn new(lens: &Lens, raw: &[Pixel]) -> Option<Self> {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
         let mut jacobians = Vec::with_capacity(raw.len());
@@ -233,7 +233,7 @@ mod tests {
             };
             let points: Vec<Pixel> = off.iter().enumerate().map(point).collect();
             let indices: Vec<usize> = (0..distortion.names().len()).collect();
-            let Some((distances, slopes)) = straightness_with_slopes(&lens, &points, &indices) else { return Ok(()) };
+            let Some((distances, slopes)) = straightness_with_jacobian(&lens, &points, &indices) else { return Ok(()) };
             // Near the fold differences are not derivatives.
             let regular = points.iter().all(|&p| {
                 lens.undistort_jacobian(p).is_some_and(|j| j.iter().flatten().all(|slope| slope.abs() < 5.0))

@@ -22,9 +22,9 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
     let size = lines
         .iter()
         .flat_map(|line| line.ends)
-        .fold(0.0_f64, |most, end| most.max(end.at[0].abs()).max(end.at[1].abs()));
+        .fold(0.0_f64, |most, end| most.max(end.point[0].abs()).max(end.point[1].abs()));
     let scatter = lines.iter().fold(Matrix3::zeros(), |sum, line| {
-        let [a, b] = line.ends.map(|end| end.at.map(|c| c / size));
+        let [a, b] = line.ends.map(|end| end.point.map(|c| c / size));
         let line = Vector3::from(line_through(a, b));
         sum + line * line.transpose() / line.xy().norm_squared().max(f64::MIN_POSITIVE)
     });
@@ -52,7 +52,7 @@ mod tests {
     use crate::single::constraints::{Direction, Endpoint, Source};
 
     fn line(a: [f64; 2], b: [f64; 2]) -> Line {
-        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+        let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
         Line {
             ends: [end(a), end(b)],
             direction: Direction::Vertical,

@@ -4,7 +4,7 @@ use crate::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, PlanScale,
     WorldPoint,
 };
-use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
+use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors};
 use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
 use crate::site::elements::Mark;
@@ -39,12 +39,12 @@ impl Site {
 impl Mark {
     /// The mark as a shape in the base system.
     #[must_use]
-    pub fn shape(&self) -> Shape3 {
+    pub fn shape(&self) -> MarkShape {
         let (at, turn_deg) = match &self.solution {
             Some(solution) => (solution.at_m, solution.turn_deg.unwrap_or(self.turn_deg)),
             None => (self.at_m, self.turn_deg),
         };
-        Shape3 { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
+        MarkShape { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
     }
 }
 

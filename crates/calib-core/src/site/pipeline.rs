@@ -6,7 +6,7 @@ use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::floor::{default_efov, efov_on_floor};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, Tie};
-use crate::single::{Constraints, OPEN_FOCAL, Unusable};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL};
 use crate::site::bounds::At;
 use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
@@ -197,7 +197,7 @@ impl Site {
         result.solution.residuals.extend(listed(straightness.into_iter(), &[]));
         result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
         result.findings.extend(first.lens_estimate.findings(&entry.annotations));
-        result.findings.extend(unusable(&first.constraints));
+        result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.solution.efov_m = efov(entry, &camera, &mut result.findings);
         self.add_control_residuals(entry, &camera, &mut result);
@@ -253,10 +253,10 @@ fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
     (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
 }
 
-fn unusable(constraints: &Constraints) -> impl Iterator<Item = Finding> {
-    constraints.unusable.iter().map(|(source, why)| match why {
-        Unusable::OutsideLens => Finding::OutsideLens { line: *source },
-        Unusable::NoLength => Finding::NoLength { line: *source },
+fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> {
+    constraints.invalid.iter().map(|(source, why)| match why {
+        InvalidSegment::OutsideLens => Finding::OutsideLens { line: *source },
+        InvalidSegment::NoLength => Finding::NoLength { line: *source },
     })
 }
 

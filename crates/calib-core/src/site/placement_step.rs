@@ -139,7 +139,7 @@ fn scale_conflict(first: &Camera, placed: f64, is_held: bool, findings: &mut Vec
     let sigma = told.unwrap_or(0.0).hypot(HAND * placed);
     let height = first.position.z;
     if (height - placed).abs() > 3.0 * sigma {
-        findings.push(Finding::ScaleConflict { told: height, placed });
+        findings.push(Finding::ScaleConflict { estimated: height, placed });
     }
 }
 

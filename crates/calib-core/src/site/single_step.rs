@@ -107,7 +107,7 @@ impl Site {
             ));
         }
         let held = held_of(entry, owner)?;
-        let constraints = Constraints::new(&entry.annotations, &lens, false);
+        let constraints = Constraints::new(&entry.annotations, &lens);
         let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
             return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
@@ -164,7 +164,7 @@ fn likelihood(
 
 /// What is switched off, as far from the prediction of a camera as it is.
 pub(crate) fn residuals_when_off(entry: &SiteCamera, camera: &Camera) -> Vec<(Source, f64)> {
-    let off = Constraints::new(&entry.annotations, &camera.lens, true);
+    let off = Constraints::switched_off(&entry.annotations, &camera.lens);
     let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
     residuals_at(&off, at, camera.position.z, entry.size()[0])
 }
@@ -200,7 +200,7 @@ fn paper(
         covariance: Covariance::EXACT,
     };
     let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
-    let off = Constraints::new(&entry.annotations, &lens, true);
+    let off = Constraints::switched_off(&entry.annotations, &lens);
     let both =
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = listed(both, &[]);

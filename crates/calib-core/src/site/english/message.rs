@@ -70,7 +70,7 @@ impl English<'_> {
             F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
-            F::ScaleConflict { told, placed } => scale_conflict(*told, *placed),
+            F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
                 "The distortion folds back on itself inside the image: a corner shows no ray.".into()
@@ -339,9 +339,9 @@ const fn field(parameter: Parameter) -> &'static str {
     }
 }
 
-fn scale_conflict(told: f64, placed: f64) -> String {
+fn scale_conflict(estimated: f64, placed: f64) -> String {
     format!(
-        "The camera is {told:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
+        "The camera is {estimated:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
     )
 }
 
