@@ -140,7 +140,7 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
     let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
         let (direction, v) = match i % 3 {
-            0 => (Direction::Vertical, angles.down().at),
+            0 => (Direction::Vertical, angles.nadir().at),
             1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7).at),
             _ => (
                 Direction::Floor { group: 0, orthogonal: true },

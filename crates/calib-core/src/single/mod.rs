@@ -1,6 +1,17 @@
-//! Stage 1: one camera from what was drawn on its image.
+//! Stage 1: roll, pitch, focal and height of one camera, with their covariance, from what was drawn on its
+//! image.
 //!
-//! Law: one image. From annotations to a camera with its covariance, in the order of the files below.
+//! Law: one image; no document, no other camera. The files in the order of the data:
+//!
+//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `constraints` the same, undistorted;
+//! - `straightness`, `edge_information`, `plumb_line` the distortion from straight edges: residuals, which edges
+//!   are informative, the fit of a lens;
+//! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
+//! - `prior`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
+//!   every other constraint is in `residual`, with the formula and its Jacobian;
+//! - `minima`, `outliers` all local minima, and leave-one-out rejection;
+//! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
+//! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod constraints;
