@@ -12,6 +12,22 @@
 //!    common, and known distances, refine all cameras together ([`Site::calibrate`]).
 //! 4. The result: a [`Camera`] maps pixels to the floor and points of space to pixels.
 //!
+//! The folders of the source, in the order of the method; each states its law in its `mod.rs`:
+//!
+//! - `camera`: points by space, distortion models, the pinhole, reprojection with Jacobians, covariances;
+//! - `optimize`: Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement, sparse Cholesky;
+//! - `floor`: what one calibrated camera shows of the floor: projection, EFOV, resection, undistorted images;
+//! - `outcome`: how a solve ended, as values: findings, failures, residuals, suggestions;
+//! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
+//!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
+//! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
+//! - `site`: the site document, its checks, and the pipeline from document to results.
+//!
+//! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
+//! `single/residual.rs` and evaluated in `single/likelihood.rs`; reprojection errors are in
+//! `bundle/landmark.rs`. The predicted error of floor lengths is computed in `single/accuracy.rs`, the covariance
+//! of a floor point in `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
+//!
 //! # Conventions
 //!
 //! - Base system: right-handed, metres, z up, floor at z = 0; the camera is at (x0, y0, z0).
@@ -100,7 +116,7 @@
     expect(dead_code, unused_imports, reason = "some steps only the site asks for")
 )]
 
-// A folder uses only those above it, and in a folder a file only those above it; a test holds both.
+// A folder uses only those above it, and in a folder a file only those above it; a test checks both.
 mod camera;
 mod optimize;
 mod floor;

@@ -222,11 +222,11 @@ impl LeastSquares for Problem<'_> {
             damped[(i, i)] *= 1.0 + damping;
         }
         let step = damped.cholesky()?.solve(&(-&normal.gradient));
-        let promised: f64 = (0..values.len())
+        let predicted: f64 = (0..values.len())
             .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
             .sum();
         let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
-        Some((next, promised, step.amax()))
+        Some((next, predicted, step.amax()))
     }
 }
 
