@@ -1,6 +1,11 @@
-//! What one camera shows of the floor, and the floor of what it shows.
+//! One calibrated camera and the floor: projection in both directions, and what follows from it.
 //!
-//! Law: forward only. A camera is given here, never estimated from drawings.
+//! Law: roll, pitch, focal and lens are given here, never estimated from drawings.
+//!
+//! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
+//! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
+//! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `remap` undistorted images.
 
 mod placement;
 mod resection;

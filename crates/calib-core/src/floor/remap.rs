@@ -1,5 +1,5 @@
-//! An image without distortion: a map from every pixel to where the lens shows it, built once and
-//! applied to any number of images of that camera.
+//! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and applied
+//! to any number of images of that camera.
 
 use pulp::Arch;
 
@@ -22,7 +22,7 @@ const STEPS: f32 = 32.0;
 const STEP_BITS: u32 = 5;
 const BLANK: u32 = u32::MAX;
 
-/// An image without distortion: which part of the undistorted plane it shows, of which lens.
+/// The undistortion of the images of a lens: which part of the undistorted plane the new image shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Undistortion {
     lens: Lens,
@@ -35,7 +35,7 @@ pub struct Undistortion {
     most: f64,
 }
 
-/// A [`Undistortion`] image's map, kept for many images of one camera.
+/// The map of an [`Undistortion`], kept for many images of one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
     width: usize,

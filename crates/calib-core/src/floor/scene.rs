@@ -1,5 +1,5 @@
-//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D
-//! polylines, and their way onto an image.
+//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D polylines, and their
+//! projection to an image.
 
 use std::borrow::Cow;
 
@@ -202,7 +202,7 @@ fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
 }
 
-/// Columns and rows of a net: more than these are a grey area, and a hostile file's way to fill memory.
+/// Columns and rows of a grid, bounded: a hostile file must not fill the memory.
 fn cells(columns: f64, rows: f64) -> [usize; 2] {
     [columns, rows].map(|count| count.clamp(0.0, 1000.0) as usize)
 }
@@ -227,7 +227,7 @@ pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
 /// The lines of the metre grid inside a floor polygon: every multiple of `step` metres in x and y.
 #[must_use]
 pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
-    /// More lines than this are a grey area.
+    /// Most lines in one direction: more cannot be told apart.
     const MOST: f64 = 400.0;
     let mut lines = Vec::new();
     for axis in 0..2 {

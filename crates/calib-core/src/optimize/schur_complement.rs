@@ -157,7 +157,7 @@ impl BlockStructure {
 
     /// The covariance of blocks that have residuals in common.
     ///
-    /// Regularised: the diagonal of every kept block is multiplied by `1 + regularization`, so that what the residuals
+    /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that what the residuals
     /// do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
         let Reduced { mut values, inverses, .. } = self.reduced(&normal, 0.0);

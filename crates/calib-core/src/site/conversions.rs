@@ -143,7 +143,7 @@ impl SiteCamera {
         given.unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
     }
 
-    /// The lens as far as it is given: distortion held at its coefficients, or none.
+    /// The lens as far as it is given: with fixed coefficients, or without distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
         let pinhole = Lens::pinhole(self.principal_point());
@@ -156,9 +156,9 @@ impl SiteCamera {
         given().unwrap_or(pinhole)
     }
 
-    /// What of the orientation is held.
+    /// The parameters that are fixed, with their values.
     #[must_use]
-    pub fn held(&self) -> FixedParameters {
+    pub fn fixed_parameters(&self) -> FixedParameters {
         let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
         let Some(lens) = &self.lens else {
             return FixedParameters { height: fixed(self.height_m), ..FixedParameters::default() };
@@ -171,7 +171,7 @@ impl SiteCamera {
         }
     }
 
-    /// What is believed of the orientation and the height.
+    /// Priors on orientation, focal and height.
     #[must_use]
     pub fn priors(&self) -> Priors {
         let prior = |known: Option<crate::Known>| {
@@ -196,7 +196,7 @@ impl SiteCamera {
         self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
     }
 
-    /// Whether it was solved, and stands where it belongs in the site.
+    /// Whether it was solved and placed in the site.
     #[must_use]
     pub fn is_placed(&self) -> bool {
         self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
