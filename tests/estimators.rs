@@ -20,7 +20,7 @@ fn scenes(drawn: Drawn, count: usize, seed: u64) -> Vec<RandomScene> {
 }
 
 fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> Fit {
-    let evidence = Constraints::new(annotations, &lens(), false);
+    let evidence = Constraints::new(annotations, &lens());
     let options = FitOptions {
         lens: lens(),
         size: SIZE,
@@ -38,7 +38,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
 fn the_papers_method_finds_exact_scenes() {
     for drawn in [Drawn::Directions, Drawn::Lengths] {
         for scene in scenes(drawn, 40, 21) {
-            let evidence = Constraints::new(&scene.annotations, &lens(), false);
+            let evidence = Constraints::new(&scene.annotations, &lens());
             let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).unwrap();
             assert!(
                 (at.focal / scene.camera.focal - 1.0).abs() < 1e-3,

@@ -5,8 +5,8 @@
 use calib_core::{
     Annotation, BrownConrady, Camera, Code, Coefficient, Covariance, Distance, Distortion, DistortionEntry,
     DistortionModel, FloorPoint, Kind, Known, Lens, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkKind,
-    MarkSeen, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, Shape3, Site, SiteCamera, Stage,
-    UndistortedPixel, WorldPoint,
+    MarkSeen, MarkShape, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, Site, SiteCamera,
+    Stage, UndistortedPixel, WorldPoint,
 };
 use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
@@ -341,7 +341,7 @@ fn marks_tie_cameras_and_give_the_scale() {
         // A box of known size gives the scale, too: the first camera's own is taken away.
         let mut marks = layout.clone();
         let (at, turned) = (WorldPoint::new(0.3, -0.2, 0.0), 0.7_f64);
-        let shape = Shape3 { kind: MarkKind::Box, at, turn: turned, size: vec![1.2, 0.8, 0.9] };
+        let shape = MarkShape { kind: MarkKind::Box, at, turn: turned, size: vec![1.2, 0.8, 0.9] };
         let mut seen_of_box = Vec::new();
         for camera in 0..3 {
             for point in ["b0", "b1", "b2", "t0", "t1", "t2", "t3"] {

@@ -134,8 +134,7 @@ fn the_papers_method_is_as_good_as_in_scipy() {
         let error = |focal: f64, scene: &RandomScene| (focal / scene.camera.focal - 1.0).abs();
         let ours = scenes.iter().map(|(scene, noisy)| {
             let (at, _) =
-                paper_minimum(&Constraints::new(noisy, &lens, false), FixedParameters::default(), SIZE[0])
-                    .unwrap();
+                paper_minimum(&Constraints::new(noisy, &lens), FixedParameters::default(), SIZE[0]).unwrap();
             error(at.focal, scene)
         });
         let (ours, theirs) = (

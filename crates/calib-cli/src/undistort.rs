@@ -1,6 +1,6 @@
 //! `calib undistort`: a camera's image without lens distortion.
 
-use calib_core::{Crop, Distortion, Straightened};
+use calib_core::{Crop, Distortion, Undistortion};
 use clap::ValueEnum;
 use image::RgbImage;
 
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     };
     let (width, height) = image.dimensions();
     let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be mapped");
-    let map = Straightened::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
+    let map = Undistortion::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
     let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     args.output.write_image(&straight)?;

@@ -12,7 +12,7 @@ use rand::SeedableRng as _;
 fn fit(annotations: &[Annotation], scene: &RandomScene) -> Option<Fit> {
     let lens = Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]));
     let options = FitOptions { efov: &scene.efov, sigma: Some(1.0), ..FitOptions::new(lens, SIZE) };
-    Fit::new(&Constraints::new(annotations, &lens, false), &options).ok()
+    Fit::new(&Constraints::new(annotations, &lens), &options).ok()
 }
 
 /// Microseconds a solve.

@@ -4,20 +4,20 @@ mod measure;
 
 use std::hint::black_box;
 
-use calib_core::{BrownConrady, Crop, Distortion, Lens, Pixel, Straightened};
+use calib_core::{BrownConrady, Crop, Distortion, Lens, Pixel, Undistortion};
 use measure::{median, report};
 use rand::{Rng as _, SeedableRng as _};
 
 const SIZE: [usize; 2] = [1920, 1080];
 
-fn view() -> Straightened {
+fn view() -> Undistortion {
     let bent = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
     let lens = Lens {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 0.7 * 1920.0,
         distortion: Distortion::BrownConrady(bent),
     };
-    Straightened::new(&lens, SIZE[0], SIZE[1], Crop::SameFocal).expect("the lens shows the whole image")
+    Undistortion::new(&lens, SIZE[0], SIZE[1], Crop::SameFocal).expect("the lens shows the whole image")
 }
 
 /// Milliseconds an image.

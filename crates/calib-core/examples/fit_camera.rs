@@ -31,8 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         drawn(Kind::Perpendicular, &[[(837.1, 691.7), (1076.8, 582.4)], [(1140.2, 631.0), (916.2, 517.0)]]),
     ];
     let lens = Lens::pinhole(Pixel::new(960.0, 540.0));
-    let fit =
-        Fit::new(&Constraints::new(&annotations, &lens, false), &FitOptions::new(lens, [1920.0, 1080.0]))?;
+    let fit = Fit::new(&Constraints::new(&annotations, &lens), &FitOptions::new(lens, [1920.0, 1080.0]))?;
     let camera = fit.camera;
     let sigma = |index| camera.covariance.sigma(index).unwrap_or(f64::NAN);
     let degrees =

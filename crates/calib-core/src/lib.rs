@@ -12,6 +12,22 @@
 //!    common, and known distances, refine all cameras together ([`Site::calibrate`]).
 //! 4. The result: a [`Camera`] maps pixels to the floor and points of space to pixels.
 //!
+//! The folders of the source, in the order of the method; each states its law in its `mod.rs`:
+//!
+//! - `camera`: points by space, distortion models, the pinhole, reprojection with Jacobians, covariances;
+//! - `optimize`: Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement, sparse Cholesky;
+//! - `floor`: what one calibrated camera shows of the floor: projection, EFOV, resection, undistorted images;
+//! - `outcome`: how a solve ended, as values: findings, failures, residuals, suggestions;
+//! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
+//!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
+//! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
+//! - `site`: the site document, its checks, and the pipeline from document to results.
+//!
+//! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
+//! `single/residual.rs` and evaluated in `single/likelihood.rs`; reprojection errors are in
+//! `bundle/landmark.rs`. The predicted error of floor lengths is computed in `single/accuracy.rs`, the covariance
+//! of a floor point in `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
+//!
 //! # Conventions
 //!
 //! - Base system: right-handed, metres, z up, floor at z = 0; the camera is at (x0, y0, z0).
@@ -52,7 +68,7 @@
 //! # #[cfg(feature = "serde")]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use calib_core::{
-//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, Shape3, Site, Status, WorldPoint, on_image,
+//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, MarkShape, Site, Status, WorldPoint, on_image,
 //! };
 //!
 //! let site = Site::from_json(
@@ -81,7 +97,7 @@
 //!
 //! // A box of space to its lines in the image.
 //! let at = WorldPoint::new(x[0], y[0], 0.0);
-//! let pallet = Shape3 { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
+//! let pallet = MarkShape { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
 //! let lines: Vec<Vec<Pixel>> = pallet.polylines().iter().flat_map(|line| on_image(&camera, line)).collect();
 //! assert!(!lines.is_empty());
 //! # Ok(())
@@ -100,7 +116,7 @@
     expect(dead_code, unused_imports, reason = "some steps only the site asks for")
 )]
 
-// A folder uses only those above it, and in a folder a file only those above it; a test holds both.
+// A folder uses only those above it, and in a folder a file only those above it; a test checks both.
 mod camera;
 mod optimize;
 mod floor;
@@ -120,8 +136,8 @@ pub use camera::{
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, PRISM_HEIGHT, Placement, Polyline, Remap,
-    STAGE_1_HEIGHT, Shape3, Status, Straightened, default_efov, efov_on_floor, ellipse, floor_grid,
+    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
+    Remap, STAGE_1_HEIGHT, Status, Undistortion, default_efov, efov_on_floor, ellipse, floor_grid,
     from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
     with_placement_covariance,
 };
@@ -130,10 +146,10 @@ pub use outcome::{
     Severity, Source, Subject, Suggestion, Tie, WhyUnused,
 };
 pub use single::{
-    Annotation, Constraints, Direction, Edge, Endpoint, Evidence, Fit, FitOptions, Fitted, FixedParameters,
-    KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line, LocalMinimum, Orientation, Prior,
-    Priors, Shape, Sketch, Unusable, Upright, closed_form, draw_next, findings, line_name, paper_minimum,
-    straightness_rms,
+    Annotation, ConstraintKind, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
+    FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
+    LocalMinimum, Orientation, Prior, Priors, Shape, Sketch, Upright, closed_form, draw_next, findings,
+    line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

@@ -1,7 +1,7 @@
 //! The site held against the truth: what is drawn is there, and says what it claims to say.
 
 use calib_core::{
-    Annotation, Camera, Distortion, Kind, LinkSeen, Pixel, STAGE_1_HEIGHT, Shape3, Site, SiteCamera,
+    Annotation, Camera, Distortion, Kind, LinkSeen, MarkShape, Pixel, STAGE_1_HEIGHT, Site, SiteCamera,
     UndistortedPixel,
 };
 
@@ -195,7 +195,7 @@ fn marks_stand_where_things_stand() {
         world().tree.nearest(&line, 10.0).map(|hit| from - hit.distance)
     };
     for mark in marks() {
-        let Shape3 { at, size, .. } = mark.shape();
+        let MarkShape { at, size, .. } = mark.shape();
         let (height, from) = match mark.id.as_deref() {
             Some("pallet" | "till") => (size[2], 1.3),
             Some("barrel") => (size[1], 1.3),

@@ -12,17 +12,17 @@ use crate::camera::Camera;
 
 /// Several cameras, what they observe in common, and distances that were measured: refined together.
 ///
-/// 1. The view graph is split into components; each is initialised along a spanning tree, cameras placed
-///    by what they share with cameras placed before them, and the floors of all are aligned to close loops.
+/// 1. The view graph is split into components; each is initialised along a spanning tree, every camera placed by
+///    the landmarks that it shares with cameras placed before it, and all floors are aligned to close loops.
 /// 2. Landmarks are triangulated.
-/// 3. Cameras, landmarks and what the annotations of every camera leave open are refined by least squares,
+/// 3. Cameras, landmarks and the nuisance parameters of stage 1 are refined by least squares,
 ///    every residual divided by its standard deviation: observations and annotations in pixels, priors and
 ///    distances in their units. Outliers among landmarks and distances are rejected one by one.
 ///
 /// Unlike in structure from motion, roll, pitch, focal and lens of every camera are known about right before
 /// (from [`Fit`](crate::Fit), or from elsewhere), and the floor is horizontal: only positions and yaws are
-/// sought from nothing. What nothing in the base system holds of a component is held by one camera, its
-/// [root](crate::Component::root).
+/// without initial values. What of the gauge of a component nothing in the base system fixes is fixed by the
+/// placement of one camera, its [root](crate::Component::root).
 ///
 /// # Example
 ///
@@ -133,8 +133,8 @@ impl BundleAdjustment<'_> {
     /// Initialises and refines.
     ///
     /// # Errors
-    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: it is
-    /// listed in the summary.
+    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: the summary has
+    /// its indices.
     pub fn solve(&self) -> Result<BundleSummary, BundleError> {
         self.check()?;
         Ok(self.solve_checked())
@@ -181,7 +181,7 @@ impl BundleAdjustment<'_> {
         }
     }
 
-    /// The cameras of a cluster: from their initial poses where they are connected, else as they came.
+    /// The cameras of a cluster: at their initial poses where they are connected, else at those given.
     fn views(&self, cluster: &[usize], poses: &[Camera], summary: &BundleSummary) -> Vec<View<'_>> {
         let view = |&index: &usize| {
             let camera = &self.cameras[index];
@@ -265,17 +265,17 @@ fn local_distances(
 /// Whether the cameras share so much that the system of equations would fill the memory of any machine.
 fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
     /// Pairs of cameras that observe a landmark in common: 450 cameras, every one with every other.
-    const MOST: usize = 100_000;
+    const MAX_PAIRS: usize = 100_000;
     let mut pairs = HashSet::new();
     for landmark in landmarks {
         let views = landmark.views();
-        if views.len() * views.len() > 2 * MOST {
+        if views.len() * views.len() > 2 * MAX_PAIRS {
             return true;
         }
         for (i, &a) in views.iter().enumerate() {
             pairs.extend(views[i + 1..].iter().map(|&b| [a, b]));
         }
-        if pairs.len() > MOST {
+        if pairs.len() > MAX_PAIRS {
             return true;
         }
     }

@@ -1,8 +1,8 @@
-//! Placement of one more camera by landmarks that are placed already: the step by which the
-//! initialisation grows along the view graph.
+//! Resection of one more camera from landmarks that are triangulated already: the step by which the
+//! initialisation proceeds along the view graph.
 //!
-//! Roll, pitch, focal and lens are known from stage 1; position and yaw are sought. Observed points are
-//! control points then; where they are too few, points and floor lines together give a similarity of the
+//! Roll, pitch, focal and lens are known from stage 1; position and yaw are unknown. Observed points serve
+//! as control points; where they are too few, points and floor lines together give a similarity of the
 //! floor.
 
 use nalgebra::{DMatrix, DVector, SVD};
@@ -11,7 +11,7 @@ use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark, LandmarkModel};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::floor::{ControlPoint, from_control_points};
 
-/// A landmark with the parameters that some cameras give it.
+/// A landmark with its triangulated parameters.
 pub(crate) type PlacedLandmark = (Landmark, [f64; LANDMARK_PARAMS]);
 
 /// The camera number `view` placed so that it shows these landmarks where they are; at `height`, if given.
@@ -22,7 +22,7 @@ pub(crate) fn attach(
     landmarks: &[PlacedLandmark],
 ) -> Option<Camera> {
     let points = control_points(view, landmarks.iter().map(|(landmark, place)| (landmark, *place)));
-    by_consensus(camera, &points, height).or_else(|| by_points_and_lines(camera, view, landmarks))
+    by_points(camera, &points, height).or_else(|| by_points_and_lines(camera, view, landmarks))
 }
 
 /// Points of the base system with the pixels of a camera that show them.
@@ -38,36 +38,35 @@ pub(crate) fn control_points<'a>(
     seen.map(|(pixel, world)| ControlPoint { pixel, world }).collect()
 }
 
-/// The placement that most of the points agree with: of the placements by pairs of points and by all, the
-/// one of least median error (Rousseeuw 1984), fitted again to the points that agree with it. One wrong
-/// landmark must not lead the rest of the initialisation astray.
-fn by_consensus(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
-    /// Multiple of the median error up to which a point agrees.
-    const FAR: f64 = 5.0;
-    /// Pixels up to which any point agrees.
-    const NEAR: f64 = 4.0;
+/// Resection robust to outliers: of the placements by pairs of points and by all, the one of least median error
+/// (least median of squares, Rousseeuw 1984), fitted again to its inliers.
+fn by_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
+    /// A point is an inlier up to this multiple of the median error.
+    const INLIER_RATIO: f64 = 5.0;
+    /// A point is an inlier up to this error, in pixels.
+    const INLIER_PIXELS: f64 = 4.0;
     /// Most pairs that are tried.
-    const MOST: usize = 60;
+    const MAX_PAIRS: usize = 60;
     if points.len() < 4 {
         return from_control_points(camera, points, height);
     }
     let count = points.len();
     let pairs = (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
     // The pairs that are tried are spread over all of them.
-    let step = (count * (count - 1) / 2).div_ceil(MOST);
+    let step = (count * (count - 1) / 2).div_ceil(MAX_PAIRS);
     let tried =
         pairs.step_by(step).filter_map(|(i, j)| from_control_points(camera, &[points[i], points[j]], height));
     let all = from_control_points(camera, points, height);
     let error = |camera: &Camera| median(errors(camera, points));
     let best = tried.chain(all).min_by(|a, b| error(a).total_cmp(&error(b)))?;
     let errors = errors(&best, points);
-    let limit = (FAR * median(errors.clone())).max(NEAR);
-    let agreeing: Vec<ControlPoint> =
+    let limit = (INLIER_RATIO * median(errors.clone())).max(INLIER_PIXELS);
+    let inliers: Vec<ControlPoint> =
         points.iter().zip(&errors).filter(|(_, error)| **error <= limit).map(|(point, _)| *point).collect();
-    from_control_points(camera, &agreeing, height).or(Some(best))
+    from_control_points(camera, &inliers, height).or(Some(best))
 }
 
-/// Distances of the points from their pixels, in raw pixels.
+/// Reprojection errors of the points, in raw pixels.
 fn errors(camera: &Camera, points: &[ControlPoint]) -> Vec<f64> {
     let error = |point: &ControlPoint| {
         camera

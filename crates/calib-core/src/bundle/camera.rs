@@ -1,4 +1,5 @@
-//! A camera as it enters the adjustment: where it starts, what was drawn on it, what of it is estimated.
+//! A camera as it enters the adjustment: its initial values, its constraints, and which of its parameters are
+//! estimated.
 
 use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
 use crate::single::{
@@ -12,10 +13,10 @@ pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
 /// What is known of position and yaw of a camera before the adjustment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InitialPose {
-    /// Nothing: they are found from what other cameras and the base system tell.
+    /// Nothing: they are initialised from landmarks that other cameras or control points place.
     Unknown,
-    /// About right: where nothing else holds a component of the view graph in the base system, its first
-    /// such camera does.
+    /// Approximate: where nothing else fixes the gauge of a component of the view graph, its first such camera
+    /// does.
     Approximate,
     /// Exact: position and yaw are not estimated.
     Fixed,
@@ -38,10 +39,10 @@ pub struct BundleCamera<'a> {
     pub priors: Priors,
     /// What was drawn on the image: evaluated anew wherever the distortion is estimated.
     pub annotations: &'a [Annotation],
-    /// What the annotations say under the camera's own lens.
+    /// The constraints of the annotations under the camera's own lens.
     pub constraints: &'a Constraints,
-    /// The fit of this camera alone: its outliers stay rejected, its noise is believed, its floor
-    /// directions and lengths are where these start. Needed wherever there are constraints.
+    /// The fit of this camera alone: its outliers stay rejected, its noise is used, and its nuisance
+    /// parameters are the initial ones. Needed wherever there are constraints.
     pub fit: Option<&'a Fit>,
     /// The standard deviations of what was drawn are known: they are not inflated where the residuals are
     /// larger.
@@ -60,7 +61,7 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     lengths: Vec::new(),
     length_groups: Vec::new(),
     uprights: Vec::new(),
-    unusable: Vec::new(),
+    invalid: Vec::new(),
 };
 
 impl<'a> BundleCamera<'a> {
@@ -121,13 +122,13 @@ impl<'a> BundleCamera<'a> {
         Problem { rejected, ..Problem::new(self.constraints, self.fixed, priors, sigma, width) }
     }
 
-    /// Whether anything but its placement tells its height.
+    /// Whether its height is determined by anything but its placement.
     pub(crate) fn height_is_known(&self) -> bool {
         self.initial_pose != InitialPose::Fixed
             && (self.fixed.height.is_some() || self.stage_1().free[LOG_HEIGHT])
     }
 
-    /// Its height, where that is not estimated for itself.
+    /// Its height, where it is fixed.
     pub(crate) fn fixed_height(&self) -> Option<f64> {
         self.fixed.height.filter(|_| self.initial_pose != InitialPose::Fixed)
     }
@@ -137,8 +138,8 @@ impl<'a> BundleCamera<'a> {
     }
 }
 
-/// What of position, yaw and scale of its component the placement of a camera holds, because nothing else
-/// does: the gauge of the adjustment.
+/// Which of position, yaw and scale of its component the placement of a camera fixes, because nothing else does:
+/// the gauge of the adjustment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gauge {
     pub(crate) position: bool,
@@ -169,8 +170,7 @@ pub(crate) struct View<'a> {
 
 impl<'a> View<'a> {
     /// The view of a camera that starts at `start`, with the lens of `owner`, which is number `lens` of its
-    /// problem. Without a gauge no other camera and nothing of the base system tells where it is: position
-    /// and yaw stay.
+    /// problem. Without a gauge the camera is not connected, and position and yaw stay fixed.
     pub(crate) fn new(
         entry: &BundleCamera<'a>,
         start: &Camera,
@@ -201,13 +201,13 @@ fn free_parameters(
     gauge: Option<Gauge>,
 ) -> [bool; CAMERA_PARAMS] {
     let is_fixed = entry.initial_pose == InitialPose::Fixed;
-    let moves = |held: fn(Gauge) -> bool| !is_fixed && gauge.is_some_and(|gauge| !held(gauge));
-    let rises = gauge.map_or(stage_1.free[LOG_HEIGHT], |gauge| !is_fixed && !gauge.scale);
+    let is_free = |fixed: fn(Gauge) -> bool| !is_fixed && gauge.is_some_and(|gauge| !fixed(gauge));
+    let height_is_free = gauge.map_or(stage_1.free[LOG_HEIGHT], |gauge| !is_fixed && !gauge.scale);
     let mut free = [false; CAMERA_PARAMS];
-    free[Covariance::X] = moves(|gauge| gauge.position);
+    free[Covariance::X] = is_free(|gauge| gauge.position);
     free[Covariance::Y] = free[Covariance::X];
-    free[Covariance::Z] = rises && entry.fixed.height.is_none();
-    free[Covariance::YAW] = moves(|gauge| gauge.yaw);
+    free[Covariance::Z] = height_is_free && entry.fixed.height.is_none();
+    free[Covariance::YAW] = is_free(|gauge| gauge.yaw);
     free[Covariance::PITCH] = entry.fixed.pitch.is_none();
     free[Covariance::ROLL] = entry.fixed.roll.is_none();
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();

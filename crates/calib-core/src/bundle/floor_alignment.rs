@@ -9,7 +9,7 @@
 //!    `t_ba` and log scale `l_ba`. With `t_a - t_b = t_ba` and `log s_a - log s_b = l_ba` for all pairs, the
 //!    turns and scales of all cameras are a sparse linear least-squares problem (rotation averaging in the
 //!    plane, where it is linear as long as the errors of the start are less than half a turn).
-//! 2. With turns and scales held, `m_a + p_a = x` for every point x that camera a has at `p_a` relative to
+//! 2. With turns and scales fixed, `m_a + p_a = x` for every point x that camera a sees at `p_a` relative to
 //!    itself: a sparse linear problem in the moves and the points, which are eliminated.
 //!
 //! Solving for all of it at once would be linear, too, but would shrink every floor a little with its
@@ -25,10 +25,10 @@ use crate::bundle::triangulation::{is_known, on_floor};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::optimize::{BlockStructure, JacobianBlock, NormalEquations};
 
-/// A place as a camera has it, and where it is known to be.
+/// The place of a point by a camera, and its known place.
 type PlacePair = ([f64; 2], FloorPoint);
 
-/// A point of the floor as one camera has it.
+/// The place of a point of the floor by one camera.
 #[derive(Clone, Copy, Debug)]
 struct FloorSighting {
     view: usize,
@@ -37,7 +37,7 @@ struct FloorSighting {
     foot: FloorPoint,
     /// Number of the point, the same for all cameras that observe it.
     point: usize,
-    /// Pixels per metre there, but for the focal.
+    /// Pixels per metre there, divided by the focal.
     weight: f64,
 }
 
@@ -56,8 +56,8 @@ pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[L
     }
 }
 
-/// Moves a component whose cameras each observe too little that is known to where all of it together lies:
-/// by a similarity, or by a move where one place is all that is known.
+/// Moves a component, none of whose cameras observes enough known places by itself, so that all its known places
+/// agree: by a similarity, or by a translation where only one place is known.
 pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
     let pairs = known_places(component, cameras, landmarks);
     if pairs.is_empty() {
@@ -73,7 +73,7 @@ pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landma
     }
 }
 
-/// Known places as the cameras of a component have them, and where they are.
+/// The known places that a component observes: by its cameras, and as known.
 fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark]) -> Vec<PlacePair> {
     let known = landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark));
     let mut pairs = Vec::new();
@@ -89,7 +89,7 @@ fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark])
 }
 
 /// The least-squares similarity `q = to + [a, -b; b, a] (p - from)` about the centroids: of complex numbers
-/// `a + i b = sum conj(p) q / sum |p|^2`. The identity but for the move where all places are one.
+/// `a + i b = sum conj(p) q / sum |p|^2`. A translation only where all places are the same.
 fn similarity_to(pairs: &[PlacePair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
     let count = pairs.len() as f64;
     let mean = |value: &dyn Fn(&PlacePair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
@@ -138,7 +138,7 @@ fn solve_rotations(sightings: &[FloorSighting], free: &[bool]) -> Option<Vec<(us
     })
 }
 
-/// What two cameras both have on the floor, for every pair that shares points, the lower index first.
+/// The sightings that two cameras share, for every pair of cameras, the lower index first.
 fn sightings_by_pair(sightings: &[FloorSighting]) -> BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> {
     let mut pairs: BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> = BTreeMap::new();
     for same in sightings.chunk_by(|a, b| a.point == b.point) {
@@ -182,8 +182,8 @@ fn solve_translations(
     })
 }
 
-/// Solves for two unknowns of every free view, with points of two unknowns beside them; `coupled` lists
-/// the views that a pair or a point couples.
+/// Solves for two unknowns of every free view, and for `points` of two unknowns, which are eliminated; `coupled`
+/// lists the views that a pair or a point couples.
 fn solve(
     free: &dyn Fn(usize) -> bool,
     coupled: impl Iterator<Item = Vec<usize>>,
@@ -204,7 +204,7 @@ fn solve(
     let blocks = BlockStructure::new(sizes, &keep, &groups.collect::<Vec<Vec<usize>>>());
     let mut normal = blocks.normal();
     fill(&blocks, &block_of, &mut normal);
-    // What shares too little to be determined is held by the damping.
+    // The damping fixes what is not determined.
     let (step, _) = blocks.step(&normal, 1e-9)?;
     Some(views.iter().enumerate().map(|(i, &view)| (view, [step[2 * i], step[2 * i + 1]])).collect())
 }
@@ -243,7 +243,7 @@ impl FloorSimilarity {
         })
     }
 
-    /// Distance of the carried first point from the second, in pixels but for the focal.
+    /// Distance of the transformed first point from the second, in pixels divided by the focal.
     fn error(&self, pair: &[FloorSighting; 2]) -> f64 {
         let (sin, cos) = self.turn.sin_cos();
         let scale = self.log_scale.exp();
@@ -256,29 +256,30 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
     [pair[which].at[0] - centres[which][0], pair[which].at[1] - centres[which][1]]
 }
 
-/// Turn and log scale that take the first floor to the second, and their weight; outliers lose theirs.
+/// Turn and log scale that take the first floor to the second, and their weight, by iteratively reweighted least
+/// squares.
 fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
-    /// Rounds of reweighting; the last ones change little.
-    const ROUNDS: usize = 4;
+    /// Iterations of reweighting; the last ones change little.
+    const ITERATIONS: usize = 4;
     if points.len() < 2 {
         return None;
     }
     let by_distance: Vec<f64> = points.iter().map(|[a, b]| a.weight * b.weight).collect();
     let mut weights = by_distance.clone();
     let mut similarity = FloorSimilarity::new(points, &weights)?;
-    for _ in 1..ROUNDS {
+    for _ in 1..ITERATIONS {
         let errors: Vec<f64> = points.iter().map(|pair| similarity.error(pair)).collect();
         let mut sorted = errors.clone();
         sorted.sort_by(f64::total_cmp);
-        let usual = 3.0 * sorted[sorted.len() / 2].max(1e-12);
-        weights = by_distance.iter().zip(&errors).map(|(w, e)| w / (1.0 + (e / usual).powi(2))).collect();
+        let scale = 3.0 * sorted[sorted.len() / 2].max(1e-12);
+        weights = by_distance.iter().zip(&errors).map(|(w, e)| w / (1.0 + (e / scale).powi(2))).collect();
         similarity = FloorSimilarity::new(points, &weights)?;
     }
     let FloorSimilarity { turn, log_scale, weight, .. } = similarity;
     (turn.is_finite() && log_scale.is_finite()).then_some(([turn, log_scale], weight))
 }
 
-/// Everything that two cameras or more have on the floor, point by point, and the number of points.
+/// The sightings of all points that two or more cameras observe, point by point, and the number of points.
 fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>, usize) {
     let mut sightings: Vec<FloorSighting> = Vec::new();
     let mut count = 0;
@@ -302,13 +303,13 @@ fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>,
     (sightings, count)
 }
 
-/// Whether cameras agree about a landmark once their floors do.
+/// Whether aligned floors have a landmark at one place: not for lines, which give no point.
 fn is_alignable(landmark: &Landmark) -> bool {
     let is_point = !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured);
     !landmark.off && landmark.free[0] && is_point
 }
 
-/// A point of the floor at `height` relative to the camera that has it there.
+/// The sighting of a point at `height` metres by a camera.
 ///
 /// At a distance d from the foot of a camera h above the point, a pixel is `(d^2 + h^2) / (f h)` metres of
 /// floor along the ray.

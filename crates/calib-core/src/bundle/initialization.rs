@@ -24,47 +24,46 @@ pub(crate) struct Initialization {
     pub(crate) components: Vec<Component>,
     /// Cameras of components that share too little with the others to be placed.
     pub(crate) unreached: Vec<usize>,
-    /// Landmarks that are switched off because a camera that observes them does not show the place where
-    /// they should be.
+    /// Landmarks that are switched off because a camera that observes them cannot show their triangulated place.
     pub(crate) unobservable: Vec<usize>,
-    /// Largest root mean square gap on the floor between two cameras that the tree does not join
-    /// directly, in metres; `None` without loops.
+    /// Largest root mean square disagreement on the floor between two cameras that are not joined by an edge of
+    /// the tree, in metres; `None` without loops.
     pub(crate) loop_closure: Option<f64>,
 }
 
-/// Poses as they are found, one camera after the other.
-struct Growth<'a> {
+/// The spanning tree as it grows: the poses found so far, and the edges that gave them.
+struct SpanningTree<'a> {
     cameras: &'a [BundleCamera<'a>],
     landmarks: &'a [Landmark],
     poses: Vec<Camera>,
     has_pose: Vec<bool>,
     /// Pairs of cameras of which the one placed the other.
-    tree: BTreeSet<[usize; 2]>,
+    edges: BTreeSet<[usize; 2]>,
 }
 
-/// For every camera its neighbours in the view graph, with the unknown landmarks that both observe.
+/// The neighbours of every camera in the view graph, with the landmarks of unknown place that both observe.
 type Neighbours = BTreeMap<usize, BTreeMap<usize, Vec<usize>>>;
 
-/// Places cameras and landmarks.
+/// Initialises cameras and landmarks.
 pub(crate) fn initialize(
     cameras: &[BundleCamera],
     landmarks: &[Landmark],
     distances: &[DistanceMeasurement],
 ) -> Initialization {
-    let mut growth = Growth::from_known(cameras, landmarks);
-    let is_anchored = growth.has_pose.clone();
+    let mut tree = SpanningTree::from_known(cameras, landmarks);
+    let is_located = tree.has_pose.clone();
     let components = components(cameras, landmarks, distances);
     for component in &components {
-        growth.grow(component);
+        tree.grow(component);
     }
-    let loop_closure = growth.loop_closure();
-    let Growth { mut poses, has_pose, .. } = growth;
+    let loop_closure = tree.loop_closure();
+    let SpanningTree { mut poses, has_pose, .. } = tree;
     let roots: BTreeSet<usize> = components.iter().map(|component| root(component, cameras)).collect();
-    let may_move: Vec<bool> = (0..cameras.len())
-        .map(|view| has_pose[view] && !is_anchored[view] && !roots.contains(&view))
+    let is_free: Vec<bool> = (0..cameras.len())
+        .map(|view| has_pose[view] && !is_located[view] && !roots.contains(&view))
         .collect();
-    align_floors(&mut poses, &may_move, landmarks);
-    for component in components.iter().filter(|c| !c.iter().any(|&view| is_anchored[view])) {
+    align_floors(&mut poses, &is_free, landmarks);
+    for component in components.iter().filter(|c| !c.iter().any(|&view| is_located[view])) {
         align_to_known(component, &mut poses, landmarks);
     }
     for (pose, camera) in poses.iter_mut().zip(cameras) {
@@ -72,7 +71,7 @@ pub(crate) fn initialize(
     }
     let mut landmarks = landmarks.to_vec();
     let unobservable = triangulate_all(&mut landmarks, &poses, &has_pose);
-    let distances = among(distances, &landmarks);
+    let distances = distances_between(distances, &landmarks);
     let is_unreached = |view: &usize| !has_pose[*view] && components.iter().any(|c| c.contains(view));
     let unreached = (0..cameras.len()).filter(is_unreached).collect();
     let components = components
@@ -82,8 +81,8 @@ pub(crate) fn initialize(
     Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure }
 }
 
-/// Distances, those to landmarks that are off switched off with them.
-fn among(distances: &[DistanceMeasurement], landmarks: &[Landmark]) -> Vec<DistanceMeasurement> {
+/// Distances, switched off where one of their landmarks is.
+fn distances_between(distances: &[DistanceMeasurement], landmarks: &[Landmark]) -> Vec<DistanceMeasurement> {
     let without_end =
         |distance: &DistanceMeasurement| distance.between.iter().any(|&landmark| landmarks[landmark].off);
     let used = |distance: &DistanceMeasurement| DistanceMeasurement {
@@ -93,8 +92,8 @@ fn among(distances: &[DistanceMeasurement], landmarks: &[Landmark]) -> Vec<Dista
     distances.iter().map(used).collect()
 }
 
-/// Puts every landmark where its cameras have it; those that cannot be shown there are switched off and
-/// listed.
+/// Triangulates every landmark; those that an observing camera cannot show there are switched off, and their
+/// indices returned.
 fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[bool]) -> Vec<usize> {
     let mut unobservable = Vec::new();
     for (index, landmark) in landmarks.iter_mut().enumerate().filter(|(_, landmark)| !landmark.off) {
@@ -112,8 +111,8 @@ fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[boo
     unobservable
 }
 
-impl<'a> Growth<'a> {
-    /// Cameras that the base system alone places: fixed ones, and those that see enough known places.
+impl<'a> SpanningTree<'a> {
+    /// The cameras placed in the base system by themselves: fixed ones, and those that observe enough known places.
     fn from_known(cameras: &'a [BundleCamera<'a>], landmarks: &'a [Landmark]) -> Self {
         let mut poses: Vec<Camera> = cameras.iter().map(|camera| camera.camera).collect();
         let mut has_pose = vec![false; cameras.len()];
@@ -129,11 +128,11 @@ impl<'a> Growth<'a> {
                 has_pose[view] = true;
             }
         }
-        Self { cameras, landmarks, poses, has_pose, tree: BTreeSet::new() }
+        Self { cameras, landmarks, poses, has_pose, edges: BTreeSet::new() }
     }
 
-    /// Places the cameras of a component, each by the camera that shares most with it; from its root
-    /// where nothing is known of any of them.
+    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it; from the
+    /// root where none has a pose.
     fn grow(&mut self, component: &[usize]) {
         if !component.iter().any(|&view| self.has_pose[view]) {
             self.has_pose[root(component, self.cameras)] = true;
@@ -144,7 +143,7 @@ impl<'a> Growth<'a> {
         placed.for_each(|&view| extend(&mut queue, view, &neighbours));
         loop {
             self.grow_tree(&mut queue, &neighbours);
-            // What one neighbour is too little for, all together may do.
+            // Where no single neighbour shares enough, all placed neighbours together may.
             let Some((view, pose)) = self.place_by_all(component, &neighbours) else { break };
             self.poses[view] = pose;
             self.has_pose[view] = true;
@@ -177,13 +176,13 @@ impl<'a> Growth<'a> {
             if let Some(pose) = self.attached(to, shared, &|view| view == from) {
                 self.poses[to] = pose;
                 self.has_pose[to] = true;
-                self.tree.insert([from.min(to), from.max(to)]);
+                self.edges.insert([from.min(to), from.max(to)]);
                 extend(queue, to, neighbours);
             }
         }
     }
 
-    /// The first camera that all placed cameras together are enough for.
+    /// The first camera that can be placed by all placed cameras together.
     fn place_by_all(&self, component: &[usize], neighbours: &Neighbours) -> Option<(usize, Camera)> {
         component.iter().copied().filter(|&view| !self.has_pose[view]).find_map(|view| {
             let shared: BTreeSet<usize> = neighbours.get(&view)?.values().flatten().copied().collect();
@@ -192,7 +191,7 @@ impl<'a> Growth<'a> {
         })
     }
 
-    /// A camera placed by landmarks as the cameras that `by` picks have them.
+    /// A camera placed by landmarks triangulated from the cameras that `by` picks.
     fn attached(&self, view: usize, shared: &[usize], by: &dyn Fn(usize) -> bool) -> Option<Camera> {
         let placed = |&index: &usize| {
             let landmark = &self.landmarks[index];
@@ -203,19 +202,19 @@ impl<'a> Growth<'a> {
         attach(&self.poses[view], view, self.cameras[view].fixed_height(), &landmarks)
     }
 
-    /// Largest root mean square gap on the floor between cameras that share landmarks but are not joined
-    /// in the tree.
+    /// Largest root mean square disagreement on the floor, in metres, between cameras that share landmarks but are
+    /// not joined in the tree.
     fn loop_closure(&self) -> Option<f64> {
-        let mut gaps: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
+        let mut disagreements: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
         for landmark in self.landmarks.iter().filter(|landmark| !landmark.off && !is_known(landmark)) {
             for ([a, b], square) in floor_disagreements(landmark, &self.poses) {
-                if self.has_pose[a] && self.has_pose[b] && !self.tree.contains(&[a, b]) {
-                    let sum = gaps.entry([a, b]).or_default();
+                if self.has_pose[a] && self.has_pose[b] && !self.edges.contains(&[a, b]) {
+                    let sum = disagreements.entry([a, b]).or_default();
                     *sum = (sum.0 + square, sum.1 + 1.0);
                 }
             }
         }
-        gaps.into_values().map(|(sum, count)| (sum / count).sqrt()).max_by(f64::total_cmp)
+        disagreements.into_values().map(|(sum, count)| (sum / count).sqrt()).max_by(f64::total_cmp)
     }
 }
 

@@ -1,4 +1,5 @@
-//! Landmarks: what cameras see in common, the pixels that show it, and distances between two of them.
+//! Landmarks, their observations, and measured distances between them; the reprojection error of an observation
+//! with its Jacobian.
 
 use crate::camera::{
     Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, ReprojectedLine, Reprojection,
@@ -9,7 +10,7 @@ use crate::single::Prior;
 /// The most parameters that a landmark has.
 pub(crate) const LANDMARK_PARAMS: usize = 3;
 
-/// Two places nearer to each other than this, in metres, count as one.
+/// Two points nearer to each other than this, in metres, are the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-3;
 
 /// What a landmark is, and with it the meaning of its three parameters ([`Landmark::place`]).
@@ -20,10 +21,9 @@ pub enum LandmarkModel {
         /// In metres above the floor.
         height: f64,
     },
-    /// Something plumb that stands on the floor; point 0 is its foot, point 1 its head: x, y, length,
-    /// in metres.
+    /// A vertical post on the floor; point 0 is its foot, point 1 its head: x, y, length, in metres.
     Post,
-    /// A rigid shape that stands upright: x, y in metres, and turn about the vertical in radians.
+    /// An upright rigid shape: x, y in metres, and turn about the vertical in radians.
     Mark {
         /// Height of its origin, in metres above the floor.
         z: f64,
@@ -84,8 +84,8 @@ pub struct Landmark {
 }
 
 impl Landmark {
-    /// A landmark of which nothing is known but what it is: x and y (of a line offset and angle), the
-    /// length of a post and the turn of a mark are free; a measured point is held at the origin.
+    /// A landmark of which only the model is known: x and y (of a line offset and angle), the
+    /// length of a post and the turn of a mark are free; a measured point is fixed at the origin.
     #[must_use]
     pub fn new(model: LandmarkModel, observations: Vec<Observation>) -> Self {
         let is_free = model != LandmarkModel::Measured;
@@ -136,7 +136,7 @@ impl DistanceMeasurement {
     }
 }
 
-/// One residual of an observation, in raw pixels, with its derivatives.
+/// One residual of an observation, reprojected less observed, in raw pixels, with its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReprojectionError {
     pub(crate) pixels: f64,
@@ -188,8 +188,8 @@ impl LandmarkModel {
         }
     }
 
-    /// Where a camera shows a point of the landmark less where it was drawn: u and v; of a line, the
-    /// distance of the drawn point from it. `None` behind the camera.
+    /// The reprojection error of an observation: the reprojected less the observed pixel, u and v; of a line, the
+    /// signed distance of the observed pixel from the reprojected line. `None` behind the camera.
     pub(crate) fn reprojection_error(
         &self,
         place: &[f64; LANDMARK_PARAMS],
@@ -210,7 +210,7 @@ impl LandmarkModel {
     }
 }
 
-/// Distance of a drawn point from the image of a floor line.
+/// Signed distance of an observed pixel from the reprojected floor line.
 fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionError {
     let (pixels, d_camera, d_lens, [offset, angle]) = line.distance(observed);
     let mut d_view = [0.0; Covariance::SIZE];
@@ -219,8 +219,8 @@ fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionE
     ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0] }
 }
 
-/// Where a point is shown less where it was drawn, u and v, with `jacobian` the derivatives of the point
-/// by the parameters of its landmark.
+/// Reprojected less observed pixel, u and v, with `jacobian` the derivatives of the point by the parameters of
+/// its landmark.
 fn point_errors(
     reprojected: &Reprojection,
     jacobian: &[[f64; LANDMARK_PARAMS]; 3],
@@ -244,7 +244,7 @@ fn point_errors(
 }
 
 impl Landmark {
-    /// Number of residuals minus number of parameters: what the landmark says beyond its own place.
+    /// Number of residuals minus number of free parameters.
     pub(crate) fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
         let residuals = self.observations.len() * self.model.residuals() + self.priors.len();

@@ -46,7 +46,7 @@ impl Marginals<'_> {
         found
     }
 
-    /// Derivative of what is reported by the parameter: of the focal by its log.
+    /// Derivative of a reported value by its parameter: 1, but of the focal by its log.
     fn per_parameter(&self, index: usize, view: usize) -> f64 {
         if index == Covariance::FOCAL { self.cameras[view].focal } else { 1.0 }
     }

@@ -1,6 +1,20 @@
-//! Stage 2: several cameras from what they observe in common.
+//! Stage 2: bundle adjustment of several cameras from the landmarks that they observe in common.
 //!
-//! Law: no document. Cameras, landmarks and observations come as values and go as values.
+//! Law: no document. Cameras, landmarks and observations come as values and go as values. The files in the
+//! order of the data:
+//!
+//! - `landmark` landmarks, observations, measured distances, and the reprojection error; `triangulation` the
+//!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
+//! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
+//!   `initialization` cameras placed along a spanning tree;
+//! - `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
+//!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
+//!   (`single/residual.rs`), called by `BundleProblem::each_annotation`;
+//! - `marginals` covariances of cameras and landmarks; `refinement` the minimum, without outliers; `summary` what
+//!   was estimated; `adjustment` the front door: [`BundleAdjustment::solve`].
+//!
+//! **The sigma of a floor point** is the covariance of its camera, from `marginals`, propagated by
+//! [`Camera::floor_covariance`](crate::Camera::floor_covariance).
 
 mod landmark;
 mod triangulation;

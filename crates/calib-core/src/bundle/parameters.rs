@@ -1,4 +1,4 @@
-//! Parameter blocks: which parameters stand together, and where each has its place in the state.
+//! Parameter blocks: which parameters form a block, and where each is in the state.
 //!
 //! A camera has one block of pose, focal and distortion; a lens that several cameras share has a block of
 //! its own. Both are kept. Every direction and length of stage 1 is a block of one parameter, every
@@ -27,7 +27,7 @@ pub(crate) struct ParameterLayout {
     pub(crate) landmarks: Vec<Option<usize>>,
 }
 
-/// Blocks as they are handed out.
+/// The blocks allocated so far.
 #[derive(Debug, Default)]
 struct LayoutBuilder {
     sizes: Vec<usize>,
@@ -87,7 +87,7 @@ impl LayoutBuilder {
             .collect()
     }
 
-    /// The block of a view, its own lens in it or beside it.
+    /// The block of a view, with its lens in it unless that is shared.
     fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
         let is_of_lens = |k: usize| k >= Covariance::FOCAL;
         let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));

@@ -1,4 +1,5 @@
-//! The adjustment as one least-squares problem: the state, all its residuals, its normal equations.
+//! The bundle adjustment as one least-squares problem: the state, all residuals (`residuals.rs` lists them), the
+//! normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
@@ -7,10 +8,11 @@ use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, 
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, Dual, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{
-    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State, straightness_with_slopes,
+    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State,
+    straightness_with_jacobian,
 };
 
-/// Views, landmarks and distances with a place for every parameter in the state.
+/// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
 pub(crate) struct BundleProblem<'a> {
     pub(crate) views: Vec<View<'a>>,
@@ -18,7 +20,7 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) distances: Vec<DistanceMeasurement>,
     pub(crate) blocks: BlockStructure,
     camera_layout: Vec<CameraLayout>,
-    /// Block of every direction and length of every view.
+    /// Block of every nuisance parameter of stage 1 of every view.
     nuisance_blocks: Vec<Vec<Option<usize>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
@@ -26,8 +28,8 @@ pub(crate) struct BundleProblem<'a> {
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
 
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, index of and
-/// derivative by a direction or length, and source.
+/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of a
+/// nuisance parameter with the derivative by it, and source.
 type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
 
 /// Step of differences by coefficients: a thousandth of a pixel in the corner.
@@ -104,7 +106,7 @@ impl<'a> BundleProblem<'a> {
             }
         }
         let [x, y, z, yaw, pitch, roll, log_focal, coefficients @ ..] = values;
-        // What is not estimated keeps its last bit.
+        // A fixed focal keeps its last bit.
         let fits_focal = self.camera_layout[view][Covariance::FOCAL].is_some();
         let focal = if fits_focal { log_focal.exp() } else { camera.focal };
         let distortion = camera.lens.distortion.with_coefficients(coefficients);
@@ -124,7 +126,7 @@ impl<'a> BundleProblem<'a> {
         place
     }
 
-    /// Directions and lengths of a view at a state.
+    /// Nuisance parameters of stage 1 of a view at a state.
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
         let values = self.views[view].nuisance.iter().zip(&self.nuisance_blocks[view]);
         values.map(|(&start, block)| block.map_or(start, |b| state[self.blocks.offsets[b]])).collect()
@@ -144,7 +146,7 @@ impl<'a> BundleProblem<'a> {
     pub(crate) fn dof(&self, state: &[f64]) -> Option<i64> {
         let mut count = 0_i64;
         self.each_residual(state, |_, _, _| count += 1)?;
-        // The line through the points of an edge has two parameters, fitted beside the state.
+        // The line through the points of an edge has two parameters, which are eliminated.
         let edges: i64 = self.views.iter().map(|view| view.edges.len() as i64).sum();
         Some(count - 2 * edges - self.blocks.unknowns() as i64)
     }
@@ -175,7 +177,7 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// The residuals of stage 1, and of the priors on the camera.
+    /// The residuals of stage 1, those of the priors on the camera included, under the lens of the state.
     fn each_annotation(
         &self,
         state: &[f64],
@@ -185,16 +187,16 @@ impl<'a> BundleProblem<'a> {
     ) -> Option<()> {
         let this = &self.views[view];
         let height = camera.position.z;
-        // A camera below the floor has no log height; constraints that ask for it are impossible there.
+        // A camera below the floor has no log height; residuals that depend on it are impossible there.
         let log_height = if height > 0.0 { height.ln() } else { f64::NEG_INFINITY };
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
         let is_free = self.lens_is_free(view);
-        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens, false));
-        let rows = rows(&this.stage_1, constraints.as_ref(), &stage_1)?;
+        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens));
+        let residuals = stage_1_residuals(&this.stage_1, constraints.as_ref(), &stage_1)?;
         let d_lens =
-            if is_free { self.rows_by_lens(view, camera, &stage_1, rows.len())? } else { Vec::new() };
-        for (i, (residual, jacobian, nuisance, source)) in rows.iter().enumerate() {
+            if is_free { self.stage_1_by_lens(view, camera, &stage_1, residuals.len())? } else { Vec::new() };
+        for (i, (residual, jacobian, nuisance, source)) in residuals.iter().enumerate() {
             let mut by = [0.0; CAMERA_PARAMS];
             by[Covariance::ROLL] = jacobian[ROLL];
             by[Covariance::PITCH] = jacobian[PITCH];
@@ -213,10 +215,10 @@ impl<'a> BundleProblem<'a> {
     }
 
     /// Derivatives of the residuals of stage 1 by every coefficient that is free, by differences: a coefficient
-    /// moves the ends of a segment, the noise that whitens its residual, which is the derivative of the
-    /// undistortion there, and the spread of a polyline. The chain through all three, for every kind of residual,
-    /// is longer than these residuals are, and one evaluation serves a whole column.
-    fn rows_by_lens(
+    /// moves the ends of a segment, changes the covariance of their noise, and changes the spread of a
+    /// polyline. The analytic chain through all three, for every kind of residual, would be longer than the
+    /// residuals themselves; two evaluations give a whole column.
+    fn stage_1_by_lens(
         &self,
         view: usize,
         camera: &Camera,
@@ -228,8 +230,9 @@ impl<'a> BundleProblem<'a> {
         free.map(|k| {
             let at = |by: f64| {
                 let lens = camera.nudged(POSE_PARAMS + k, by).lens;
-                let constraints = Constraints::new(this.annotations, &lens, false);
-                rows(&this.stage_1, Some(&constraints), stage_1).filter(|rows| rows.len() == count)
+                let constraints = Constraints::new(this.annotations, &lens);
+                stage_1_residuals(&this.stage_1, Some(&constraints), stage_1)
+                    .filter(|residuals| residuals.len() == count)
             };
             let (ahead, behind) = (at(STEP)?, at(-STEP)?);
             Some((k, ahead.iter().zip(&behind).map(|(a, b)| (a.0 - b.0) / (2.0 * STEP)).collect()))
@@ -255,7 +258,7 @@ impl<'a> BundleProblem<'a> {
         let free: Vec<usize> =
             (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some()).collect();
         for edge in &this.edges {
-            let (distances, columns) = straightness_with_slopes(&camera.lens, &edge.points, &free)?;
+            let (distances, columns) = straightness_with_jacobian(&camera.lens, &edge.points, &free)?;
             for (i, distance) in distances.iter().enumerate() {
                 let mut by = [0.0; CAMERA_PARAMS];
                 for (&k, column) in free.iter().zip(&columns) {
@@ -267,7 +270,7 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Reprojection errors of a landmark.
+    /// The reprojection errors of a landmark.
     fn each_observation(
         &self,
         index: usize,
@@ -345,7 +348,7 @@ impl<'a> BundleProblem<'a> {
         Some(JacobianBlock { block, by: &by[..self.blocks.sizes[block]] })
     }
 
-    /// Hands on a residual of a view with its derivatives sorted into blocks.
+    /// Calls `sink` with a residual of a view, its derivatives sorted into blocks.
     fn sink_view(
         &self,
         view: usize,
@@ -377,22 +380,27 @@ impl LeastSquares for BundleProblem<'_> {
     }
 
     fn step(&self, state: &Vec<f64>, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
-        let (step, promised) = self.blocks.step(normal, damping)?;
+        let (step, predicted) = self.blocks.step(normal, damping)?;
         let next: Vec<f64> = state.iter().zip(&step).map(|(value, step)| value + step).collect();
         let relative = |(value, step): (&f64, &f64)| step.abs() / (1.0 + value.abs());
         let size = state.iter().zip(&step).map(relative).fold(0.0, f64::max);
-        size.is_finite().then_some((next, promised, size))
+        size.is_finite().then_some((next, predicted, size))
     }
 }
 
-/// All residuals of stage 1, under other constraints than its own where any are given.
-fn rows(problem: &Problem, constraints: Option<&Constraints>, state: &State) -> Option<Stage1Residuals> {
-    let mut rows = Stage1Residuals::new();
-    let mut sink =
-        |residual: Dual, nuisance, source| rows.push((residual.value, residual.gradient, nuisance, source));
+/// All residuals of stage 1; of `constraints` in place of the problem's own where they are given.
+fn stage_1_residuals(
+    problem: &Problem,
+    constraints: Option<&Constraints>,
+    state: &State,
+) -> Option<Stage1Residuals> {
+    let mut residuals = Stage1Residuals::new();
+    let mut sink = |residual: Dual, nuisance, source| {
+        residuals.push((residual.value, residual.gradient, nuisance, source))
+    };
     match constraints {
         Some(constraints) => Problem { constraints, ..problem.clone() }.each_residual(state, &mut sink)?,
         None => problem.each_residual(state, &mut sink)?,
     }
-    Some(rows)
+    Some(residuals)
 }

@@ -1,9 +1,9 @@
-//! Refinement of one cluster of cameras: the minimum of the sum of squares, without outliers, with the weak
-//! priors that it needs, and the covariances there.
+//! Refinement of one cluster of cameras: the least-squares estimate without outliers, with weak priors on the focals
+//! that are not determined otherwise, and the covariances there.
 //!
-//! An outlier is looked for where the chi-square is too large for the noise, or where one landmark is,
-//! as the worst of many. The candidate without which the rest agrees best (leave-one-out) is rejected, if
-//! what remains has no misfit or the candidate stands out of the scatter of the rest; and so on.
+//! Outliers are searched for where the chi-square of all residuals is too large for the noise, or that of one landmark,
+//! as the largest of many. The candidate without which the rest has the least chi-square score (leave-one-out) is
+//! rejected, if the rest has no misfit or the candidate is significant against its scatter; then again.
 
 use crate::bundle::camera::View;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
@@ -16,8 +16,8 @@ use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, 
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
 const MAX_STEPS: usize = 60;
-/// Share of the information of its own residuals that a parameter gets on top, so that what they leave open
-/// together has a large variance and not an infinite one.
+/// Regularisation of the covariance: this share of the information of its own residuals is added to every parameter, so
+/// that what is not determined has a large, not an infinite, variance.
 const REGULARIZATION: f64 = 1e-12;
 
 /// Something that may be rejected as an outlier, by its index.
@@ -45,10 +45,10 @@ pub(crate) struct Refined {
     pub(crate) landmarks: Vec<Option<LandmarkEstimate>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
-    /// By which the variances of what was drawn are multiplied where they were not known.
+    /// Factor of the variances of drawn coordinates where they were not given.
     pub(crate) inflation: f64,
     pub(crate) rejected: Vec<OutlierCandidate>,
-    /// What is there contradicts itself, and nothing that may be rejected explains it.
+    /// The chi-square is too large for the noise, and no outlier explains it.
     pub(crate) is_misfit: bool,
     /// Every residual in sigmas.
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
@@ -64,7 +64,7 @@ struct Converged<'a> {
     state: Vec<f64>,
     chi2: f64,
     dof: i64,
-    /// Where it had to be asked for already.
+    /// Where it has been computed already.
     covariance: Option<BlockCovariance>,
 }
 
@@ -74,7 +74,7 @@ pub(crate) struct Refinement<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
-    /// Of which views the noise is known; where it is of all, a chi-square is a judgement.
+    /// Of which views the noise was given; where it is of all, a chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
 }
 
@@ -83,9 +83,9 @@ impl Refinement<'_> {
     pub(crate) fn solve(&self) -> Option<Refined> {
         let mut rejected = Vec::new();
         let mut converged = self.solve_without(&rejected)?;
-        // Every outlier costs a search; many are a misfit that somebody must look into.
-        let most = (self.landmarks.len() / 10).clamp(1, 20);
-        while rejected.len() < most && converged.has_outliers() {
+        // Every rejection costs a search; beyond a tenth of the landmarks the fit is reported as a misfit.
+        let max_rejected = (self.landmarks.len() / 10).clamp(1, 20);
+        while rejected.len() < max_rejected && converged.has_outliers() {
             let Some((candidate, without)) = self.worst_outlier(&converged, &rejected) else { break };
             if !self.is_outlier(&converged, &without, rejected.is_empty()) {
                 break;
@@ -100,8 +100,8 @@ impl Refinement<'_> {
         self.noise_is_known.iter().all(|&is_known| is_known)
     }
 
-    /// Whether what distinguishes two minima is an outlier: it stands out of the scatter of the rest, or
-    /// its rejection explains the misfit where that is a judgement.
+    /// Whether the candidate by which two minima differ is an outlier: it is significant against the scatter of the
+    /// rest, or its rejection explains the misfit.
     fn is_outlier(&self, with: &Converged, without: &Converged, is_first: bool) -> bool {
         let count = self.landmarks.len() + self.distances.len();
         let explains = !is_misfit(without.chi2, without.dof);
@@ -125,8 +125,8 @@ impl Refinement<'_> {
         (landmarks, distances)
     }
 
-    /// The minimum without what is rejected. The weak prior about a focal enters where nothing else, the
-    /// landmarks included, determines it.
+    /// The minimum without the rejected. The weak prior on a focal enters where nothing else, the landmarks included,
+    /// determines it.
     fn solve_without(&self, rejected: &[OutlierCandidate]) -> Option<Converged<'_>> {
         let has_weak_prior: Vec<bool> =
             self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect();
@@ -134,13 +134,18 @@ impl Refinement<'_> {
         if !has_weak_prior.contains(&true) {
             return converged(self.problem(rejected, &none));
         }
-        let Some(mut alone) = converged(self.problem(rejected, &none)) else {
+        let Some(mut without_prior) = converged(self.problem(rejected, &none)) else {
             return converged(self.problem(rejected, &has_weak_prior));
         };
-        alone.covariance = alone.covariance();
-        let is_open: Vec<bool> =
-            (0..self.views.len()).map(|view| has_weak_prior[view] && alone.focal_is_open(view)).collect();
-        if is_open.contains(&true) { converged(self.problem(rejected, &is_open)) } else { Some(alone) }
+        without_prior.covariance = without_prior.covariance();
+        let is_open: Vec<bool> = (0..self.views.len())
+            .map(|view| has_weak_prior[view] && without_prior.focal_is_open(view))
+            .collect();
+        if is_open.contains(&true) {
+            converged(self.problem(rejected, &is_open))
+        } else {
+            Some(without_prior)
+        }
     }
 
     /// The problem without what is rejected, with the weak priors of the flagged views.
@@ -154,15 +159,16 @@ impl Refinement<'_> {
         BundleProblem::new(views, landmarks, distances)
     }
 
-    /// What the rest agrees best without, with the minimum there.
+    /// The candidate without which the rest has the least chi-square score, with the minimum there.
     fn worst_outlier(
         &self,
         converged: &Converged,
         rejected: &[OutlierCandidate],
     ) -> Option<(OutlierCandidate, Converged<'_>)> {
-        // Exact where it is cheap; a big network has the redundancy to show it by the residual alone.
-        let most = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
-        let candidates = converged.scores().into_iter().map(|(candidate, _)| candidate).take(most);
+        // Leave-one-out is exact and used where it is cheap; a large network has the redundancy for the residuals to
+        // rank the candidates.
+        let max_tried = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
+        let candidates = converged.scores().into_iter().map(|(candidate, _)| candidate).take(max_tried);
         let tried = candidates.filter_map(|candidate| {
             let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([candidate]).collect();
             let found = self.solve_without(&without)?;
@@ -179,7 +185,7 @@ impl Refinement<'_> {
         let mut cameras: Vec<Camera> = (0..problem.views.len()).map(|view| converged.camera(view)).collect();
         let mut pairs = Vec::new();
         if let Some(covariance) = &covariance {
-            // Noise that was known is used as it is.
+            // Noise that was given is not scaled.
             let factors: Vec<f64> =
                 self.noise_is_known.iter().map(|&known| if known { 1.0 } else { inflation.sqrt() }).collect();
             let marginals = Marginals { problem, covariance, cameras: &cameras, inflation: &factors };
@@ -205,7 +211,7 @@ impl Refinement<'_> {
     }
 }
 
-/// The same angle between minus and plus half a turn.
+/// The angle in [-180, 180) degrees, in radians.
 fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle + PI).rem_euclid(TAU) - PI
@@ -222,7 +228,7 @@ impl Converged<'_> {
         self.problem.blocks.covariance(self.problem.normal(&self.state)?, REGULARIZATION)
     }
 
-    /// A camera without covariance, its yaw between minus and plus half a turn.
+    /// A camera without covariance, a free yaw in [-180, 180) degrees.
     fn camera(&self, view: usize) -> Camera {
         let camera = self.problem.camera(&self.state, view);
         let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
@@ -253,17 +259,17 @@ impl Converged<'_> {
         !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL)
     }
 
-    /// What may be rejected, with the score of its chi-square, the worst first.
+    /// The outlier candidates with the score of their chi-squares, the largest first.
     fn scores(&self) -> Vec<(OutlierCandidate, f64)> {
         let (landmarks, distances) = self.chi2_by_candidate();
         let landmark = |(index, landmark): (usize, &Landmark)| {
-            let may_go = !landmark.off && !landmark.keep && landmark.redundancy() > 0;
+            let is_candidate = !landmark.off && !landmark.keep && landmark.redundancy() > 0;
             let score = || chi2_score(landmarks[index], landmark.redundancy());
-            may_go.then(|| (OutlierCandidate::Landmark(index), score()))
+            is_candidate.then(|| (OutlierCandidate::Landmark(index), score()))
         };
         let distance = |(index, distance): (usize, &DistanceMeasurement)| {
-            let may_go = !distance.off && !distance.keep;
-            may_go.then(|| (OutlierCandidate::Distance(index), chi2_score(distances[index], 1)))
+            let is_candidate = !distance.off && !distance.keep;
+            is_candidate.then(|| (OutlierCandidate::Distance(index), chi2_score(distances[index], 1)))
         };
         let mut scores: Vec<(OutlierCandidate, f64)> =
             self.problem.landmarks.iter().enumerate().filter_map(landmark).collect();
@@ -286,7 +292,8 @@ impl Converged<'_> {
         (landmarks, distances)
     }
 
-    /// The whole is too far off for drawing noise, or one of the candidates is, as the worst of so many.
+    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large for the
+    /// noise.
     fn has_outliers(&self) -> bool {
         let scores = self.scores();
         let worst = scores.first().map_or(0.0, |(_, score)| *score);

@@ -2,8 +2,8 @@
 //!
 //! Each is divided by its standard deviation, so that the sum of squares is a chi-square:
 //!
-//! - an annotation of stage 1, in pixels ([`Problem::each_residual`]); without these roll, pitch and focal
-//!   would bend to suit the landmarks;
+//! - an annotation of stage 1, in pixels ([`Problem::each_residual`], with the formulas in
+//!   `single/residual.rs`); these keep roll, pitch and focal determined by the drawings of every image;
 //! - a point of a straight edge, its distance from the best line through the undistorted edge, in pixels;
 //! - an observation: reprojected less observed pixel, two residuals; of a floor line one, the distance of
 //!   the observed pixel from the reprojected line ([`LandmarkModel::reprojection_error`]);
@@ -45,10 +45,10 @@ pub(crate) fn distance_residual(
 ) -> (f64, [[f64; LANDMARK_PARAMS]; 2]) {
     let sigma = distance.length.sigma;
     let [a, b] = [ends[0].0, ends[1].0].map(<[f64; 3]>::from);
-    let way: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-    let length = dot(&way, &way).sqrt();
-    // Two landmarks at one place are moved apart by none of their parameters more than by another.
-    let direction = if length > 0.0 { way.map(|along| along / length) } else { [0.0; 3] };
+    let difference: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
+    let length = dot(&difference, &difference).sqrt();
+    // The distance of two landmarks at one place has no derivative; 0 is taken.
+    let direction = if length > 0.0 { difference.map(|component| component / length) } else { [0.0; 3] };
     let by = std::array::from_fn(|end| {
         let sign = if end == 0 { 1.0 } else { -1.0 };
         std::array::from_fn(|k| {
@@ -76,7 +76,7 @@ pub(crate) struct CameraJacobian {
 }
 
 impl CameraJacobian {
-    /// Sorts derivatives into blocks of these sizes.
+    /// Sorts derivatives into blocks; `sizes` are those of all blocks.
     #[inline]
     pub(crate) fn new(by: &[f64; CAMERA_PARAMS], layout: &CameraLayout, sizes: &[usize]) -> Self {
         let mut blocks = [(usize::MAX, [0.0; CAMERA_PARAMS], 0); 2];
@@ -90,7 +90,7 @@ impl CameraJacobian {
         Self { blocks }
     }
 
-    /// Hands the blocks on, with that of a landmark or nuisance beside them.
+    /// Calls `sink` with the blocks and that of a landmark or nuisance parameter.
     #[inline]
     pub(crate) fn with<'a>(&'a self, other: Option<JacobianBlock<'a>>, sink: impl FnOnce(&[JacobianBlock])) {
         let mut jacobian = [JacobianBlock { block: 0, by: &[] }; 3];

@@ -1,4 +1,4 @@
-//! What an adjustment found.
+//! The result of a bundle adjustment.
 
 use std::collections::HashMap;
 
@@ -28,12 +28,12 @@ pub struct CameraEstimate {
     pub sigma: f64,
     /// Distance of every annotation from its prediction, in pixels, those rejected among them.
     pub residuals: Vec<(Source, f64)>,
-    /// What was refined together contradicts itself (chi-square at the level of 1 %), and no outlier
+    /// The chi-square of what was refined together is too large for the noise, at a level of 1 %, and no outlier
     /// explains it.
     pub is_misfit: bool,
 }
 
-/// What an adjustment found. Indices are those of the adjustment.
+/// The result of a bundle adjustment. Indices are those of the adjustment.
 #[derive(Clone, Debug, Default)]
 pub struct BundleSummary {
     /// Of every camera; `None` where nothing connects it and its lens is not estimated, where it was
@@ -55,9 +55,9 @@ pub struct BundleSummary {
     pub oversized: Vec<usize>,
     /// Cameras of a cluster in which not everything that is shared can be seen from anywhere.
     pub unsolved: Vec<usize>,
-    /// Landmarks that a camera which observes them cannot see where the others have them.
+    /// Landmarks that an observing camera cannot show at the place triangulated from the others.
     pub unobservable: Vec<usize>,
-    /// Largest root mean square gap on the floor, in metres, that the initialisation left between two
+    /// Largest root mean square disagreement on the floor, in metres, that the initialisation left between two
     /// cameras that share landmarks and were not placed one by the other; `None` without loops.
     pub loop_closure: Option<f64>,
     /// Covariance of every two cameras that observe a landmark in common, the lower index first.
@@ -65,7 +65,7 @@ pub struct BundleSummary {
 }
 
 impl BundleSummary {
-    /// Whether a camera is where its component is.
+    /// Whether a camera is placed in its component.
     pub(crate) fn is_connected(&self, camera: usize) -> bool {
         !self.unreached.contains(&camera) && self.components.iter().any(|c| c.views.contains(&camera))
     }
@@ -173,7 +173,7 @@ fn rejected_residuals(entry: &BundleCamera, camera: &Camera, nuisance: &[f64]) -
     if rejected.is_empty() {
         return Vec::new();
     }
-    let constraints = Constraints::new(entry.annotations, &camera.lens, false);
+    let constraints = Constraints::new(entry.annotations, &camera.lens);
     let log_height = camera.position.z.abs().max(1e-9).ln();
     let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
     let constraints = predictable(&constraints, &parameters);

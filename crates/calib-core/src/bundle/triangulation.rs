@@ -2,10 +2,10 @@
 //!
 //! A point at a known height needs one ray only, that of one camera: its place is where the ray meets the
 //! plane of that height. So do feet of posts, points of marks and floor lines. Of the cameras that observe
-//! a landmark the nearest is believed, for there a pixel is the shortest way on the floor; the adjustment
-//! refines what it gives. Only the length of a post needs a second ray: it is the height at which the ray of
-//! its head passes over the foot. A mark is laid by the rigid motion that takes its points to where they
-//! are seen, in least squares (Horn 1987, in the plane).
+//! a landmark the nearest is used, for there a pixel spans the least floor; the adjustment
+//! refines the place. Only the length of a post needs a second ray: it is the height at which the ray of
+//! its head passes over the foot. The pose of a mark is the rigid motion that takes its points to where
+//! they are seen, in least squares (Horn 1987, in the plane).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,13 +15,13 @@ use crate::camera::{Camera, Distortion, FloorPoint, ObservedPixel, PosedCamera};
 /// A point of a mark, relative to its origin, and where it was seen on the floor.
 type PointPair = ([f64; 2], FloorPoint);
 
-/// Whether the place of a landmark is given: it holds cameras rather than being held by them.
+/// Whether the place of a landmark is known in the base system, exactly or with a prior: it fixes the gauge.
 pub(crate) fn is_known(landmark: &Landmark) -> bool {
     landmark.free == [false; LANDMARK_PARAMS] || landmark.model == LandmarkModel::Measured
 }
 
-/// The model (a line with its origin) and parameters of a landmark as the cameras that `by` picks have it;
-/// those that are not free stay. `None` where none of them shows enough of it.
+/// The model (a line with its origin) and parameters of a landmark, triangulated from the cameras that `by` picks;
+/// fixed parameters keep their values. `None` where none of them shows enough of it.
 pub(crate) fn triangulate(
     landmark: &Landmark,
     cameras: &[Camera],
@@ -51,8 +51,8 @@ fn from_observations(
         }
         LandmarkModel::Post => {
             let foot = from_nearest(seen, cameras, 0, 0.0)?;
-            let usual = if third > 0.0 { third } else { 1.0 };
-            let length = post_length(seen, cameras, &foot).unwrap_or(usual);
+            let initial = if third > 0.0 { third } else { 1.0 };
+            let length = post_length(seen, cameras, &foot).unwrap_or(initial);
             (LandmarkModel::Post, [foot.x, foot.y, length])
         }
         LandmarkModel::Mark { z, points } => {
@@ -73,7 +73,7 @@ fn away(camera: &Camera, at: &FloorPoint) -> f64 {
     at.distance(camera.position.on_floor())
 }
 
-/// Where the nearest camera that observes a point has it.
+/// The place of a point by the nearest camera that observes it.
 fn from_nearest(seen: &[Observation], cameras: &[Camera], point: usize, height: f64) -> Option<FloorPoint> {
     let on_floor = |seen: &Observation| {
         let camera = &cameras[seen.view];
@@ -95,7 +95,7 @@ fn post_length(seen: &[Observation], cameras: &[Camera], foot: &FloorPoint) -> O
     })
 }
 
-/// Points of a mark as one camera has them: the one that observes most, and of those the nearest.
+/// Points of a mark by one camera: the one that observes most of them, and of those the nearest.
 fn points_on_floor(
     seen: &[Observation],
     cameras: &[Camera],
@@ -114,7 +114,7 @@ fn points_on_floor(
     candidates.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1))).map(|(_, _, pairs)| pairs)
 }
 
-/// Ends of a floor line as the camera has them that observes the longest piece of it.
+/// Ends of a floor line by the camera that observes the longest piece of it.
 fn longest_segment(seen: &[Observation], cameras: &[Camera]) -> Option<(FloorPoint, FloorPoint)> {
     let mut by_view: BTreeMap<usize, Vec<FloorPoint>> = BTreeMap::new();
     for seen in seen {
@@ -129,8 +129,8 @@ fn longest_segment(seen: &[Observation], cameras: &[Camera]) -> Option<(FloorPoi
 /// Move and turn that take points of a mark to where they were seen: x, y of its origin, and the turn.
 ///
 /// About the centroids, with `c = sum p . q` and `s = sum p x q`, the turn `atan2(s, c)` has the least sum of
-/// squares. It is `fixed_turn` where that is given, and `usual` where the points do not tell it.
-fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, usual: f64) -> [f64; 3] {
+/// squares. It is `fixed_turn` where that is given, and `default_turn` where the points do not determine it.
+fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, default_turn: f64) -> [f64; 3] {
     let count = pairs.len() as f64;
     let mean = |value: &dyn Fn(&PointPair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
     let (px, py) = (mean(&|p| p.0[0]), mean(&|p| p.0[1]));
@@ -142,7 +142,7 @@ fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, usual: f64) -> [f6
         cross += x * v - y * u;
     }
     let is_determined = dot.hypot(cross) > 1e-9;
-    let turn = fixed_turn.unwrap_or(if is_determined { cross.atan2(dot) } else { usual });
+    let turn = fixed_turn.unwrap_or(if is_determined { cross.atan2(dot) } else { default_turn });
     let (sin, cos) = turn.sin_cos();
     [qx - cos * px + sin * py, qy - sin * px - cos * py, turn]
 }
@@ -159,8 +159,8 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     })
 }
 
-/// Squared distances on the floor between where two cameras have the same point of a landmark, for every
-/// two cameras that observe it, the lower index first.
+/// Squared distances on the floor, in square metres, between the places of one point of a landmark by two cameras,
+/// for every pair that observes it, the lower index first.
 pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
     if matches!(landmark.model, LandmarkModel::Line { .. }) {
         return Vec::new();
@@ -180,7 +180,7 @@ pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Ve
     disagreements
 }
 
-/// Where every camera that observes a point of a landmark has it, at the height that it has in the model.
+/// The place on the floor of a point of a landmark by every camera that observes it, at its height in the model.
 pub(crate) fn on_floor(landmark: &Landmark, point: usize, cameras: &[Camera]) -> Vec<(usize, FloorPoint)> {
     let height = landmark.model.point(&landmark.place, point).0.z;
     let seen = landmark.observations.iter().filter(|seen| seen.point == point);

@@ -1,10 +1,10 @@
 //! The view graph: cameras are its nodes, what two of them share its edges. Its components are adjusted
-//! independently of each other, and of each it is asked what holds it in the base system.
+//! independently of each other; of each it is determined what fixes its gauge in the base system.
 //!
 //! The floor and the vertical are known from stage 1, so what is left open of a component that shares only
 //! unknown landmarks is a similarity of the floor: a move, a turn about the vertical, a scale. Control
-//! points, fixed cameras and marks of known place hold the first two; known lengths and heights give the
-//! scale. What nothing holds is held by the placement of one camera, the root ([`Gauge`]).
+//! points, fixed cameras and marks of known place fix the first two; known lengths and heights fix the
+//! scale. What remains of the gauge is fixed by the placement of one camera, the root ([`Gauge`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,18 +18,18 @@ use crate::camera::{Camera, FloorPoint};
 pub struct Component {
     /// Indices of the cameras, ascending.
     pub views: Vec<usize>,
-    /// The camera whose placement holds what nothing else does.
+    /// The camera whose placement fixes what remains of the gauge.
     pub root: usize,
-    /// Something known in the base system holds its position.
+    /// Its position in the base system is determined by something known.
     pub is_located: bool,
-    /// Something known in the base system holds its yaw.
+    /// Its yaw in the base system is determined by something known.
     pub is_oriented: bool,
-    /// Something known gives its scale: a length, a height, two places.
+    /// Its scale is determined by something known: a length, a height, two places.
     pub is_scaled: bool,
 }
 
 impl Component {
-    /// What the placement of a camera holds for all of them.
+    /// What the placement of a camera fixes of the gauge.
     pub(crate) fn gauge(&self, camera: usize) -> Gauge {
         if camera == self.root {
             Gauge { position: !self.is_located, yaw: !self.is_oriented, scale: !self.is_scaled }
@@ -107,7 +107,7 @@ pub(crate) fn root(component: &[usize], cameras: &[BundleCamera]) -> usize {
     posed.or(component.first()).copied().unwrap_or(0)
 }
 
-/// What holds a component, with its cameras and landmarks where the adjustment starts.
+/// What of the gauge of a component is determined, with its cameras and landmarks where the adjustment starts.
 pub(crate) fn describe(
     views: Vec<usize>,
     cameras: &[BundleCamera],
@@ -142,7 +142,7 @@ fn known_places(landmark: &Landmark) -> Vec<FloorPoint> {
     points.iter().map(|&point| landmark.model.point(&landmark.place, point).0.on_floor()).collect()
 }
 
-/// Whether what is seen of a landmark has a known size: two points of a mark, a post of known length.
+/// Whether the observed points of a landmark have a known size: two points of a mark, a post of known length.
 fn has_size(landmark: &Landmark) -> bool {
     match &landmark.model {
         LandmarkModel::Mark { points, .. } => {
@@ -156,7 +156,7 @@ fn has_size(landmark: &Landmark) -> bool {
 }
 
 /// Difference between the highest and the lowest known height. Two heights are a known length; one alone
-/// may be the floor of another storey.
+/// may be the floor of another storey, and fixes no scale.
 fn spread_of_heights(landmarks: &[&Landmark]) -> f64 {
     let heights = landmarks.iter().flat_map(|landmark| {
         let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;

@@ -1,4 +1,4 @@
-//! How well a camera is known, and how that carries over to what is computed from it.
+//! The covariance of a camera's parameters, and its propagation to quantities computed from them.
 
 use crate::camera::distortion::Distortion;
 

@@ -1,4 +1,5 @@
-//! How uncertain a point of the floor is: the derivatives of the map from pixels to the floor.
+//! The covariance of a floor point: that of the pixel and that of the camera, propagated by the Jacobian of the map
+//! from pixels to the floor.
 //!
 //! A pixel's ray is `d = a right + b down + forward`, with `(a, b)` the undistorted pixel relative to the
 //! principal point over the focal. It meets the plane at the height h in `C + t d`, `t = (h - z0) / d_z`, so
@@ -68,7 +69,7 @@ impl Camera {
     }
 }
 
-/// The ray of a pixel to a horizontal plane, and what changes it.
+/// The ray of a pixel to a horizontal plane, with what its derivatives need.
 struct PlaneJacobian<'a> {
     camera: &'a Camera,
     pixel: Pixel,
@@ -79,7 +80,7 @@ struct PlaneJacobian<'a> {
     /// Rows right, down, forward.
     axes: [[f64; 3]; 3],
     direction: [f64; 3],
-    /// From the camera to the plane, in directions.
+    /// `t` of the point `C + t d`.
     reach: f64,
 }
 
@@ -98,24 +99,24 @@ impl<'a> PlaneJacobian<'a> {
         Some(Self { camera, pixel, normalised, undistort, axes, direction, reach })
     }
 
-    /// How far the point moves when the ray's direction changes so.
-    fn moved(&self, change: [f64; 3]) -> [f64; 2] {
+    /// Displacement of the point for a change of the ray's direction.
+    fn displacement(&self, change: [f64; 3]) -> [f64; 2] {
         [0, 1].map(|i| self.reach * (change[i] - self.direction[i] * change[2] / self.direction[2]))
     }
 
-    /// The same of a change of the undistorted pixel.
-    fn moved_in_image(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    /// Displacement of the point for a change of the undistorted pixel.
+    fn displacement_by_pixel(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [right, down, _] = self.axes;
-        self.moved(std::array::from_fn(|i| (u * right[i] + v * down[i]) / self.camera.focal))
+        self.displacement(std::array::from_fn(|i| (u * right[i] + v * down[i]) / self.camera.focal))
     }
 
-    /// By u and v of the raw pixel.
+    /// Derivatives by u and v of the raw pixel.
     fn by_pixel(&self) -> [[f64; 2]; 2] {
         let [[a, b], [c, d]] = self.undistort;
-        [self.moved_in_image([a, c]), self.moved_in_image([b, d])]
+        [self.displacement_by_pixel([a, c]), self.displacement_by_pixel([b, d])]
     }
 
-    /// By yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the roll into
+    /// Derivatives by yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the roll into
     /// `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
         let ([a, b], [right, down, forward]) = (self.normalised, self.axes);
@@ -124,10 +125,10 @@ impl<'a> PlaneJacobian<'a> {
         let back = -(a * sin + b * cos);
         let pitched = std::array::from_fn(|i| back * forward[i] + sin * right[i] + cos * down[i]);
         let rolled = std::array::from_fn(|i| a * down[i] - b * right[i]);
-        [self.moved([-y, x, 0.0]), self.moved(pitched), self.moved(rolled)]
+        [self.displacement([-y, x, 0.0]), self.displacement(pitched), self.displacement(rolled)]
     }
 
-    /// By every unknown of [`Covariance`].
+    /// Derivatives by every parameter of [`Covariance`].
     fn by_unknowns(&self) -> [[f64; 2]; Covariance::SIZE] {
         let [x, y, z] = self.direction;
         let [a, b] = self.normalised;
@@ -136,20 +137,20 @@ impl<'a> PlaneJacobian<'a> {
         by[Covariance::Y] = [0.0, 1.0];
         by[Covariance::Z] = [-x / z, -y / z];
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
-        by[Covariance::FOCAL] = self.moved_in_image([-a, -b]);
+        by[Covariance::FOCAL] = self.displacement_by_pixel([-a, -b]);
         let lens = &self.camera.lens;
         if lens.distortion != Distortion::None {
             let [u, v] = self.normalised.map(|c| c * self.camera.focal);
             let Pixel { u: cu, v: cv } = lens.principal_point;
             let by_lens = lens.undistort_by_coefficients(self.pixel, [cu + u, cv + v].into());
             for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
-                *by = self.moved_in_image(change.at);
+                *by = self.displacement_by_pixel(change.at);
             }
         }
         by
     }
 
-    /// The same, with zeros for what was not estimated.
+    /// The same, with zeros for parameters that were not estimated.
     fn by_estimated(&self) -> [[f64; 2]; Covariance::SIZE] {
         let mut by = self.by_unknowns();
         for (index, by) in by.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 use crate::camera::distortion::{ByCoefficient, ByCoefficients, Distortion, Matrix2};
 use crate::camera::space::{Pixel, UndistortedPixel};
 
-/// A lens: where its axis meets the image and how it bends lines.
+/// A lens: principal point and distortion, as a map between raw and undistorted pixels.
 ///
 /// The map is one of pixels: [`Lens::focal`] is the focal that the coefficients refer to, and it
 /// stays as it is when the focal of the [`Camera`](crate::Camera) changes.
@@ -76,7 +76,7 @@ impl Lens {
     /// `d undistorted / d raw` at `pixel`, rows u and v; `None` outside the lens.
     #[must_use]
     pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
-        self.undistort_with_jacobian(pixel).map(|(_, slope)| slope)
+        self.undistort_with_jacobian(pixel).map(|(_, jacobian)| jacobian)
     }
 
     /// [`Self::undistort`] and [`Self::undistort_jacobian`] at once.
@@ -144,7 +144,7 @@ mod tests {
         }
 
         #[test]
-        fn the_slope_of_undistortion_is_that_of_differences(
+        fn the_jacobian_of_undistortion_is_that_of_differences(
             distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
             /// Of a pixel: truncation 1e-4 px^2 times the third derivative, rounding 1e-11.

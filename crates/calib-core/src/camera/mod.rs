@@ -1,7 +1,14 @@
-//! The camera: spaces, lenses, the pinhole, and how they depend on each other.
+//! The camera model: a pinhole with a lens in front, its maps between pixels and space, their derivatives.
 //!
-//! Law: one camera, no scene. Nothing here knows what was drawn, where the floor ends or who asks; every map
-//! has its derivatives beside it.
+//! Law: one camera, no scene. Nothing here knows annotations, landmarks or the EFOV; every map comes with its
+//! Jacobian.
+//!
+//! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
+//! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
+//! - `covariance` the covariance of a camera; `pinhole` the camera itself;
+//! - `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
+//!   Jacobians, for the bundle adjustment;
+//! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
 
 mod space;
 mod polynomial;

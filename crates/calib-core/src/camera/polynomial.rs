@@ -11,7 +11,7 @@ impl OddPolynomial {
         r * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     }
 
-    pub(crate) fn slope(&self, r: f64) -> f64 {
+    pub(crate) fn derivative(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
@@ -26,8 +26,8 @@ impl OddPolynomial {
 
     /// No more than the derivative anywhere up to this radius: of what only takes from it. Where that leaves some,
     /// no root need be looked for.
-    pub(crate) fn least_slope(&self, r: f64) -> f64 {
-        Self(self.0.map(|k| k.min(0.0))).slope(r)
+    pub(crate) fn least_derivative(&self, r: f64) -> f64 {
+        Self(self.0.map(|k| k.min(0.0))).derivative(r)
     }
 
     /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.
@@ -45,7 +45,7 @@ impl OddPolynomial {
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
         /// Radii, in values, one of which is beyond the answer for all but the outermost points of a lens.
         const NEAR: [f64; 5] = [1.02, 1.1, 1.2, 1.35, 1.5];
-        let grows_past = |near: &f64| self.value(*near) > value && self.least_slope(*near) > 0.0;
+        let grows_past = |near: &f64| self.value(*near) > value && self.least_derivative(*near) > 0.0;
         let mut high = match NEAR.map(|share| share * value).iter().find(|near| grows_past(near)) {
             Some(near) => *near,
             None => {
@@ -66,7 +66,7 @@ impl OddPolynomial {
             } else {
                 low = r;
             }
-            let newton = r - error / self.slope(r);
+            let newton = r - error / self.derivative(r);
             if (newton - r).abs() <= 2.0 * f64::EPSILON * (1.0 + r) {
                 return Some(newton.clamp(low.min(r), high.max(r)));
             }
@@ -142,17 +142,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_first_turn_is_where_the_slope_vanishes_first(
+        fn the_first_turn_is_where_the_derivative_vanishes_first(
             k in [-0.5..0.5_f64, -0.3..0.3_f64, -0.1..0.1_f64, -0.05..0.05_f64],
         ) {
             let polynomial = OddPolynomial(k);
             let turn = polynomial.first_turn();
             for i in 1..200 {
                 let r = f64::from(i) / 200.0 * turn.min(20.0) * 0.9999;
-                prop_assert!(polynomial.slope(r) > 0.0, "slope {} at {r} before {turn}", polynomial.slope(r));
+                prop_assert!(polynomial.derivative(r) > 0.0, "slope {} at {r} before {turn}", polynomial.derivative(r));
             }
             if turn.is_finite() {
-                prop_assert!(polynomial.slope(turn * 1.0001) < 1e-6 * (1.0 + turn.powi(8)));
+                prop_assert!(polynomial.derivative(turn * 1.0001) < 1e-6 * (1.0 + turn.powi(8)));
             }
         }
     }

@@ -1,14 +1,14 @@
-//! What a camera shows of a point and of a floor line, with derivatives by the camera and by the thing seen.
+//! Reprojection of a point and of a floor line, with Jacobians by the camera and by the point or line.
 //!
-//! Everything is in undistorted pixels relative to the principal point; what was drawn is brought there
-//! through the lens, with the derivative that turns a distance there into raw pixels.
+//! Everything is in undistorted pixels relative to the principal point. Observed pixels are undistorted, and
+//! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
 use crate::camera::distortion::Distortion;
 use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::space::{Pixel, WorldPoint};
 
-/// Number of unknowns of a camera but its distortion: x, y, z, yaw, pitch, roll, log focal.
+/// Number of parameters of a camera without its distortion: x, y, z, yaw, pitch, roll, log focal.
 pub(crate) const POSE_PARAMS: usize = 7;
 
 /// A camera with its axes.
@@ -28,7 +28,7 @@ pub(crate) struct Reprojection {
     pub(crate) d_point: [[f64; 3]; 2],
 }
 
-/// A drawn pixel without the lens.
+/// An observed pixel, undistorted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ObservedPixel {
     pub(crate) at: [f64; 2],
@@ -191,7 +191,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slopes_of_a_point_are_those_of_differences(
+        fn the_jacobian_of_a_point_is_that_of_differences(
             camera in any_camera(), ahead in 2.0..30.0_f64, side in -5.0..5.0_f64, z in 0.0..2.5_f64,
         ) {
             let (sin, cos) = camera.yaw.sin_cos();
@@ -223,7 +223,7 @@ mod tests {
         }
 
         #[test]
-        fn slopes_of_a_line_are_those_of_differences(
+        fn the_jacobian_of_a_line_is_that_of_differences(
             camera in any_camera(), origin in [-9.0..9.0_f64, -9.0..9.0_f64], offset in -2.0..2.0_f64, angle in -3.0..3.0_f64,
             u in 0.0..1920.0_f64, v in 0.0..1080.0_f64,
         ) {

@@ -11,8 +11,8 @@ pub struct Efov {
     pub clipped: bool,
 }
 
-/// How far the floor counts as seen where no EFOV was drawn, and where one reaches the horizon, in
-/// camera heights: beyond it a pixel spans more floor than anything that stands on it.
+/// Largest distance of an EFOV from the foot of the camera, in camera heights, where one was drawn and where none
+/// was: beyond it a pixel spans more floor than any object on it.
 const REACH_DRAWN: f64 = 50.0;
 const REACH_DEFAULT: f64 = 5.0;
 /// Points per edge of the image polygon: a bent edge stays bent on the floor.
@@ -64,7 +64,7 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
     let least = ahead / (drop.abs() * reach * 1e3) + f64::MIN_POSITIVE;
     let in_front = clip(&homogeneous, |[_, _, w]| w - least);
     let mut polygon: Vec<[f64; 3]> = in_front.clone();
-    // A regular polygon of half planes stands in for the circle.
+    // The circle is approximated by a regular polygon of half planes.
     const SIDES: usize = 32;
     for side in 0..SIDES {
         let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
@@ -79,11 +79,11 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
     Efov { polygon, clipped }
 }
 
-/// The ray of a pixel, or where the lens shows none in front of it, of the last one towards the middle that has
-/// one: the border of a fisheye's circle.
+/// The undistorted pixel, or where there is none, that of the last pixel toward the principal point that has one,
+/// by bisection: the border of a fisheye's circle.
 fn shown(camera: &Camera, pixel: Pixel) -> Option<UndistortedPixel> {
     const HALVINGS: usize = 12;
-    /// Tangent of the angle from the axis: beyond it no floor is near enough to count as seen.
+    /// Tangent of the largest angle from the axis: beyond it no floor is within reach.
     const STEEPEST: f64 = 200.0;
     let centre = camera.lens.principal_point;
     let on_the_way = |t: f64| {

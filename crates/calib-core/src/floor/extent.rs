@@ -14,7 +14,7 @@ pub struct Extent<'a> {
     pub efov: &'a [FloorPoint],
 }
 
-/// Points that are judged in step, so that the compiler can use vector instructions.
+/// Points that are classified together, so that the compiler can use vector instructions.
 const LANES: usize = 64;
 
 impl Extent<'_> {
@@ -33,23 +33,23 @@ impl Extent<'_> {
         inside == [1]
     }
 
-    /// Turns `inside` over at every edge of the EFOV that lies to the right of a point.
+    /// Flips `inside` at every edge of the EFOV that lies to the right of a point.
     #[inline(always)]
     fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
         for (i, a) in self.efov.iter().enumerate() {
             let b = self.efov[(i + 1) % self.efov.len()];
-            // Of a level edge it is not finite, and no point lies between its ends.
-            let slope = (b.x - a.x) / (b.y - a.y);
+            // Not finite for an edge along x, but no point lies between the ends of one.
+            let dx_by_dy = (b.x - a.x) / (b.y - a.y);
             for ((x, y), inside) in x.iter().zip(y).zip(inside.iter_mut()) {
                 let between = (a.y > *y) != (b.y > *y);
-                *inside ^= u64::from(between & (*x < a.x + (y - a.y) * slope));
+                *inside ^= u64::from(between & (*x < a.x + (y - a.y) * dx_by_dy));
             }
         }
     }
 
-    /// Judges pixels by the image, and by the floor that they show: `foot + stretch (point - foot)` of
-    /// the points of the plane that they were mapped to. Pixels without such a point come out anyhow.
-    pub(crate) fn judge(
+    /// The status of pixels by the image and by the EFOV: of a pixel mapped to a point of a plane, the floor point is
+    /// `foot + stretch (point - foot)`. For pixels without a point the status is meaningless.
+    pub(crate) fn classify(
         &self,
         foot: FloorPoint,
         stretch: f64,

@@ -1,6 +1,11 @@
-//! What one camera shows of the floor, and the floor of what it shows.
+//! One calibrated camera and the floor: projection in both directions, and what follows from it.
 //!
-//! Law: forward only. A camera is given here, never estimated from drawings.
+//! Law: roll, pitch, focal and lens are given here, never estimated from drawings.
+//!
+//! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
+//! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
+//! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `remap` undistorted images.
 
 mod placement;
 mod resection;
@@ -15,10 +20,10 @@ pub use efov::{Efov, default_efov, efov_on_floor};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use projector::FloorProjector;
-pub use remap::{Crop, Remap, Straightened};
+pub use remap::{Crop, Remap, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use scene::{
-    MarkKind, PRISM_HEIGHT, Polyline, Shape3, ellipse, floor_grid, horizon, in_front, on_image,
+    MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, horizon, in_front, on_image,
     position_ellipse, prism, vertical,
 };
 pub use status::Status;

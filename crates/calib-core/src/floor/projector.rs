@@ -21,7 +21,7 @@ pub struct FloorProjector {
     most: f64,
 }
 
-/// Points that are mapped in step, so that the compiler can use vector instructions.
+/// Points that are mapped together, so that the compiler can use vector instructions.
 const LANES: usize = 8;
 
 impl FloorProjector {
@@ -164,7 +164,7 @@ impl FloorProjector {
         // The floor lies on the ray from the camera through the point of the plane.
         let stretch = self.camera.position.z / (self.camera.position.z - self.height);
         let foot = self.camera.position.on_floor();
-        extent.judge(foot, stretch, [u, v], [x, y], status);
+        extent.classify(foot, stretch, [u, v], [x, y], status);
         for i in 0..u.len() {
             if !(x[i].is_finite() && y[i].is_finite()) {
                 (x[i], y[i]) = (f64::NAN, f64::NAN);
@@ -227,7 +227,7 @@ impl FloorProjector {
 }
 
 /// Undistorts [`LANES`] points at once by Newton's method until the last one has converged; one that has
-/// rests, so that no result depends on the points beside it.
+/// is not changed again, so that no result depends on the other points.
 ///
 /// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
 #[inline(always)]

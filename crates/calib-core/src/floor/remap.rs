@@ -1,5 +1,5 @@
-//! An image without distortion: a map from every pixel to where the lens shows it, built once and
-//! applied to any number of images of that camera.
+//! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and applied
+//! to any number of images of that camera.
 
 use pulp::Arch;
 
@@ -22,9 +22,9 @@ const STEPS: f32 = 32.0;
 const STEP_BITS: u32 = 5;
 const BLANK: u32 = u32::MAX;
 
-/// An image without distortion: which part of the undistorted plane it shows, of which lens.
+/// The undistortion of the images of a lens: which part of the undistorted plane the new image shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Straightened {
+pub struct Undistortion {
     lens: Lens,
     width: usize,
     height: usize,
@@ -35,7 +35,7 @@ pub struct Straightened {
     most: f64,
 }
 
-/// A [`Straightened`] image's map, kept for many images of one camera.
+/// The map of an [`Undistortion`], kept for many images of one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
     width: usize,
@@ -57,7 +57,7 @@ impl MapRows {
     }
 }
 
-impl Straightened {
+impl Undistortion {
     /// The undistorted image of a lens for raw images of `width` x `height` pixels; it has their size.
     ///
     /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
@@ -152,7 +152,7 @@ impl Straightened {
 }
 
 impl Remap {
-    /// As [`Straightened::apply_into`].
+    /// As [`Undistortion::apply_into`].
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         if raw.len() != self.rows.index.len() * 3 || out.len() != raw.len() {
@@ -343,7 +343,7 @@ mod tests {
     fn every_pixel_shows_what_the_lens_shows_there() {
         let (width, height, lens) = (320, 180, barrel());
         for crop in [Crop::SameFocal, Crop::AllValid, Crop::AllPixels] {
-            let view = Straightened::new(&lens, width, height, crop).unwrap();
+            let view = Undistortion::new(&lens, width, height, crop).unwrap();
             let out = view.apply(&ramp(width, height)).unwrap();
             let mut again = vec![7; out.len()];
             assert!(view.remap().apply_into(&ramp(width, height), &mut again));
@@ -373,9 +373,9 @@ mod tests {
 
     #[test]
     fn a_slice_of_the_wrong_size_is_refused() {
-        let view = Straightened::new(&barrel(), 32, 18, Crop::SameFocal).unwrap();
+        let view = Undistortion::new(&barrel(), 32, 18, Crop::SameFocal).unwrap();
         assert_eq!(view.apply(&[0; 5]), None);
         assert!(!view.remap().apply_into(&[0; 5], &mut [0; 5]));
-        assert_eq!(Straightened::new(&barrel(), 32, 1, Crop::SameFocal), None);
+        assert_eq!(Undistortion::new(&barrel(), 32, 1, Crop::SameFocal), None);
     }
 }

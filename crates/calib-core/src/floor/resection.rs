@@ -52,7 +52,7 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
 fn jacobian_by_place(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
     let columns = unknowns.map(|index| pixel_derivatives(camera, points, index));
-    // A metre and a radian of a camera some metres off are of one size.
+    // A metre and a radian are of comparable magnitude at distances of some metres.
     DMatrix::from_fn(2 * points.len(), unknowns.len(), |i, j| columns[j][i] / camera.focal)
 }
 
@@ -66,7 +66,7 @@ fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
 fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let rays = rays(camera, points);
     let count = points.len() as f64;
-    // World coordinates may be of the size of a country: work about their middle.
+    // World coordinates may be large, as of a national grid: work about their mean.
     let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
     let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
     let candidates =
@@ -136,8 +136,8 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
         .sum()
 }
 
-/// The camera with the covariance of where control points put it: noise of `sigma` pixels in the
-/// points, and what was uncertain about roll, pitch and focal carried along.
+/// The camera with the covariance of its placement by control points: from noise of `sigma` pixels in the points,
+/// and from the covariance of roll, pitch and focal, propagated.
 ///
 /// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
 /// `dq = -(A'A)^-1 A' (B dp + noise)`.
@@ -270,8 +270,8 @@ impl LeastSquares for Resection<'_> {
             damped[(2, 2)] = 1.0;
         }
         let step = -damped.cholesky()?.solve(gradient);
-        let promised = (0..4).map(|i| step[i] * (damping * square[(i, i)] * step[i] - gradient[i])).sum();
-        Some((std::array::from_fn(|i| state[i] + step[i]), promised, step.amax()))
+        let predicted = (0..4).map(|i| step[i] * (damping * square[(i, i)] * step[i] - gradient[i])).sum();
+        Some((std::array::from_fn(|i| state[i] + step[i]), predicted, step.amax()))
     }
 }
 

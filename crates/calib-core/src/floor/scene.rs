@@ -1,5 +1,5 @@
-//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D
-//! polylines, and their way onto an image.
+//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D polylines, and their
+//! projection to an image.
 
 use std::borrow::Cow;
 
@@ -54,7 +54,7 @@ impl MarkKind {
 
 /// A virtual element of known shape in the base system.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shape3 {
+pub struct MarkShape {
     /// What it looks like.
     pub kind: MarkKind,
     /// Where its foot or centre is, in metres.
@@ -68,7 +68,7 @@ pub struct Shape3 {
 /// Sides of a drawn circle.
 const CIRCLE_SIDES: usize = 48;
 
-impl Shape3 {
+impl MarkShape {
     fn size(&self, index: usize) -> f64 {
         self.size.get(index).copied().unwrap_or(1.0)
     }
@@ -202,7 +202,7 @@ fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
 }
 
-/// Columns and rows of a net: more than these are a grey area, and a hostile file's way to fill memory.
+/// Columns and rows of a grid, bounded: a hostile file must not fill the memory.
 fn cells(columns: f64, rows: f64) -> [usize; 2] {
     [columns, rows].map(|count| count.clamp(0.0, 1000.0) as usize)
 }
@@ -227,7 +227,7 @@ pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
 /// The lines of the metre grid inside a floor polygon: every multiple of `step` metres in x and y.
 #[must_use]
 pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
-    /// More lines than this are a grey area.
+    /// Most lines in one direction: more cannot be told apart.
     const MOST: f64 = 400.0;
     let mut lines = Vec::new();
     for axis in 0..2 {
@@ -404,7 +404,7 @@ mod tests {
     fn every_kind_of_mark_draws_its_named_points() {
         for kind in MarkKind::ALL {
             let size = vec![1.0, 2.0, 3.0][..kind.size_names().len()].to_vec();
-            let mark = Shape3 { kind, at: WorldPoint::new(1.0, 2.0, 0.5), turn: 0.3, size };
+            let mark = MarkShape { kind, at: WorldPoint::new(1.0, 2.0, 0.5), turn: 0.3, size };
             assert!(!mark.polylines().is_empty());
             assert!(mark.point_names().count() > 0);
             for name in mark.point_names() {
@@ -420,7 +420,7 @@ mod tests {
         let at = WorldPoint::new(1.0, 2.0, 0.0);
         for [columns, rows] in [[1, 1], [4, 4], [6, 3], [2, 9]] {
             let size = vec![0.5, f64::from(columns), f64::from(rows)];
-            let mark = Shape3 { kind: MarkKind::Grid, at, turn: 0.3, size };
+            let mark = MarkShape { kind: MarkKind::Grid, at, turn: 0.3, size };
             let points: Vec<WorldPoint> = mark.point_names().filter_map(|name| mark.point(&name)).collect();
             assert_eq!(points.len(), (columns + 1) as usize * (rows + 1) as usize);
             for end in mark.polylines().into_iter().flatten() {

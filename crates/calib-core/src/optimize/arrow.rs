@@ -1,5 +1,5 @@
-//! Arrow-shaped normal equations: four core parameters, and beside them any number of nuisance parameters
-//! each of which is coupled with the core only.
+//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters each of which is
+//! coupled with the core only.
 //!
 //! With core steps `c` and nuisance steps `n_k` the damped equations are
 //!
@@ -66,19 +66,19 @@ impl Normal {
         }
     }
 
-    /// The equations of the core with every nuisance eliminated, `damping` times the diagonal added; what is
-    /// not free has a row of the identity.
+    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal added; a
+    /// fixed parameter has a row of the identity.
     fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
-        let grow = 1.0 + damping;
+        let scaling = 1.0 + damping;
         let mut matrix = [[0.0; 4]; 4];
         let mut right = self.gradient.map(|g| -g);
         for i in 0..4 {
             for j in i..4 {
-                matrix[i][j] = self.core[i][j] * if i == j { grow } else { 1.0 };
+                matrix[i][j] = self.core[i][j] * if i == j { scaling } else { 1.0 };
             }
         }
         for nuisance in self.nuisances.iter().filter(|nuisance| nuisance.square > 0.0) {
-            let pivot = nuisance.square * grow;
+            let pivot = nuisance.square * scaling;
             for i in 0..4 {
                 right[i] += nuisance.cross[i] * nuisance.gradient / pivot;
                 for j in i..4 {
@@ -103,7 +103,7 @@ impl Normal {
     }
 
     /// Moves core and nuisances by the step with `damping` times the diagonal added. The decrease of the cost
-    /// that the linear model promises for it, and the largest change; `None` where there is no solution.
+    /// that the linear model predicts for it, and the largest change; `None` where there is no solution.
     pub(crate) fn step(
         &self,
         core: &mut [f64; 4],
@@ -113,7 +113,7 @@ impl Normal {
     ) -> Option<(f64, f64)> {
         let (matrix, right) = self.reduced(damping, free);
         let step = solve_4(&matrix, &right)?;
-        let grow = 1.0 + damping;
+        let scaling = 1.0 + damping;
         let (mut gain, mut size) = (0.0, 0.0_f64);
         for i in 0..4 {
             core[i] += step[i];
@@ -124,7 +124,7 @@ impl Normal {
         for (value, sums) in nuisances.iter_mut().zip(&self.nuisances) {
             if sums.square > 0.0 {
                 let coupled: f64 = sums.cross.iter().zip(&step).map(|(c, s)| c * s).sum();
-                let own = -(sums.gradient + coupled) / (sums.square * grow);
+                let own = -(sums.gradient + coupled) / (sums.square * scaling);
                 *value += own;
                 gain += own * (damping * sums.square * own - sums.gradient);
                 size = size.max(own.abs());
@@ -133,7 +133,7 @@ impl Normal {
         Some((gain, size))
     }
 
-    /// Information about the core, the inverse of its covariance; rows of zeros for what is not free.
+    /// Information matrix of the core, the inverse of its covariance; rows of zeros for fixed parameters.
     pub(crate) fn information(&self, free: [bool; 4]) -> Matrix4<f64> {
         let (matrix, _) = self.reduced(0.0, free);
         let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
@@ -147,23 +147,23 @@ impl Normal {
 /// The covariance of the core.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty {
-    /// Of roll, pitch, log focal, log height; zeros for those that are not free. Where the residuals leave
-    /// a direction open, its variance is large, not infinite.
+    /// Of roll, pitch, log focal, log height; zeros for those that are not free. A direction that the residuals
+    /// do not determine has a large variance, not an infinite one.
     pub(crate) covariance: Matrix4<f64>,
-    /// Whether the residuals leave a direction open.
+    /// Whether a direction is not determined by the residuals.
     pub(crate) singular: bool,
 }
 
 impl Uncertainty {
     /// From information with rows of zeros for what is not free.
     pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
-        /// Relative to the best-known direction: below it the inverse is rounding.
-        const OPEN: f64 = 1e-13;
+        /// Least eigenvalue relative to the largest: below it the inverse is rounding.
+        const SINGULAR: f64 = 1e-13;
         let scale: [f64; 4] = std::array::from_fn(|i| {
             let diagonal = information[(i, i)];
             if free[i] && diagonal > 0.0 { diagonal.sqrt().recip() } else { 0.0 }
         });
-        let untouched = (0..4).any(|i| free[i] && scale[i] == 0.0);
+        let is_unobserved = (0..4).any(|i| free[i] && scale[i] == 0.0);
         let scaled = Matrix4::from_fn(|i, j| {
             if scale[i] == 0.0 || scale[j] == 0.0 {
                 f64::from(u8::from(i == j))
@@ -173,14 +173,14 @@ impl Uncertainty {
         });
         let eigen = SymmetricEigen::new(scaled);
         let most = eigen.eigenvalues.max();
-        let least = OPEN * most;
-        let singular = untouched || eigen.eigenvalues.min() < least;
+        let least = SINGULAR * most;
+        let singular = is_unobserved || eigen.eigenvalues.min() < least;
         let inverse = eigen.eigenvectors
             * Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(least).recip()))
             * eigen.eigenvectors.transpose();
         let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
-            // Nothing at all is known of it: a standard deviation of 1000 radians or log units.
+            // No residual depends on it: a standard deviation of 1000 radians or log units.
             covariance[(i, i)] = 1e6;
         }
         Self { covariance, singular }

@@ -12,8 +12,8 @@
 //! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`,
 //!
 //! of the true decrease to that of the linear model, an accepted step multiplies `lambda` by
-//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Where Nielsen's floor is a
-//! third ours is a tenth: the starts here are near, and the last steps are Newton's sooner.
+//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Nielsen's floor is 1/3; here it
+//! is 1/10, for the starts are near, and the last steps become Gauss-Newton's sooner.
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
 
@@ -28,7 +28,7 @@ pub(crate) trait LeastSquares {
     fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
 
     /// The state after a step with `damping` times the diagonal added, the decrease of the cost that the
-    /// linear model promises, and the largest change of an unknown; `None` when there is no solution.
+    /// linear model predicts, and the largest change of an unknown; `None` when there is no solution.
     fn step(
         &self,
         state: &Self::State,
@@ -70,22 +70,22 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
     pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
         /// Least relative decrease of the cost; exact scenes go down to rounding.
         const COST_TOLERANCE: f64 = 1e-13;
-        /// Least step in radians and log units: far below what any pixel determines.
+        /// Least step in radians and log units, far below the accuracy that pixels give.
         const STEP_TOLERANCE: f64 = 1e-11;
         const MAX_DAMPING: f64 = 1e12;
         while self.damping < MAX_DAMPING {
             let stepped = problem.step(&self.state, &self.normal, self.damping);
-            let tried = stepped.and_then(|(next, promised, size)| {
+            let tried = stepped.and_then(|(next, predicted, size)| {
                 if size < STEP_TOLERANCE {
                     return Some(Err(Termination::Converged));
                 }
                 let (cost, normal) = problem.linearize(&next)?;
-                (cost < self.cost).then_some(Ok((next, promised, cost, normal)))
+                (cost < self.cost).then_some(Ok((next, predicted, cost, normal)))
             });
             match tried {
                 Some(Err(ending)) => return Some(ending),
-                Some(Ok((next, promised, cost, normal))) => {
-                    let gain = (self.cost - cost) / promised.max(f64::MIN_POSITIVE);
+                Some(Ok((next, predicted, cost, normal))) => {
+                    let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
                     let done = self.cost - cost <= COST_TOLERANCE * self.cost;
                     self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(0.1);
                     (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);

@@ -1,6 +1,13 @@
 //! Minimisers and the linear algebra of their normal equations.
 //!
-//! Law: no geometry. Problems come as residuals with Jacobians; what they mean is known by who calls.
+//! Law: no geometry. Problems come as residuals with Jacobians; what they mean, the caller knows.
+//!
+//! - `nelder_mead` for the paper's criterion, which has no derivatives; `levenberg_marquardt` for every sum of
+//!   squares ([`LeastSquares`], [`least_squares`]);
+//! - `sparse_cholesky`, `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
+//!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
+//! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
+//!   nuisance parameters.
 
 mod nelder_mead;
 mod levenberg_marquardt;

@@ -4,7 +4,7 @@ use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::Vector2;
 
-/// The cost of what is impossible: of infinities argmin would make NaN.
+/// Cost in place of infinity and NaN, from which argmin would compute NaN.
 const IMPOSSIBLE: f64 = 1e30;
 
 /// A point of two unknowns, with the three operations a simplex needs.
@@ -51,7 +51,7 @@ pub(crate) fn nelder_mead(
     /// Standard deviation of the costs in the simplex at which it has converged. The paper's
     /// criterion is first order in some angles: 1e-13 of it is 1e-13 rad.
     const TOLERANCE: f64 = 1e-13;
-    /// The simplex may collapse on a ridge: a fresh one at the best point, a tenth in size, goes on.
+    /// The simplex may collapse before a minimum: it is started again at the best point, a tenth in size.
     const RESTARTS: usize = 4;
     const MAX_ITERATIONS: u64 = 400;
 
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_valley_of_rosenbrock_is_walked_to_its_end() {
+    fn the_minimum_of_rosenbrock_is_reached() {
         let rosenbrock = |[x, y]: [f64; 2]| (1.0 - x).powi(2) + 100.0 * (y - x * x).powi(2);
         let (lowest, _) = nelder_mead(rosenbrock, [-1.2, 1.0], [0.1, 0.1]).unwrap();
         assert!((lowest[0] - 1.0).abs() + (lowest[1] - 1.0).abs() < 1e-6, "{lowest:?}");

@@ -98,7 +98,7 @@ impl BlockStructure {
         }
     }
 
-    /// The step in every parameter and the decrease of the cost that the linear model promises.
+    /// The step in every parameter and the decrease of the cost that the linear model predicts.
     pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
         let Reduced { values, right, inverses } = self.reduced(normal, damping);
         let solution = self.sparse.factor(&values)?.solve(&right);
@@ -115,9 +115,9 @@ impl BlockStructure {
         }
         // d' (lambda D d - J'r), the decrease of the linear model.
         let diagonal = self.diagonal(normal);
-        let promised =
+        let predicted =
             (0..step.len()).map(|i| step[i] * (damping * diagonal[i] * step[i] - normal.gradient[i])).sum();
-        Some((step, promised))
+        Some((step, predicted))
     }
 
     /// `z = D^-1 (b - C y)` of one eliminated block.
@@ -157,8 +157,8 @@ impl BlockStructure {
 
     /// The covariance of blocks that have residuals in common.
     ///
-    /// What the residuals leave open has a large variance, not an infinite one: to the information of
-    /// every kept parameter a share of `regularization` of what its own residuals give it is added.
+    /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that what the residuals
+    /// do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
         let Reduced { mut values, inverses, .. } = self.reduced(&normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {

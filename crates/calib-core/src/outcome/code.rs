@@ -1,4 +1,4 @@
-//! The closed list of what can be said of a result, and how much each matters.
+//! The closed list of the codes of findings, and their severity.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ macro_rules! codes {
             /// Every code of the list.
             pub const ALL: &'static [Self] = &[$(Self::$code),+];
 
-            /// The code as files and programs know it.
+            /// The code in files.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self { $(Self::$code => $text),+ }
@@ -68,19 +68,19 @@ codes! {
     }
 }
 
-/// How much a finding matters.
+/// The severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Good to know; the result stands.
+    /// Information; the result is valid.
     Note,
-    /// To be met before the result is relied on.
+    /// To be resolved before the result is relied on.
     Warning,
     /// Something is wrong: a line, a value, or the result.
     Error,
 }
 
 impl Code {
-    /// How much it matters.
+    /// Its severity.
     #[must_use]
     pub const fn severity(self) -> Severity {
         match self {
@@ -90,7 +90,7 @@ impl Code {
         }
     }
 
-    /// Whether a site with it must not go into service, whatever its numbers are.
+    /// Whether a site with this finding must not go into service.
     #[must_use]
     pub const fn fails_check(self) -> bool {
         matches!(

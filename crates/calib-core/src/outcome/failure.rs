@@ -1,4 +1,4 @@
-//! Why there is no result, as values.
+//! Why a camera has no result, as values.
 
 use std::fmt;
 
@@ -29,27 +29,27 @@ pub enum Failure {
     },
     /// The vertical lines do not meet in one point.
     CoincidentVerticals,
-    /// Nothing on the floor tells pitch and focal apart.
+    /// No drawing on the floor separates pitch from focal.
     NothingOnTheFloor,
-    /// Nothing is drawn that tells how the camera is turned.
+    /// No drawing constrains the orientation.
     NothingDrawn,
-    /// No pitch and focal put the lines on a floor.
+    /// No pitch and focal have possible geometry for the lines.
     NoPitchAndFocal,
-    /// No roll, pitch and focal put the lines on a floor.
+    /// No roll, pitch and focal have possible geometry for the lines.
     NoOrientation,
-    /// The lines leave an unknown open.
+    /// The constraints do not determine a parameter.
     Underdetermined {
-        /// The one that is known worst, if one stands out.
+        /// The one of largest variance, if any is estimated.
         weakest: Option<Parameter>,
     },
     /// The camera whose lens this one shares has no result.
     NoLens {
         /// The id of that camera.
         camera: String,
-        /// Why it has none.
+        /// Why that camera has none.
         because: Box<Self>,
     },
-    /// The numbers drawn and entered lead to others that are none.
+    /// The result is not finite, or beyond the bounds of a document.
     TooExtreme,
 }
 

@@ -1,10 +1,10 @@
-//! What an operator should know about a result that exists: a subject and numbers, no words.
+//! Findings: what an operator should know about a result, as values with a subject and numbers.
 
 use crate::outcome::code::{Code, Severity};
 use crate::outcome::subject::{Parameter, Source, Subject};
 use crate::outcome::suggestion::Suggestion;
 
-/// Another camera that the lines fit.
+/// Another local minimum: a camera that the lines fit as well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rival {
     /// In pixels.
@@ -13,21 +13,21 @@ pub struct Rival {
     pub pitch: f64,
 }
 
-/// Who does not use something.
+/// The estimator that does not use something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
-    /// The fit in pixels.
+    /// The maximum-likelihood fit.
     MaximumLikelihood,
     /// The paper's criterion.
     Paper,
 }
 
-/// Why cameras are not tied to the rest of the site.
+/// Why cameras are not connected to the rest of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Apart {
-    /// They share too little with the others to be placed by it.
+    /// They share too few landmarks with the others to be placed by them.
     TooLittle,
-    /// They share nothing and stand where the operator placed them.
+    /// They share nothing and keep the placement of the operator.
     Placed,
     /// They share nothing.
     Alone,
@@ -36,17 +36,17 @@ pub enum Apart {
 /// Why something that cameras share is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhyUnused {
-    /// A camera that shows it cannot see anything where the others put it.
+    /// A camera that observes it cannot show the place that the others give it.
     OutOfSight,
     /// One camera alone shows it.
     SeenOnce,
-    /// A distance: an end of it has no place, or its length is not told.
+    /// A distance: an end of it has no place, or its length is not given.
     Unmeasured,
-    /// Cameras: no place was found from which all that is shared can be seen.
+    /// Cameras: no poses were found from which everything shared is visible.
     Unfitted,
 }
 
-/// What ties cameras together.
+/// What connects cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tie {
     /// Links.
@@ -60,18 +60,18 @@ pub enum Tie {
 /// What an operator should know about a result that exists.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
-    /// The lines do not tell the focal.
+    /// The lines do not determine the focal.
     FocalUnobservable {
         /// Standard deviation of the log focal, before the weak prior.
         sigma: f64,
-        /// The camera looks down: the floor may be good all the same.
+        /// The camera looks down: the floor may be well determined nevertheless.
         looks_down: bool,
         /// The predicted relative error of floor lengths where it is small.
         good_floor: Option<f64>,
-        /// What would tell more.
+        /// The drawing that would improve it most.
         next: Option<Suggestion>,
     },
-    /// What cameras usually have tells more of the focal than the lines.
+    /// The weak prior determines the focal more than the lines do.
     PriorDominates {
         /// In pixels.
         focal: f64,
@@ -80,64 +80,64 @@ pub enum Finding {
     },
     /// The lines fit other cameras as well.
     TwoSolutions {
-        /// Those others.
+        /// The other cameras.
         others: Vec<Rival>,
-        /// What would decide.
+        /// The drawing that would decide between them.
         next: Option<Suggestion>,
     },
-    /// Lengths on the floor are known somewhat.
+    /// The predicted relative error of lengths on the floor is large.
     Weak {
         /// Their predicted relative error.
         floor_length_rel: f64,
-        /// What would tell more.
+        /// The drawing that would improve it most.
         next: Option<Suggestion>,
     },
-    /// Lengths on the floor are hardly known.
+    /// The predicted relative error of lengths on the floor is too large for use.
     Unusable {
         /// Their predicted relative error.
         floor_length_rel: f64,
-        /// What would tell more.
+        /// The drawing that would improve it most.
         next: Option<Suggestion>,
     },
     /// The camera sees no floor.
     NoFloor,
-    /// A line contradicts the others and was set aside.
+    /// A line was rejected as an outlier.
     LineOutlier {
         /// The line.
         line: Source,
-        /// By how many pixels; `None` above the horizon.
+        /// Its residual in pixels; `None` above the horizon.
         px: Option<f64>,
     },
-    /// Residuals are larger than drawing noise.
+    /// The residuals are too large for the drawing noise.
     Misfit {
         /// Sum of the squared residuals over their variances.
         chi2: f64,
-        /// Residuals minus unknowns.
+        /// Number of residuals minus number of parameters.
         dof: i64,
         /// The line with the largest residual, and the residual in pixels.
         worst: Option<(Source, f64)>,
     },
-    /// Cameras that are fitted together contradict each other.
+    /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
         /// Sum of the squared residuals over their variances.
         chi2: f64,
-        /// Residuals minus unknowns.
+        /// Number of residuals minus number of parameters.
         dof: i64,
     },
-    /// Edges drawn as straight are not, under the lens that fits best.
+    /// Edges drawn as straight are not straight under the lens that fits best.
     BentEdges {
         /// Root mean square distance from straight, in pixels.
         px: f64,
         /// The same without a lens.
         px_without_lens: f64,
     },
-    /// Straight edges say next to nothing about the lens.
+    /// Straight edges carry next to no information about the lens.
     UninformativeEdges {
         /// Which.
         edges: Vec<Source>,
         /// How many were drawn.
         drawn: usize,
-        /// How far they would bend at most, in pixels.
+        /// The largest sagitta that a distortion of 10 px in the corner would give them, in pixels.
         bend_px: f64,
     },
     /// The straight edges leave the corners of the image uncertain.
@@ -145,41 +145,41 @@ pub enum Finding {
         /// By so many pixels.
         px: f64,
     },
-    /// Straight edges check a lens that is held, and change nothing.
+    /// Straight edges under a fixed lens: their residuals are reported, they estimate nothing.
     UnusedEdges {
         /// The annotation of the first.
         first: usize,
         /// How many there are.
         count: usize,
-        /// The lens that is held has no distortion.
+        /// The fixed lens has no distortion.
         is_undistorted: bool,
-        /// How far off straight they are under it, in pixels.
+        /// Their mean distance from straight under it, in pixels.
         px: f64,
     },
-    /// The estimator has no use for annotations of this kind.
+    /// The estimator does not use annotations of this kind.
     UnusedKind {
         /// Index of the annotation.
         annotation: usize,
-        /// Who does not use it.
+        /// The estimator that does not use it.
         by: Estimator,
     },
     /// An annotation has fewer segments than its kind needs.
     TooFewSegments {
         /// Index of the annotation.
         annotation: usize,
-        /// Who does not use it.
+        /// The estimator that does not use it.
         by: Estimator,
         /// How many it has.
         drawn: usize,
         /// How many it needs.
         least: usize,
     },
-    /// The paper's method knows no prior.
+    /// A prior that is not used: the paper's method has none.
     UnusedPrior {
         /// Of what.
         parameter: Parameter,
     },
-    /// A line has a point where the lens shows nothing.
+    /// A line has a point that cannot be undistorted.
     OutsideLens {
         /// The line.
         line: Source,
@@ -194,24 +194,24 @@ pub enum Finding {
         /// How many there are.
         count: usize,
     },
-    /// The camera does not show control points where it stands.
+    /// Control points are not visible from the camera's placement.
     HiddenControlPoints {
         /// Their indices.
         points: Vec<usize>,
     },
-    /// Control points are farther from their pixels than drawing explains.
+    /// The reprojection errors of control points are too large for the drawing noise.
     FarControlPoints {
-        /// Root mean square distance, in pixels.
+        /// Root mean square reprojection error, in pixels.
         rms_px: f64,
         /// Index of the worst.
         worst: usize,
-        /// Its distance, in pixels.
+        /// Its reprojection error, in pixels.
         worst_px: f64,
     },
-    /// What was told of the height and what the placement says disagree.
+    /// The height by drawings or as entered, and the height by placement, disagree.
     ScaleConflict {
-        /// By what was entered and drawn, in metres.
-        told: f64,
+        /// As entered or estimated from drawings, in metres.
+        estimated: f64,
         /// As placed, in metres.
         placed: f64,
     },
@@ -222,59 +222,59 @@ pub enum Finding {
     },
     /// The distortion folds back on itself inside the image.
     DistortionNotInvertible,
-    /// A control point contradicts the others and was set aside.
+    /// A control point was rejected as an outlier.
     ControlPointOutlier {
         /// Index of the camera.
         camera: usize,
         /// Index of the point in its camera.
         point: usize,
     },
-    /// A link or a mark contradicts the others and was set aside.
+    /// A link or a mark was rejected as an outlier.
     ElementOutlier {
         /// The link or the mark.
         element: Subject,
-        /// The camera where it is farthest off, and by how many pixels.
+        /// The camera of its largest residual, and that residual in pixels.
         worst: Option<(usize, f64)>,
     },
-    /// A distance contradicts the rest and was set aside.
+    /// A distance was rejected as an outlier.
     DistanceOutlier {
         /// Index of the distance.
         distance: usize,
     },
-    /// Nothing ties cameras to the rest of the site.
+    /// Cameras are not connected to the rest of the site.
     NotConnected {
         /// Their indices.
         cameras: Vec<usize>,
-        /// How that is.
+        /// Why not.
         apart: Apart,
     },
-    /// The links of a camera leave open where it stands.
+    /// The links of a camera do not determine its position.
     Sliding {
         /// Index of the camera.
         camera: usize,
     },
-    /// Nothing gives the scale of cameras that hang together.
+    /// The scale of a component of the view graph is not determined.
     ScaleUnknown {
         /// Their indices.
         cameras: Vec<usize>,
-        /// The one whose height stands.
+        /// The camera whose height fixes the scale.
         root: usize,
     },
-    /// Cameras share more than can be fitted together.
+    /// Cameras share too much to be adjusted together.
     TooManyCameras {
         /// How many they are.
         count: usize,
         /// The index of one.
         first: usize,
     },
-    /// What cameras share and the joint fit does not use.
+    /// What cameras share and the bundle adjustment does not use.
     Unused {
         /// What.
         what: Vec<Subject>,
-        /// For this reason.
+        /// Why it is not used.
         why: WhyUnused,
     },
-    /// What ties cameras together, while every camera is solved by itself.
+    /// What connects cameras, while every camera is solved by itself.
     UnusedTies {
         /// What.
         ties: Tie,
@@ -284,7 +284,7 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// The code as files and programs know it.
+    /// The code in files.
     #[must_use]
     pub const fn code(&self) -> Code {
         match self {
@@ -321,7 +321,7 @@ impl Finding {
         }
     }
 
-    /// How much it matters.
+    /// Its severity.
     #[must_use]
     pub const fn severity(&self) -> Severity {
         self.code().severity()
@@ -373,7 +373,7 @@ impl Finding {
         }
     }
 
-    /// The drawing that it advises.
+    /// The drawing that it suggests.
     #[must_use]
     pub const fn suggestion(&self) -> Option<Suggestion> {
         match self {

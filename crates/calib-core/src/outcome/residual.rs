@@ -1,4 +1,4 @@
-//! How far evidence is from what a result predicts.
+//! The residual of one drawing or observation, as reports have it, in pixels.
 
 /// What a residual belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What a finding is about.
 
-/// An unknown of the orientation, or what may be believed of one beforehand.
+/// A parameter of one camera that is estimated or has a prior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Roll.
@@ -13,7 +13,7 @@ pub enum Parameter {
     Height,
 }
 
-/// Which drawing a piece of evidence comes from.
+/// The drawing that a constraint comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Source {
     /// Index of the annotation in its camera.
@@ -22,7 +22,7 @@ pub struct Source {
     pub segment: usize,
 }
 
-/// What a finding is about; numbers are places in the lists of the site.
+/// What a finding is about; numbers are indices in the lists of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// The site as a whole.
@@ -48,13 +48,13 @@ pub enum Subject {
     Line(Source),
     /// A control point of the camera in question.
     OwnControlPoint(usize),
-    /// An unknown of the camera in question.
+    /// A parameter of the camera in question.
     Parameter(Parameter),
     /// The orientation of the camera in question.
     Orientation,
     /// The lens of the camera in question.
     Lens,
-    /// Where the camera in question stands.
+    /// The placement of the camera in question.
     Placement,
     /// The floor that the camera in question sees.
     Floor,

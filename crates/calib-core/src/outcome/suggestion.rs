@@ -1,6 +1,6 @@
-//! What to draw next.
+//! The drawing that would improve a result most.
 
-/// A drawing that tells more.
+/// A kind of drawing that can be suggested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drawing {
     /// A vertical near the left edge of the image.
@@ -17,7 +17,7 @@ pub enum Drawing {
     EqualLengths,
 }
 
-/// The drawing that would help most, and how much.
+/// The drawing that would improve a result most, and by how much.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Suggestion {
     /// What to draw.

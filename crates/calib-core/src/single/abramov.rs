@@ -1,4 +1,4 @@
-//! Stage 1 as the paper has it: roll from the verticals, then pitch and focal by minimising C.
+//! Stage 1 as in the paper (A. Abramov): roll from the verticals, then pitch and focal by minimising C.
 //!
 //! `C = V + sum over directions of mean |1 - |dot|| + mean |dot| + sum over groups of std / mean`
 //!
@@ -13,7 +13,7 @@ use crate::outcome::Failure;
 use crate::single::constraints::{Constraints, Direction, Line};
 use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
 
-/// What stage 1 finds out about one camera, by whatever method.
+/// The orientation and focal that stage 1 estimates, by either method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orientation {
     /// In radians.
@@ -24,7 +24,7 @@ pub struct Orientation {
     pub focal: f64,
 }
 
-/// What is known of the orientation before: held at the value where there is one.
+/// Parameters that are not estimated: fixed at the value where there is one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FixedParameters {
     /// In radians.
@@ -62,7 +62,7 @@ pub fn minimum(
     }
     let criterion = Criterion::new(constraints, roll);
     criterion.check(fixed)?;
-    // A unit of log focal and a radian of pitch are of one size.
+    // Log focal and pitch in radians are of comparable magnitude.
     let cost = |[pitch, log_focal]: [f64; 2]| criterion.value(pitch, log_focal.exp());
     let size =
         [if fixed.pitch.is_some() { 0.0 } else { 0.05 }, if fixed.focal.is_some() { 0.0 } else { 0.1 }];
@@ -75,7 +75,8 @@ pub fn minimum(
 }
 
 /// Roll, pitch and focal from two vanishing points: that of the verticals, `v`, and that of a group
-/// of parallel floor lines, `h`, by `f^2 = -v . h`; the group with the widest fan of lines counts.
+/// of parallel floor lines, `h`, by `f^2 = -v . h`; of several groups, by the one whose lines differ most in
+/// direction.
 ///
 /// `None` when no group gives a focal.
 #[must_use]
@@ -89,18 +90,18 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
             let lines = || constraints.lines.iter().filter(move |line| line.direction == direction);
             let h = vanishing_point(lines())?;
             let square = -(x * h[0] + y * h[1]) / (w * h[2]);
-            (square > 0.0 && square.is_finite()).then(|| (fan(lines()), square.sqrt()))
+            (square > 0.0 && square.is_finite()).then(|| (spread(lines()), square.sqrt()))
         })
         .max_by(|a, b| a.0.total_cmp(&b.0))?
         .1;
     Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
 }
 
-/// How far apart the image directions of lines are, times their mean length.
-fn fan<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
+/// How much the image directions of lines differ, times their mean length.
+fn spread<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
     let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
     for line in lines {
-        let [a, b] = line.ends.map(|end| end.at);
+        let [a, b] = line.ends.map(|end| end.point);
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let (length, angle) = (dx.hypot(dy), 2.0 * dy.atan2(dx));
         cos += length * angle.cos();
@@ -149,7 +150,7 @@ fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64
     lowest.into_iter().take(MOST).map(|(_, start)| start).collect()
 }
 
-/// The paper's C for one camera, with the roll taken out of all lines.
+/// The paper's C for one camera; all lines are turned back by the roll.
 struct Criterion {
     /// Homogeneous, unrolled.
     verticals: Vec<[f64; 3]>,
@@ -169,7 +170,7 @@ impl Criterion {
     fn new(constraints: &Constraints, roll: f64) -> Self {
         let (sin, cos) = roll.sin_cos();
         let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
-        let line = |line: &Line| line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
+        let line = |line: &Line| line_through(unroll(line.ends[0].point), unroll(line.ends[1].point));
         let mut criterion = Self {
             verticals: Vec::new(),
             floor: Vec::new(),
@@ -184,12 +185,12 @@ impl Criterion {
             }
         }
         for length in &constraints.lengths {
-            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.at)));
+            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.point)));
         }
         criterion
     }
 
-    /// Whether there is anything that tells what is asked for.
+    /// Whether the drawings determine pitch and focal, as far as they are not fixed.
     fn check(&self, fixed: FixedParameters) -> Result<(), Failure> {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
@@ -212,7 +213,9 @@ impl Criterion {
             return f64::INFINITY;
         }
         let (sin, cos) = pitch.sin_cos();
-        self.verticality(sin, cos, focal) + self.directions(sin, cos, focal) + self.evenness(sin, cos, focal)
+        self.verticality(sin, cos, focal)
+            + self.directions(sin, cos, focal)
+            + self.length_dispersion(sin, cos, focal)
     }
 
     /// V: mean sine of the angle between the viewing planes of the verticals and the vertical,
@@ -229,6 +232,8 @@ impl Criterion {
         if self.verticals.is_empty() { 0.0 } else { sum / self.verticals.len() as f64 }
     }
 
+    /// Mean `1 - |cos|` of the angles between parallels, by direction, plus mean `|cos|` of those between lines
+    /// at right angles.
     fn directions(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let unit: Vec<[f64; 2]> = self
             .floor
@@ -263,7 +268,7 @@ impl Criterion {
     }
 
     /// Standard deviation over mean of the lengths of every group: free of the scale of the floor.
-    fn evenness(&self, sin: f64, cos: f64, focal: f64) -> f64 {
+    fn length_dispersion(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let to_floor = |[u, v]: [f64; 2]| {
             let depth = cos * v + sin * focal;
             (depth > 1e-6 * focal).then(|| [u / depth, (cos * focal - sin * v) / depth])

@@ -1,15 +1,21 @@
-//! How good the floor is: the predicted error of lengths on it.
+//! The predicted relative error of lengths on the floor: one number for how good a calibration is.
+//!
+//! A 5 x 5 grid of pixels in the EFOV is projected to the floor ([`FloorJacobian`]: a point in camera heights
+//! and its derivatives by roll, pitch and log focal). The log length between two of its points has a gradient
+//! `g` by the parameters, and with their covariance C the variance `g' C g`; the root of its mean over all
+//! pairs is the number ([`floor_length_rel`]). After stage 2 the covariance is that of the placed camera,
+//! height and lens included ([`placed_floor_length_rel`]).
 
 use crate::camera::{Camera, FloorPoint, Pixel, UndistortedPixel};
 use crate::camera::{Covariance, Distortion, ObservedPixel};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
-/// Points per side of the grid whose pairs give the lengths.
+/// Points per side of the grid.
 const SIDE: usize = 5;
 
-/// The grid in the EFOV whose pairs of points give the lengths, in undistorted pixels relative to
-/// the principal point: bilinear between four corners.
+/// The grid in the EFOV between whose points lengths are predicted, in undistorted pixels relative to the
+/// principal point: bilinear between four corners.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grid(Vec<[f64; 2]>);
 
@@ -30,7 +36,7 @@ impl Grid {
         Self(points.collect())
     }
 
-    /// Between the corners of the floor that counts as seen where no EFOV was drawn.
+    /// Between the corners of a floor polygon, that of the default EFOV, as the camera shows them.
     pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
         let reprojected = |p: &FloorPoint| camera.world_to_undistorted(p.at_height(0.0));
         let pixels: Vec<Pixel> = polygon
@@ -57,9 +63,9 @@ fn four(corners: &[Pixel]) -> [Pixel; 4] {
 /// Root mean square of the predicted relative standard deviations of the lengths between all pairs
 /// of grid points on the floor.
 ///
-/// With `g` the derivative of a log length by the unknowns, a length has the variance `g' C g`; where the
-/// height is unknown the common scale, the mean of `g` over all lengths, is taken out. `None` when
-/// fewer than three points of the grid lie on the floor.
+/// With `g` the gradient of a log length, its variance is `g' C g`; where the height is unknown the scale
+/// common to all lengths is no error, and the mean of `g` is subtracted. `None` when fewer than three points
+/// of the grid lie on the floor.
 pub(crate) fn floor_length_rel(
     parameters: &Parameters,
     grid: &Grid,
@@ -192,7 +198,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_slopes_of_the_floor_are_those_of_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
+        fn the_floor_jacobian_is_that_of_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
             const STEP: f64 = 1e-6;
             let parameters = [camera.roll, camera.pitch, camera.focal.ln(), 0.0];
             let Some(here) = FloorJacobian::new(&parameters, [x, y]) else { return Ok(()) };

@@ -1,9 +1,13 @@
-//! What the operator should know of a fit, and what to draw next.
+//! The findings about a fit, and the drawing that would improve it most.
+//!
+//! For the latter every candidate drawing is added to the constraints at the estimate, where its residual is 0,
+//! and the error of floor lengths is predicted with its information: an experimental design, greedy and of one
+//! step.
 
 use crate::optimize::Uncertainty;
 use crate::outcome::{Drawing, Finding, Rival, Suggestion};
 use crate::single::accuracy::floor_length_rel;
-use crate::single::annotation::{Evidence, Kind};
+use crate::single::annotation::{ConstraintKind, Kind};
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
@@ -16,10 +20,10 @@ const UNUSABLE: f64 = 0.10;
 /// Pitch, in radians, from which a camera looks down.
 const LOOKS_DOWN: f64 = 1.2;
 
-/// A drawing that would help most.
+/// The drawing that would improve a fit most.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sketch {
-    /// What to draw, and what it is good for.
+    /// What to draw, and the error of floor lengths with it.
     pub suggestion: Suggestion,
     /// The kind of annotation that it makes.
     pub kind: Kind,
@@ -27,7 +31,7 @@ pub struct Sketch {
     pub segments: Vec<[crate::camera::Pixel; 2]>,
 }
 
-/// What is to be said of a fit, the gravest first.
+/// The findings about a fit, in the order of reports.
 #[must_use]
 pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -59,7 +63,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings
 }
 
-/// What is to be said of the error of lengths on the floor, if it is large.
+/// The finding about the error of lengths on the floor, if it is large.
 pub(crate) fn floor_finding(rel: Option<f64>, next: Option<Suggestion>) -> Option<Finding> {
     match rel {
         Some(floor_length_rel) if floor_length_rel > UNUSABLE => {
@@ -81,13 +85,13 @@ fn misfit(fit: &Fit) -> Finding {
     Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
-/// Of drawings not made yet the one that would lower the error of floor lengths most; `None` when
-/// none of them lowers it by a fifth.
+/// Of the candidate drawings the one that would lower the error of floor lengths most; `None` when none of them
+/// lowers it by a fifth.
 #[must_use]
 pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<Sketch> {
-    /// Share of the error that must go, to be worth a click.
-    const WORTH: f64 = 0.8;
-    let kept: Constraints = without(constraints, &fit.outliers);
+    /// Largest ratio of the error with the drawing to that without it at which it is suggested.
+    const MAX_RATIO: f64 = 0.8;
+    let inliers: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);
     let sigma = fit.sigma;
     let rel = |constraints: &Constraints, state: &State| {
@@ -96,17 +100,17 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
         let uncertainty = Uncertainty::new(&information, problem.free);
         floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, fit.height_known)
     };
-    let now = rel(&kept, &fit.state)?;
+    let now = rel(&inliers, &fit.state)?;
     let best = candidates(fit, options)
         .into_iter()
         .filter_map(|candidate| {
-            let (constraints, state) = candidate.join(&kept, &fit.state)?;
+            let (constraints, state) = candidate.join(&inliers, &fit.state)?;
             Some((rel(&constraints, &state)?, candidate))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (then, candidate) = best;
-    // A comparison with NaN is false: then nothing is advised.
-    (then < WORTH * now && then.is_finite()).then(|| Sketch {
+    // A comparison with NaN is false: then nothing is suggested.
+    (then < MAX_RATIO * now && then.is_finite()).then(|| Sketch {
         suggestion: Suggestion { drawing: candidate.drawing, ratio: then / now, floor_length_rel: then },
         kind: candidate.kind,
         segments: candidate.pixels(fit),
@@ -129,36 +133,36 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The evidence and the state with this drawing in it.
+    /// The constraints and the state with those of this drawing added.
     fn join(&self, constraints: &Constraints, state: &State) -> Option<(Constraints, State)> {
         let mut joined = constraints.clone();
-        let end = |at: [f64; 2]| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+        let end = |point: [f64; 2]| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
         let source = |segment: usize| Source { annotation: usize::MAX, segment };
         let group = joined.groups;
-        let evidence = self.kind.row().evidence;
-        if matches!(evidence, Evidence::Parallel | Evidence::RightAngle) {
+        let constraint = self.kind.row().constraint;
+        if matches!(constraint, ConstraintKind::Parallel | ConstraintKind::RightAngle) {
             joined.groups += 1;
         }
-        if evidence == Evidence::Length {
+        if constraint == ConstraintKind::Length {
             joined.length_groups.push(None);
         }
         for (i, segment) in self.segments.iter().enumerate() {
             let ends = segment.map(end);
-            let orthogonal = evidence == Evidence::RightAngle && i > 0;
-            let direction = if evidence == Evidence::Plumb {
+            let orthogonal = constraint == ConstraintKind::RightAngle && i > 0;
+            let direction = if constraint == ConstraintKind::Vertical {
                 Direction::Vertical
             } else {
                 Direction::Floor { group, orthogonal }
             };
-            match evidence {
-                Evidence::Length => {
+            match constraint {
+                ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
                     joined.lengths.push(Length { ends, group, source: source(i) });
                 }
                 _ => joined.lines.push(Line { ends, direction, source: source(i) }),
             }
         }
-        // Directions and lengths of what is there keep their values: the new one is exact there.
+        // The nuisance parameters of the fit keep their values; those of the drawing are in closed form.
         let problem = Problem::new(
             &joined,
             crate::single::abramov::FixedParameters::default(),
@@ -188,7 +192,7 @@ impl Candidate {
 /// A drawing, its kind, and its segments where they are on the image.
 type Proposal = (Drawing, Kind, Vec<Option<[[f64; 2]; 2]>>);
 
-/// Drawings of every kind at the places where they say most, as the fit sees the floor.
+/// Drawings of every kind where they are most informative, by the estimate of the floor.
 fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let [w, h] = options.size;
     let at = |x: f64, y: f64| [x * w, y * h];

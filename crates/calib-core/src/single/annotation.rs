@@ -1,4 +1,4 @@
-//! What the operator drew on an image, and the table of kinds.
+//! Annotations: what the operator drew on an image, in raw pixels, and the table of their kinds.
 
 use crate::camera::Pixel;
 
@@ -65,24 +65,24 @@ pub enum Shape {
     FootAndHead,
 }
 
-/// What a kind becomes in a fit.
+/// The constraint that a kind of annotation puts on a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Evidence {
+pub enum ConstraintKind {
     /// Every segment is a line to the nadir.
-    Plumb,
+    Vertical,
     /// Every segment is a line along one floor direction, which annotations tied to it share.
     Parallel,
     /// The first segment is a line along a floor direction, the others lie at right angles to it.
     RightAngle,
     /// Every segment has one length on the floor, known or not.
     Length,
-    /// The points lie on one line once the lens is taken out.
-    Straight,
+    /// The undistorted points lie on one line.
+    StraightEdge,
     /// A foot on the floor with a head at a known height above it.
-    Standing,
+    Upright,
 }
 
-/// What a kind says of a field of its annotations.
+/// Whether annotations of a kind have a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Belongs {
     /// It has no such field.
@@ -112,12 +112,12 @@ pub struct KindRow {
     pub letter: char,
     /// How it is drawn.
     pub shape: Shape,
-    /// The least number of segments that says anything.
+    /// The least number of segments that constrains the camera.
     pub least: usize,
     /// Whether `length_m` belongs to it.
     pub has_length: bool,
-    /// What it becomes in a fit.
-    pub evidence: Evidence,
+    /// The constraint that it puts on the camera.
+    pub constraint: ConstraintKind,
     /// Whether the paper's method uses it.
     pub in_paper: bool,
     /// Whether annotations of this kind are told apart by a letter: each is a group of its own.
@@ -128,19 +128,22 @@ impl KindRow {
     /// Whether what is drawn stands upright in space.
     #[must_use]
     pub const fn is_upright(&self) -> bool {
-        matches!(self.evidence, Evidence::Plumb | Evidence::Standing)
+        matches!(self.constraint, ConstraintKind::Vertical | ConstraintKind::Upright)
     }
 
     /// Whether what is drawn is level: it can be shown from above.
     #[must_use]
     pub const fn is_level(&self) -> bool {
-        matches!(self.evidence, Evidence::Parallel | Evidence::RightAngle | Evidence::Length)
+        matches!(
+            self.constraint,
+            ConstraintKind::Parallel | ConstraintKind::RightAngle | ConstraintKind::Length
+        )
     }
 
     /// Whether annotations of this kind without a name say the same as one with all their lines.
     #[must_use]
     pub const fn is_one_group(&self) -> bool {
-        matches!(self.evidence, Evidence::Plumb | Evidence::Straight)
+        matches!(self.constraint, ConstraintKind::Vertical | ConstraintKind::StraightEdge)
     }
 }
 
@@ -152,7 +155,7 @@ pub const KINDS: [KindRow; 7] = {
         names: (&'static str, &'static str, char),
         shape: Shape,
         least: usize,
-        evidence: Evidence,
+        constraint: ConstraintKind,
     ) -> KindRow {
         let (name, title, letter) = names;
         KindRow {
@@ -163,7 +166,7 @@ pub const KINDS: [KindRow; 7] = {
             shape,
             least,
             has_length: false,
-            evidence,
+            constraint,
             in_paper: true,
             is_lettered: false,
         }
@@ -176,16 +179,22 @@ pub const KINDS: [KindRow; 7] = {
     }
     let equal_length = ("equal_length", "Equal length", 'E');
     let known_length =
-        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1, Evidence::Length);
+        row(Kind::KnownLength, ("known_length", "Known length", 'L'), Segments, 1, ConstraintKind::Length);
     let right_angle = ("perpendicular", "Right angle", 'R');
     [
-        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1, Evidence::Plumb),
-        lettered(row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2, Evidence::Parallel)),
-        lettered(row(Kind::Perpendicular, right_angle, Segments, 2, Evidence::RightAngle)),
-        lettered(row(Kind::EqualLength, equal_length, Segments, 2, Evidence::Length)),
+        row(Kind::Vertical, ("vertical", "Vertical", 'V'), Segments, 1, ConstraintKind::Vertical),
+        lettered(row(Kind::Parallel, ("parallel", "Parallel", 'P'), Segments, 2, ConstraintKind::Parallel)),
+        lettered(row(Kind::Perpendicular, right_angle, Segments, 2, ConstraintKind::RightAngle)),
+        lettered(row(Kind::EqualLength, equal_length, Segments, 2, ConstraintKind::Length)),
         not_in_paper(KindRow { has_length: true, ..known_length }),
-        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1, Evidence::Straight),
-        not_in_paper(row(Kind::Upright, ("upright", "Upright", 'U'), FootAndHead, 1, Evidence::Standing)),
+        row(Kind::Straight, ("straight", "Straight edge", 'S'), Polyline, 1, ConstraintKind::StraightEdge),
+        not_in_paper(row(
+            Kind::Upright,
+            ("upright", "Upright", 'U'),
+            FootAndHead,
+            1,
+            ConstraintKind::Upright,
+        )),
     ]
 };
 
@@ -305,13 +314,13 @@ impl Annotation {
     /// Whether its direction may be tied to that of another one.
     #[must_use]
     pub fn may_be_tied(&self) -> bool {
-        self.kind.row().evidence == Evidence::Parallel
+        self.kind.row().constraint == ConstraintKind::Parallel
     }
 
     /// Whether it is drawn to tell the lens: an edge that is straight in space, and nothing else is known of it.
     #[must_use]
     pub fn is_straight_edge(&self) -> bool {
-        self.kind.row().evidence == Evidence::Straight
+        self.kind.row().constraint == ConstraintKind::StraightEdge
     }
 
     /// How a message calls it: its name or id if it has one, else its kind, with its index.

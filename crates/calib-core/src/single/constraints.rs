@@ -1,106 +1,120 @@
-//! What annotations say once the lens is taken out: lines toward a direction, lengths, uprights,
-//! in undistorted pixels relative to the principal point.
+//! The constraints of one camera: annotations, undistorted. Lines toward a vanishing point, lengths on the
+//! floor, and uprights of known height, their end points in undistorted pixels relative to the principal
+//! point with the covariance that the undistortion gives their noise.
+//!
+//! Annotations say *what* was drawn; constraints are what the residuals of stage 1 are computed from
+//! (`residual.rs`). They depend on the lens, and are made anew when it changes.
 
 use crate::camera::{Lens, Pixel};
 pub(crate) use crate::outcome::Source;
-use crate::single::annotation::{Annotation, Evidence, Known};
+use crate::single::annotation::{Annotation, ConstraintKind, Known};
 
-/// Where a line leads in space.
+/// The direction of a line in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Direction {
-    /// To the nadir.
+    /// Vertical: the line passes through the nadir's vanishing point.
     Vertical,
-    /// Along the floor direction of a group, or at right angles to it.
+    /// Horizontal: along the direction of a group, or at right angles to it.
     Floor {
-        /// Index of the direction.
+        /// Index of the group, below [`Constraints::groups`].
         group: usize,
-        /// Turned by a right angle.
+        /// At right angles to the direction of the group.
         orthogonal: bool,
     },
 }
 
-/// An end point of a segment with the shape of its noise.
+/// An end point of a segment with the covariance of its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Endpoint {
     /// Undistorted pixel relative to the principal point.
-    pub at: [f64; 2],
-    /// Covariance of `at` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
+    pub point: [f64; 2],
+    /// Covariance of `point` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
     pub covariance: [f64; 3],
 }
 
-/// A segment that leads toward a direction.
+/// A segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Its two ends; of a polyline, two points with the same moments along its line.
+    /// Its two ends; of a polyline of three points and more, two points of the same first and second moments.
     pub ends: [Endpoint; 2],
-    /// Where it leads.
+    /// Its direction in space.
     pub direction: Direction,
-    /// Where it comes from.
+    /// The drawing that it comes from.
     pub source: Source,
 }
 
-/// A segment of the floor whose length says something.
+/// A segment of the floor whose length is known, or equal to that of others.
 #[derive(Clone, Copy, Debug)]
 pub struct Length {
     /// First and last point.
     pub ends: [Endpoint; 2],
     /// Index into [`Constraints::length_groups`].
     pub group: usize,
-    /// Where it comes from.
+    /// The drawing that it comes from.
     pub source: Source,
 }
 
-/// Something plumb of known height that stands on the floor.
+/// A vertical object of known height that stands on the floor: a person, a post.
 #[derive(Clone, Copy, Debug)]
 pub struct Upright {
-    /// On the floor.
+    /// Its foot, on the floor.
     pub foot: Endpoint,
-    /// Straight above.
+    /// Its head, vertically above the foot.
     pub head: Endpoint,
-    /// In metres.
+    /// From foot to head, in metres.
     pub height: Known,
-    /// Where it comes from.
+    /// The drawing that it comes from.
     pub source: Source,
 }
 
-/// Everything the annotations of one camera say.
+/// The constraints of one camera.
 #[derive(Clone, Debug, Default)]
 pub struct Constraints {
-    /// Segments that lead toward a direction.
+    /// Segments whose direction is constrained.
     pub lines: Vec<Line>,
-    /// Number of floor directions.
+    /// Number of groups of floor directions: each is a nuisance parameter, an angle.
     pub groups: usize,
-    /// Segments whose length says something.
+    /// Segments whose length is constrained.
     pub lengths: Vec<Length>,
-    /// Length of every group of lengths in metres, where it is known.
+    /// Length of every group in metres, where it is known; else it is a nuisance parameter.
     pub length_groups: Vec<Option<f64>>,
     /// Persons and posts.
     pub uprights: Vec<Upright>,
-    /// Drawings that say nothing, and why.
-    pub unusable: Vec<(Source, Unusable)>,
+    /// Segments that give no constraint, and why.
+    pub invalid: Vec<(Source, InvalidSegment)>,
 }
 
-/// Why a drawing says nothing.
+/// Why a segment gives no constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unusable {
-    /// A point of it lies where the lens shows nothing.
+pub enum InvalidSegment {
+    /// One of its points cannot be undistorted.
     OutsideLens,
     /// Its ends coincide.
     NoLength,
 }
 
 /// Least length of a segment that has a direction, in pixels.
-const LEAST: f64 = 1e-3;
+const MIN_LENGTH: f64 = 1e-3;
 
 impl Constraints {
-    /// What `annotations` say through `lens`. Those switched off are left out unless `off` is asked for.
+    /// The constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
-    pub fn new(annotations: &[Annotation], lens: &Lens, off: bool) -> Self {
+    pub fn new(annotations: &[Annotation], lens: &Lens) -> Self {
+        Self::of(annotations, lens, |annotation| !annotation.off)
+    }
+
+    /// The constraints of the annotations that are switched off: not fitted, but their residuals are reported.
+    #[must_use]
+    pub fn switched_off(annotations: &[Annotation], lens: &Lens) -> Self {
+        Self::of(annotations, lens, |annotation| annotation.off)
+    }
+
+    fn of(annotations: &[Annotation], lens: &Lens, is_used: impl Fn(&Annotation) -> bool) -> Self {
         let mut constraints = Self::default();
         let mut directions: Vec<Option<(usize, bool)>> = vec![None; annotations.len()];
         for (index, annotation) in annotations.iter().enumerate() {
-            if annotation.off == off {
-                constraints.take(annotations, index, lens, &mut directions);
+            if is_used(annotation) {
+                constraints.add(annotations, index, lens, &mut directions);
             }
         }
         constraints
@@ -112,7 +126,7 @@ impl Constraints {
         self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
     }
 
-    fn take(
+    fn add(
         &mut self,
         annotations: &[Annotation],
         index: usize,
@@ -121,24 +135,24 @@ impl Constraints {
     ) {
         let annotation = &annotations[index];
         let segments = annotation.segments.as_deref().unwrap_or_default();
-        match annotation.kind.row().evidence {
-            Evidence::Straight => {}
-            Evidence::Plumb => self.take_lines(index, segments, lens, |_| Direction::Vertical),
-            Evidence::Parallel => {
+        match annotation.kind.row().constraint {
+            ConstraintKind::StraightEdge => {}
+            ConstraintKind::Vertical => self.add_lines(index, segments, lens, |_| Direction::Vertical),
+            ConstraintKind::Parallel => {
                 let (group, orthogonal) = direction_of(annotations, index, directions, &mut self.groups);
-                self.take_lines(index, segments, lens, |_| Direction::Floor { group, orthogonal });
+                self.add_lines(index, segments, lens, |_| Direction::Floor { group, orthogonal });
             }
-            Evidence::RightAngle => {
+            ConstraintKind::RightAngle => {
                 let group = self.groups;
                 self.groups += 1;
-                self.take_lines(index, segments, lens, |i| Direction::Floor { group, orthogonal: i > 0 });
+                self.add_lines(index, segments, lens, |i| Direction::Floor { group, orthogonal: i > 0 });
             }
-            Evidence::Length => self.take_lengths(index, annotation, segments, lens),
-            Evidence::Standing => self.take_upright(index, annotation, lens),
+            ConstraintKind::Length => self.add_lengths(index, annotation, segments, lens),
+            ConstraintKind::Upright => self.add_upright(index, annotation, lens),
         }
     }
 
-    fn take_lines(
+    fn add_lines(
         &mut self,
         annotation: usize,
         segments: &[Vec<Pixel>],
@@ -147,36 +161,38 @@ impl Constraints {
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            match line_ends(points, lens).ok_or(Unusable::OutsideLens).and_then(with_length) {
+            match line_ends(points, lens).ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => self.lines.push(Line { ends, direction: direction(segment), source }),
-                Err(unusable) => self.unusable.push((source, unusable)),
+                Err(reason) => self.invalid.push((source, reason)),
             }
         }
     }
 
-    fn take_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>], lens: &Lens) {
+    fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>], lens: &Lens) {
         let group = self.length_groups.len();
         self.length_groups.push(annotation.length_m);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
-            let ends =
-                points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a, lens)?, end(b, lens)?]));
-            match ends.ok_or(Unusable::OutsideLens).and_then(with_length) {
+            let ends = points
+                .first()
+                .zip(points.last())
+                .and_then(|(&a, &b)| Some([endpoint(a, lens)?, endpoint(b, lens)?]));
+            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => self.lengths.push(Length { ends, group, source }),
-                Err(unusable) => self.unusable.push((source, unusable)),
+                Err(reason) => self.invalid.push((source, reason)),
             }
         }
     }
 
-    fn take_upright(&mut self, index: usize, annotation: &Annotation, lens: &Lens) {
+    fn add_upright(&mut self, index: usize, annotation: &Annotation, lens: &Lens) {
         let source = Source { annotation: index, segment: 0 };
         let (Some(foot), Some(head), Some(height)) = (annotation.foot, annotation.head, annotation.height_m)
         else {
             return;
         };
-        match (end(foot, lens), end(head, lens)) {
+        match (endpoint(foot, lens), endpoint(head, lens)) {
             (Some(foot), Some(head)) => self.uprights.push(Upright { foot, head, height, source }),
-            _ => self.unusable.push((source, Unusable::OutsideLens)),
+            _ => self.invalid.push((source, InvalidSegment::OutsideLens)),
         }
     }
 }
@@ -191,7 +207,7 @@ fn direction_of(
     // Follow the ties to the end of the chain; a checked site has no cycles, an unchecked one ends too.
     let mut chain = vec![index];
     let mut seen = std::collections::HashSet::from([index]);
-    let found = loop {
+    let root = loop {
         let last = chain[chain.len() - 1];
         if let Some(direction) = directions[last] {
             break direction;
@@ -208,7 +224,7 @@ fn direction_of(
             }
         }
     };
-    let mut direction = found;
+    let mut direction = root;
     for (step, &link) in chain.iter().rev().enumerate() {
         if step > 0 {
             direction.1 = !direction.1;
@@ -218,32 +234,33 @@ fn direction_of(
     directions[index].unwrap_or(direction)
 }
 
-fn end(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
-    let (straight, [[a, b], [c, d]]) = lens.undistort_with_jacobian(pixel)?;
+fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
+    let (undistorted, [[a, b], [c, d]]) = lens.undistort_with_jacobian(pixel)?;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     Some(Endpoint {
-        at: [straight.u - cu, straight.v - cv],
+        point: [undistorted.u - cu, undistorted.v - cv],
         covariance: [a * a + b * b, a * c + b * d, c * c + d * d],
     })
 }
 
-fn with_length(ends: [Endpoint; 2]) -> Result<[Endpoint; 2], Unusable> {
-    let [a, b] = ends.map(|end| end.at);
-    if (a[0] - b[0]).hypot(a[1] - b[1]) < LEAST { Err(Unusable::NoLength) } else { Ok(ends) }
+fn with_length(ends: [Endpoint; 2]) -> Result<[Endpoint; 2], InvalidSegment> {
+    let [a, b] = ends.map(|end| end.point);
+    if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_LENGTH { Err(InvalidSegment::NoLength) } else { Ok(ends) }
 }
 
-/// Two points that say about the line's direction and place what all its points say: the centroid
-/// plus and minus the spread along the line, each with half of the weight of them all.
+/// Two points that determine the line as all its points do: the centroid plus and minus the standard
+/// deviation along the line, each with half of the weight of them all. Their moments of first and second
+/// order along the line are those of the polyline.
 fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[Endpoint; 2]> {
-    let ends: Vec<Endpoint> = points.iter().map(|&pixel| end(pixel, lens)).collect::<Option<_>>()?;
+    let ends: Vec<Endpoint> = points.iter().map(|&pixel| endpoint(pixel, lens)).collect::<Option<_>>()?;
     if let [first, last] = ends[..] {
         return Some([first, last]);
     }
     let count = ends.len() as f64;
     let mean = |value: fn(&Endpoint) -> f64| ends.iter().map(value).sum::<f64>() / count;
-    let centre = [mean(|e| e.at[0]), mean(|e| e.at[1])];
+    let centre = [mean(|e| e.point[0]), mean(|e| e.point[1])];
     let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for Endpoint { at: [u, v], .. } in &ends {
+    for Endpoint { point: [u, v], .. } in &ends {
         let (du, dv) = (u - centre[0], v - centre[1]);
         uu += du * du;
         uv += du * dv;
@@ -251,12 +268,12 @@ fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[Endpoint; 2]> {
     }
     let angle = 0.5 * (2.0 * uv).atan2(uu - vv);
     let (sin, cos) = angle.sin_cos();
-    let along = (uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin).max(0.0);
-    let reach = (along / count).sqrt();
+    let moment = (uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin).max(0.0);
+    let deviation = (moment / count).sqrt();
     let covariance = [mean(|e| e.covariance[0]), mean(|e| e.covariance[1]), mean(|e| e.covariance[2])]
         .map(|s| s * 2.0 / count);
     let at = |sign: f64| Endpoint {
-        at: [centre[0] + sign * reach * cos, centre[1] + sign * reach * sin],
+        point: [centre[0] + sign * deviation * cos, centre[1] + sign * deviation * sin],
         covariance,
     };
     Some([at(-1.0), at(1.0)])
@@ -280,14 +297,14 @@ mod tests {
     fn directions_tied_at_right_angles_share_one_group_in_any_order() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let annotations = [parallel("c", Some("b")), parallel("a", None), parallel("b", Some("a"))];
-        let constraints = Constraints::new(&annotations, &lens, false);
+        let constraints = Constraints::new(&annotations, &lens);
         assert_eq!(constraints.groups, 1);
-        let quarters: Vec<_> = constraints
+        let is_orthogonal: Vec<_> = constraints
             .lines
             .iter()
             .map(|line| matches!(line.direction, Direction::Floor { orthogonal: true, .. }))
             .collect();
-        assert_eq!(quarters, [false, false, true], "c is tied to b, b to a: c leads along a");
+        assert_eq!(is_orthogonal, [false, false, true], "c is tied to b, b to a: c leads along a");
     }
 
     #[test]
@@ -295,7 +312,7 @@ mod tests {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let points: Vec<Pixel> = (0..9).map(|i| Pixel::new(f64::from(i) * 10.0, 3.0)).collect();
         let [a, b] = line_ends(&points, &lens).unwrap();
-        assert!((a.at[1] - 3.0).abs() < 1e-12 && (b.at[0] - a.at[0]) > 40.0);
+        assert!((a.point[1] - 3.0).abs() < 1e-12 && (b.point[0] - a.point[0]) > 40.0);
         assert!((a.covariance[0] - 2.0 / 9.0).abs() < 1e-12);
     }
 }

@@ -1,11 +1,12 @@
-//! Which polylines say something about a lens: how far a distortion would bend each of them.
+//! Which straight edges carry information about the lens: by how many pixels a distortion would bend each of
+//! them. A line through the principal point stays straight under radial distortion and carries none.
 
 use crate::camera::{BrownConrady, Distortion, Lens};
 use crate::single::constraints::Source;
 use crate::single::straightness::{Edge, best_line, sagitta};
 
-/// Polylines that a distortion of 10 px in the corner would not bend by one sigma, and less than a third
-/// of what it bends the best of them by.
+/// Edges that a distortion of 10 px in the corner would bend by less than one sigma, and by less than a third of
+/// what it bends the most informative edge by; with their sagitta under it, in pixels.
 pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma: f64) -> Vec<(Source, f64)> {
     /// Movement of the corner, in pixels.
     const CORNER: f64 = 10.0;
@@ -33,7 +34,7 @@ pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma:
     };
     let bent: Vec<(Source, f64)> = edges.iter().map(|edge| (edge.source, bend(edge))).collect();
     let best = bent.iter().map(|(_, sagitta)| *sagitta).filter(|s| s.is_finite()).fold(0.0, f64::max);
-    // Alone, a short edge that is the best there is says nothing, either.
+    // If even the most informative edge bends by less than one sigma, none of them is informative.
     let most = if best < sigma { f64::INFINITY } else { best / 3.0 };
     bent.into_iter().filter(|(_, sagitta)| *sagitta < sigma && *sagitta <= most).collect()
 }

@@ -1,4 +1,14 @@
-//! Stage 1 of one camera, whole: all minima, outliers, sigmas, and the choice between two answers.
+//! The fit of one camera: from constraints to a camera with its covariance.
+//!
+//! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where the constraints
+//!    leave it open (`minima.rs`).
+//! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
+//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the one with the more usual focal is
+//!    chosen; the others are reported as alternatives.
+//! 4. The covariance of roll, pitch, log focal and log height is the inverse of the normal equations, scaled
+//!    by `chi2 / dof` where the noise was not given ([`inflation`]).
+//! 5. The predicted relative error of lengths on the floor, [`Fit::floor_length_rel`], is that covariance
+//!    propagated to the lengths between points of the EFOV (`accuracy.rs`).
 
 use nalgebra::Matrix4;
 
@@ -14,7 +24,7 @@ use crate::single::outliers::{OutlierSearch, inflation, is_misfit, solve_without
 use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 
-/// What the fit of one camera starts from, beside its evidence.
+/// Everything that a fit needs besides the constraints: lens, image size, fixed parameters, priors, noise.
 #[derive(Clone, Debug)]
 pub struct FitOptions<'a> {
     /// Principal point and distortion.
@@ -23,20 +33,20 @@ pub struct FitOptions<'a> {
     pub size: [f64; 2],
     /// Polygon of the effective field of view, raw pixels; empty if none was drawn.
     pub efov: &'a [Pixel],
-    /// What is not estimated.
+    /// Parameters that are not estimated, with their values.
     pub fixed: FixedParameters,
     /// Prior knowledge.
     pub priors: Priors,
-    /// Standard deviation of a drawn coordinate, in pixels; judged by the residuals if absent.
+    /// Standard deviation of a drawn coordinate, in pixels; estimated from the residuals if absent.
     pub sigma: Option<f64>,
-    /// Let the weak prior about the focal enter where the lines do not tell it.
+    /// Whether the weak prior on the focal may enter where the constraints do not determine it.
     pub weak_prior: bool,
     /// Annotations that are never rejected, by index.
     pub keep: &'a [usize],
 }
 
 impl FitOptions<'_> {
-    /// Nothing known beside the lens and the size of the image; the weak prior may enter.
+    /// Options without prior knowledge but the lens and the size of the image; the weak prior may enter.
     #[must_use]
     pub fn new(lens: Lens, size: [f64; 2]) -> Self {
         let (fixed, priors) = (FixedParameters::default(), Priors::default());
@@ -44,7 +54,7 @@ impl FitOptions<'_> {
     }
 }
 
-/// Another minimum that the evidence cannot rule out.
+/// Another local minimum that the chi-square does not rule out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalMinimum {
     /// Its roll, pitch and focal.
@@ -53,7 +63,7 @@ pub struct LocalMinimum {
     pub chi2: f64,
 }
 
-/// Stage 1 of one camera.
+/// The estimate of stage 1 for one camera.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The camera at (0, 0, z0), yaw 0, with the covariance of what was estimated.
@@ -62,25 +72,25 @@ pub struct Fit {
     pub chi2: f64,
     /// Residuals minus unknowns.
     pub dof: i64,
-    /// Standard deviation of a drawn coordinate that the covariance stands on, in pixels.
+    /// Standard deviation of a drawn coordinate, in pixels: as given, or as estimated from the residuals.
     pub sigma: f64,
-    /// Predicted relative error of lengths on the floor.
+    /// Predicted relative standard deviation of lengths on the floor; `None` where the EFOV shows no floor.
     pub floor_length_rel: Option<f64>,
-    /// Distance of every piece of evidence from its prediction, in pixels.
+    /// Residual of every constraint, those rejected among them, in pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Evidence rejected.
+    /// Constraints rejected as outliers.
     pub outliers: Vec<Source>,
-    /// The evidence contradicts itself, and no line of it explains that.
+    /// The chi-square is too large for the noise, and no outlier explains it.
     pub misfit: bool,
-    /// Other minima that the evidence cannot rule out.
+    /// Other minima that the chi-square does not rule out, and the minimum without the weak prior.
     pub alternatives: Vec<LocalMinimum>,
-    /// Whether one of them is a minimum of its own (rather than the answer without the weak prior).
+    /// Whether one of them is a local minimum of the same problem (rather than the one without the weak prior).
     pub two_solutions: bool,
-    /// Standard deviation of the log focal by the lines alone; `None` when the focal is held.
+    /// Standard deviation of the log focal without the weak prior; `None` when the focal is fixed.
     pub log_focal_sigma: Option<f64>,
     /// Whether the weak prior entered.
     pub weak_prior_used: bool,
-    /// Whether the height was told by something.
+    /// Whether the height is fixed or determined by a prior, an upright or a known length.
     pub height_known: bool,
     pub(crate) state: State,
     pub(crate) core_covariance: Matrix4<f64>,
@@ -93,11 +103,11 @@ impl Fit {
     /// The maximum-likelihood fit.
     ///
     /// # Errors
-    /// When the evidence leaves more open than a weak prior about the focal can close.
+    /// When the constraints, with the weak prior on the focal, do not determine the camera.
     pub fn new(constraints: &Constraints, options: &FitOptions) -> Result<Self, Failure> {
         let sigma = options.sigma.unwrap_or(1.0);
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
-        check_any(&problem)?;
+        check_not_empty(&problem)?;
         let keep = |source: Source| options.keep.contains(&source.annotation);
         let search = OutlierSearch {
             fixed: options.fixed,
@@ -108,8 +118,8 @@ impl Fit {
         let (found, rejected) = solve_without_outliers(&problem, search);
         let mut problem = Problem { rejected: &rejected, ..problem.clone() };
         let log_focal_sigma = problem.free[LOG_FOCAL].then(|| {
-            let alone = found.without_weak_prior.as_ref().or(found.minima.first());
-            alone.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
+            let best = found.without_weak_prior.as_ref().or(found.minima.first());
+            best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
         });
         let weak_prior_used =
             found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
@@ -125,11 +135,11 @@ impl Fit {
         let height_known = problem.free[LOG_HEIGHT] || options.fixed.height.is_some();
         let core_covariance = best.uncertainty.covariance * inflation;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
-        check_open(best, rel, &problem)?;
+        check_determined(best, rel, &problem)?;
         let (alternatives, two_solutions) = alternatives(&found, chosen);
-        // What was rejected is shown, too, as far as it has a prediction.
-        let shown = predictable(constraints, &best.state.parameters);
-        let everything = Problem { rejected: &[], constraints: &shown, ..problem.clone() };
+        // The residuals of outliers are reported, too, where there is a prediction.
+        let with_outliers = predictable(constraints, &best.state.parameters);
+        let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
         Ok(Self {
             camera,
             chi2: best.chi2,
@@ -149,24 +159,24 @@ impl Fit {
         })
     }
 
-    /// Standard deviation of the log focal of the answer.
+    /// Standard deviation of the log focal of this fit, the weak prior included where it entered.
     #[must_use]
     pub fn log_focal_sigma_of_answer(&self) -> f64 {
         self.core_covariance[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt()
     }
 }
 
-/// Other answers that the evidence cannot rule out, and whether one of them is a minimum of its own.
+/// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
 fn alternatives(found: &Solutions, chosen: usize) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
     let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
-    let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| solved(minimum)).collect();
+    let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| local_minimum(minimum)).collect();
     let two_solutions = !alternatives.is_empty();
-    alternatives.extend(found.without_weak_prior.as_ref().map(solved));
+    alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
     (alternatives, two_solutions)
 }
 
-/// The grid of the EFOV drawn, or of the floor that counts as seen.
+/// The grid of the EFOV that was drawn, or of the default EFOV.
 pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
         Grid::of_floor(camera, &default_efov(camera, size).polygon)
@@ -175,8 +185,8 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     }
 }
 
-/// Among the minima that cannot be ruled out the one nearer to what cameras usually have, unless
-/// something else was said about the focal.
+/// Of the minima that the chi-square does not rule out, the one whose focal is nearest to the mean of the weak
+/// prior; the lowest where the focal has a prior of its own, or the weak prior may not enter.
 fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
     let lowest = minima.first()?;
     if problem.priors.focal.is_some() || !options.weak_prior {
@@ -188,13 +198,13 @@ fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option
     possible.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(i, _)| i)
 }
 
-fn solved(minimum: &Minimum) -> LocalMinimum {
+fn local_minimum(minimum: &Minimum) -> LocalMinimum {
     LocalMinimum { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
 }
 
 fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflation: f64) -> Camera {
     let Orientation { roll, pitch, focal } = minimum.state.orientation();
-    // What is held comes back as it was, to the last digit.
+    // A fixed focal is returned to the last bit.
     let focal = options.fixed.focal.unwrap_or(focal);
     let height = match options.fixed.height {
         Some(height) => height,
@@ -223,20 +233,19 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
     }
 }
 
-fn check_any(problem: &Problem) -> Result<(), Failure> {
-    let drawn = problem.lines().count() + problem.lengths().count() + problem.uprights().count();
+fn check_not_empty(problem: &Problem) -> Result<(), Failure> {
+    let count = problem.lines().count() + problem.lengths().count() + problem.uprights().count();
     let open = problem.free[..3].iter().any(|&free| free);
-    if drawn > 0 || !open { Ok(()) } else { Err(Failure::NothingDrawn) }
+    if count > 0 || !open { Ok(()) } else { Err(Failure::NothingDrawn) }
 }
 
-/// An answer whose floor is anybody's guess is none.
-fn check_open(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
-    /// Relative error of floor lengths beyond which there is no answer.
-    const HOPELESS: f64 = 0.5;
-    /// Beyond it the fit may call itself an answer: the floor is anybody's guess.
-    const ABSURD: f64 = 10.0;
-    let is_told = !best.uncertainty.singular && rel.is_none_or(|rel| rel < ABSURD);
-    if is_told || rel.is_some_and(|rel| rel < HOPELESS) {
+fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
+    /// Relative error of floor lengths below which a singular fit is accepted: what is open does not matter.
+    const SINGULAR: f64 = 0.5;
+    /// Relative error of floor lengths below which a regular fit is accepted.
+    const REGULAR: f64 = 10.0;
+    let is_determined = !best.uncertainty.singular && rel.is_none_or(|rel| rel < REGULAR);
+    if is_determined || rel.is_some_and(|rel| rel < SINGULAR) {
         return Ok(());
     }
     let parameters = [Parameter::Roll, Parameter::Pitch, Parameter::Focal];

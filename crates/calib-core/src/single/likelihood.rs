@@ -1,12 +1,13 @@
-//! Stage 1 by maximum likelihood: roll, pitch, focal and height together, every constraint one
-//! residual in pixels, so that nothing needs a weight set by hand.
+//! Stage 1 as a least-squares problem: the maximum-likelihood estimate of roll, pitch, focal and height,
+//! with every residual in units of its standard deviation, so that no weight is set by hand.
 //!
-//! Core parameters are roll, pitch, log focal and log height; nuisance parameters are an angle of every
-//! floor direction and a log length of every group of equal segments. A residual depends on the core and
-//! on one nuisance at most, so the normal equations are arrow-shaped (`optimize/arrow.rs`).
+//! The core parameters are roll, pitch, log focal and log height. The nuisance parameters are the angle of
+//! every group of floor directions and the log length of every group of equal segments. A residual depends
+//! on the core and on at most one nuisance parameter, so the normal equations are arrow-shaped
+//! (`optimize/arrow.rs`).
 //!
 //! All residuals are divided by the standard deviation of a drawn coordinate: their sum of squares is minus
-//! twice the log likelihood, but for a constant. Those of lines are exact, with the true line eliminated;
+//! twice the log likelihood, up to a constant. Those of lines are exact, with the true line eliminated;
 //! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
 //! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
@@ -27,9 +28,9 @@ pub(crate) struct Problem<'a> {
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
-    /// Which of the core parameters are free.
+    /// Which of the core parameters are estimated.
     pub(crate) free: [bool; 4],
-    /// Annotations that are rejected.
+    /// Constraints rejected as outliers.
     pub(crate) rejected: &'a [Source],
     /// Width of the image in pixels, of which the possible focals are multiples.
     pub(crate) width: f64,
@@ -60,26 +61,26 @@ impl<'a> Problem<'a> {
         sigma: f64,
         width: f64,
     ) -> Self {
-        let tells_height = priors.height.is_some()
+        let height_is_observable = priors.height.is_some()
             || !constraints.uprights.is_empty()
             || constraints.lengths.iter().any(|length| constraints.length_groups[length.group].is_some());
-        let free_height = tells_height && fixed.height.is_none();
+        let free_height = height_is_observable && fixed.height.is_none();
         let free = [fixed.roll.is_none(), fixed.pitch.is_none(), fixed.focal.is_none(), free_height];
         Self { constraints, sigma, priors, free, rejected: &[], width }
     }
 
     /// Number of residuals minus number of unknowns.
     pub(crate) fn dof(&self) -> i64 {
-        let drawn = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
-        let mut count = drawn as i64;
+        let residuals = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
+        let mut count = residuals as i64;
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
-        let beside = self.used().iter().filter(|&&used| used).count();
-        let unknowns = self.free.iter().filter(|&&free| free).count() + beside;
+        let nuisances = self.used().iter().filter(|&&used| used).count();
+        let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
         count - unknowns as i64
     }
 
-    /// Which directions and lengths any constraint depends on.
+    /// Which nuisance parameters any residual depends on.
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances()];
         for line in self.lines() {
@@ -113,7 +114,8 @@ impl<'a> Problem<'a> {
         self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
     }
 
-    /// A state with this core, directions and lengths in closed form.
+    /// The state with these core parameters and the nuisance parameters in closed form: the mean direction
+    /// and the mean log length of every group.
     ///
     /// `None` when a length lies above the horizon there.
     pub(crate) fn state_at(&self, parameters: Parameters) -> Option<State> {
@@ -124,8 +126,9 @@ impl<'a> Problem<'a> {
         for line in self.lines() {
             let Direction::Floor { group, orthogonal } = line.direction else { continue };
             let unroll = |[x, y]: [f64; 2]| [x * cr - y * sr, x * sr + y * cr];
-            let [a, b, c] = line_through(unroll(line.ends[0].at), unroll(line.ends[1].at));
-            // Where the viewing plane cuts the floor; doubled, an angle has no sign and adds up.
+            let [a, b, c] = line_through(unroll(line.ends[0].point), unroll(line.ends[1].point));
+            // The direction in which the viewing plane of the segment cuts the floor. An axis has no sign:
+            // its doubled angle is averaged.
             let (x, y) = (cp * c - sp * f * b, -f * a);
             let square = x * x + y * y;
             if square > 0.0 {
@@ -150,8 +153,8 @@ impl<'a> Problem<'a> {
         Some(State { parameters, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, its unknown beside the core (where there are derivatives), and
-    /// its source.
+    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by it
+    /// (where derivatives are asked for), and its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
     pub(crate) fn each_residual<N: Number>(
@@ -176,7 +179,7 @@ impl<'a> Problem<'a> {
         Some(())
     }
 
-    /// The residual of every length.
+    /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
     #[inline]
     fn each_length<N: Number>(
         &self,
@@ -202,7 +205,7 @@ impl<'a> Problem<'a> {
         Some(())
     }
 
-    /// The residual of every line.
+    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its direction.
     #[inline]
     fn each_line<N: Number>(
         &self,
@@ -211,14 +214,14 @@ impl<'a> Problem<'a> {
     ) {
         let scale = self.sigma.recip();
         let angles = Angles::new(&state.parameters);
-        let down = angles.down();
+        let nadir = angles.nadir();
         let directions: Vec<[VanishingPoint; 2]> = state.nuisance[..self.constraints.groups]
             .iter()
             .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
             .collect();
         for line in self.lines() {
             let (vanishing, group) = match line.direction {
-                Direction::Vertical => (&down, None),
+                Direction::Vertical => (&nadir, None),
                 Direction::Floor { group, orthogonal } => {
                     (&directions[group][usize::from(orthogonal)], Some(group))
                 }
@@ -230,24 +233,24 @@ impl<'a> Problem<'a> {
                 continue;
             }
             let d_point = residual.d_point();
-            let gradient = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
+            let derivative = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
             let by_core = [
-                gradient(&vanishing.d_roll),
-                gradient(&vanishing.d_pitch),
-                gradient(&vanishing.d_log_focal),
+                derivative(&vanishing.d_roll),
+                derivative(&vanishing.d_pitch),
+                derivative(&vanishing.d_log_focal),
                 0.0,
             ];
-            let beside = group.map(|group| (group, gradient(&vanishing.d_angle)));
-            sink(N::new(value, by_core), beside, Some(line.source));
+            let nuisance = group.map(|group| (group, derivative(&vanishing.d_angle)));
+            sink(N::new(value, by_core), nuisance, Some(line.source));
         }
     }
 
-    /// `(value - believed) / sigma` for every prior.
+    /// `(value - mean) / sigma` for every prior.
     fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {
-            if let Some(Prior { value: believed, sigma }) = prior {
-                sink((value - believed) * sigma.recip());
+            if let Some(Prior { value: mean, sigma }) = prior {
+                sink((value - mean) * sigma.recip());
             }
         };
         let unknown = |index: usize| N::unknown(parameters[index], index);
@@ -258,25 +261,24 @@ impl<'a> Problem<'a> {
         add(height, unknown(LOG_HEIGHT).exp());
     }
 
-    /// Every piece of evidence with its distance from the prediction in pixels (of an upright, of both
-    /// coordinates of its head together).
+    /// The residual of every constraint in pixels (of an upright, both coordinates of its head together).
     pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
-        let mut found: Vec<(Source, f64)> = Vec::new();
+        let mut residuals: Vec<(Source, f64)> = Vec::new();
         self.each_residual(state, |residual: f64, _, source| {
             let Some(source) = source else { return };
-            match found.last_mut() {
+            match residuals.last_mut() {
                 Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
-                _ => found.push((source, residual * self.sigma)),
+                _ => residuals.push((source, residual * self.sigma)),
             }
         })?;
-        Some(found)
+        Some(residuals)
     }
 
     /// Normal equations at a state; `None` where the geometry is impossible.
     pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
         let mut normal = Normal::new(self.nuisances());
-        self.each_residual(state, |residual: Dual, beside, _| {
-            normal.add(residual.value, &residual.gradient, beside);
+        self.each_residual(state, |residual: Dual, nuisance, _| {
+            normal.add(residual.value, &residual.gradient, nuisance);
         })?;
         normal.cost.is_finite().then_some(normal)
     }
@@ -288,7 +290,7 @@ impl<'a> Problem<'a> {
         cost.is_finite().then_some(cost)
     }
 
-    /// Covariance of the core at a state.
+    /// Covariance of the core parameters at a state, the nuisance parameters marginalised.
     pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
         Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
     }
@@ -310,8 +312,8 @@ impl LeastSquares for Problem<'_> {
     }
 }
 
-/// Every piece of evidence with its distance in pixels from what an orientation predicts, directions
-/// and lengths taken as the evidence has them there; those without a prediction are left out.
+/// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
+/// in closed form; constraints without a prediction there are left out.
 pub(crate) fn residuals_at(
     constraints: &Constraints,
     at: Orientation,
@@ -330,7 +332,8 @@ pub(crate) fn residuals_at(
     problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
-/// The evidence that has a prediction at a core: no length above the horizon, no head behind the camera.
+/// The constraints that have a prediction at these parameters: no length above the horizon, no head behind
+/// the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
     let at = CameraTerms::<f64>::new(parameters);

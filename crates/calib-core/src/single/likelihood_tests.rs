@@ -5,8 +5,9 @@ use crate::single::constraints::Endpoint;
 use proptest::prelude::*;
 
 fn any_end() -> impl Strategy<Value = Endpoint> {
-    ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64)
-        .prop_map(|(at, a, b, d)| Endpoint { at, covariance: [a * a + b * b, b * (a + d), d * d + b * b] })
+    ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64).prop_map(
+        |(point, a, b, d)| Endpoint { point, covariance: [a * a + b * b, b * (a + d), d * d + b * b] },
+    )
 }
 
 fn source(segment: usize) -> Source {
@@ -14,7 +15,7 @@ fn source(segment: usize) -> Source {
 }
 
 /// Evidence that agrees with nothing: derivatives do not care.
-fn any_evidence() -> impl Strategy<Value = Constraints> {
+fn any_constraints() -> impl Strategy<Value = Constraints> {
     let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
     let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
     let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
@@ -48,7 +49,7 @@ fn any_evidence() -> impl Strategy<Value = Constraints> {
                     Upright { foot, head, height, source: source(200 + i) }
                 })
                 .collect(),
-            unusable: Vec::new(),
+            invalid: Vec::new(),
         }
     })
 }
@@ -60,10 +61,10 @@ fn any_core() -> impl Strategy<Value = Parameters> {
 
 fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
     let mut rows = Vec::new();
-    problem.each_residual(state, |residual: Dual, beside, _| {
+    problem.each_residual(state, |residual: Dual, nuisance, _| {
         let mut row = residual.gradient.to_vec();
         row.resize(4 + state.nuisance.len(), 0.0);
-        if let Some((index, derivative)) = beside {
+        if let Some((index, derivative)) = nuisance {
             row[4 + index] = derivative;
         }
         rows.push((residual.value, row));
@@ -93,7 +94,7 @@ fn priors() -> Priors {
 
 proptest! {
     #[test]
-    fn the_jacobian_is_that_of_differences(constraints in any_evidence(), parameters in any_core()) {
+    fn the_jacobian_is_that_of_differences(constraints in any_constraints(), parameters in any_core()) {
         const STEP: f64 = 1e-6;
         let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
         let state = problem.state_at(parameters);
@@ -136,10 +137,10 @@ proptest! {
 /// Lines toward the vertical and two floor directions, drawn with noise across them.
 fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Constraints {
     let angles = Angles::new(parameters);
-    let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+    let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
     let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
         let (direction, v) = match i % 3 {
-            0 => (Direction::Vertical, angles.down().at),
+            0 => (Direction::Vertical, angles.nadir().at),
             1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7).at),
             _ => (
                 Direction::Floor { group: 0, orthogonal: true },
@@ -189,7 +190,7 @@ impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn>
 
 #[test]
 fn the_executor_of_argmin_walks_the_same_way() {
-    let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+    let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
     let line = |a, b, direction, i| Line { ends: [end(a), end(b)], direction, source: source(i) };
     let floor = Direction::Floor { group: 0, orthogonal: false };
     let constraints = Constraints {

@@ -1,5 +1,5 @@
 //! All minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and
-//! the weak prior about the focal where the lines leave it open.
+//! the weak prior on the focal where the constraints leave it open.
 
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares};
@@ -16,10 +16,11 @@ const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// Standard deviation of the log focal above which the weak prior enters.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
-/// Most accepted steps of a run: near a minimum digits double, and long valleys are left to the weak prior.
+/// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the focal,
+/// the weak prior takes over.
 const MAX_STEPS: usize = 60;
 
-/// The weak prior: cameras that are installed have a focal of about 0.8 image widths.
+/// The weak prior: installed cameras have a focal of about 0.8 image widths, within a factor of 1.4.
 pub(crate) fn weak_prior(width: f64) -> Prior {
     Prior { value: (0.8 * width).ln(), sigma: 0.35 }
 }
@@ -37,8 +38,8 @@ pub(crate) struct Minimum {
 pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
     for start in starts(problem, fixed) {
-        let Some(reached) = least_squares(problem, start, MAX_STEPS) else { continue };
-        let Some(minimum) = minimum(problem, reached) else { continue };
+        let Some(summary) = least_squares(problem, start, MAX_STEPS) else { continue };
+        let Some(minimum) = minimum(problem, summary) else { continue };
         match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
             Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
             Some(_) => {}
@@ -49,17 +50,17 @@ pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> 
     found
 }
 
-/// The chi-square reached from a state nearby, as when an annotation is left out; whether the rest
-/// determines everything is not asked.
+/// The chi-square reached from a state nearby, as when an annotation is left out; the minimum need not be
+/// regular.
 pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
     let start = problem.state_at(state.parameters)?;
-    least_squares(problem, start, MAX_STEPS).map(|reached| reached.cost)
+    least_squares(problem, start, MAX_STEPS).map(|summary| summary.cost)
 }
 
-fn minimum(problem: &Problem, reached: Summary<Problem>) -> Option<Minimum> {
-    let Summary { mut state, cost: chi2, normal, .. } = reached;
+fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
+    let Summary { mut state, cost: chi2, normal, .. } = summary;
     let parameters = state.parameters;
-    fold(&mut state, problem);
+    normalize_angles(&mut state, problem);
     // The normal equations of the run hold for unchanged angles only.
     let uncertainty = if state.parameters == parameters {
         Uncertainty::new(&normal.information(problem.free), problem.free)
@@ -69,8 +70,9 @@ fn minimum(problem: &Problem, reached: Summary<Problem>) -> Option<Minimum> {
     Some(Minimum { state, chi2, uncertainty })
 }
 
-/// Angles into their usual ranges: a pitch beyond straight down is the camera turned about.
-fn fold(state: &mut State, problem: &Problem) {
+/// Brings pitch into [-90, 90] degrees and roll into [-180, 180): a pitch beyond the vertical is the same camera
+/// with roll and yaw turned by 180 degrees.
+fn normalize_angles(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
     // A roll or pitch that is fixed or has a prior keeps the range it was given in.
     if !problem.free[ROLL]
@@ -84,9 +86,9 @@ fn fold(state: &mut State, problem: &Problem) {
     if pitch.abs() > FRAC_PI_2 {
         *pitch = pitch.signum() * PI - *pitch;
         *roll += PI;
-        // The yaw turns by half a turn with them: a direction of the floor is the same line.
+        // The yaw turns by 180 degrees, too; the angle of a floor direction stays, for it is that of an axis.
     }
-    // Within the range it stays to the last bit.
+    // A roll within the range keeps its last bit.
     if !(-PI..PI).contains(roll) {
         *roll = (*roll + PI).rem_euclid(TAU) - PI;
     }
@@ -103,13 +105,13 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     if difference.iter().all(|d| d.abs() < NEAR) {
         return true;
     }
-    let far = |minimum: &Minimum| {
+    let is_far = |minimum: &Minimum| {
         [ROLL, PITCH, LOG_FOCAL]
             .into_iter()
             .filter(|&i| problem.free[i])
             .any(|i| difference[i].abs() > NEAR && difference[i].abs() > minimum.uncertainty.sigma(i))
     };
-    !(far(a) && far(b))
+    !(is_far(a) && is_far(b))
 }
 
 fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
@@ -141,7 +143,7 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
     lowest(problem, &rows, MOST)
 }
 
-/// Focals to start from: the fixed one, or a range with that of the prior among them.
+/// Focals to start from, in pixels: the fixed one, or a range and the mean of the prior.
 fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     if let Some(focal) = fixed.focal {
         return vec![focal];
@@ -186,7 +188,7 @@ fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State
         .collect()
 }
 
-/// Minima with the weak prior about the focal, if the lines alone leave the focal open.
+/// Minima, with the weak prior on the focal if the constraints alone leave the focal open.
 #[derive(Clone, Debug)]
 pub(crate) struct Solutions {
     /// What is reported, the lowest first.
@@ -197,12 +199,12 @@ pub(crate) struct Solutions {
 
 /// Solves without the weak prior, and again with it where that leaves the focal open.
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
-    let minima_alone = minima(problem, fixed);
-    let open = minima_alone.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
+    let without_prior = minima(problem, fixed);
+    let open = without_prior.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
     if !(open && allow_weak_prior && problem.free[LOG_FOCAL]) {
-        return Solutions { minima: minima_alone, without_weak_prior: None };
+        return Solutions { minima: without_prior, without_weak_prior: None };
     }
     let mut with_prior = problem.clone();
     with_prior.priors.weak_log_focal = Some(weak_prior(problem.width));
-    Solutions { minima: minima(&with_prior, fixed), without_weak_prior: minima_alone.into_iter().next() }
+    Solutions { minima: minima(&with_prior, fixed), without_weak_prior: without_prior.into_iter().next() }
 }

@@ -1,6 +1,17 @@
-//! Stage 1: one camera from what was drawn on its image.
+//! Stage 1: roll, pitch, focal and height of one camera, with their covariance, from what was drawn on its
+//! image.
 //!
-//! Law: one image. From annotations to a camera with its covariance, in the order of the files below.
+//! Law: one image; no document, no other camera. The files in the order of the data:
+//!
+//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `constraints` the same, undistorted;
+//! - `straightness`, `edge_information`, `plumb_line` the distortion from straight edges: residuals, which edges
+//!   are informative, the fit of a lens;
+//! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
+//! - `prior`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
+//!   every other constraint is in `residual`, with the formula and its Jacobian;
+//! - `minima`, `outliers` all local minima, and leave-one-out rejection;
+//! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
+//! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod constraints;
@@ -20,8 +31,8 @@ mod advice;
 
 pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
 pub use advice::{Sketch, draw_next, findings};
-pub use annotation::{Annotation, Evidence, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use constraints::{Constraints, Direction, Endpoint, Length, Line, Unusable, Upright};
+pub use annotation::{Annotation, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, line_name};
+pub use constraints::{Constraints, Direction, Endpoint, InvalidSegment, Length, Line, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
 pub use plumb_line::{Fitted, LensFit, LensOptions};
 pub use prior::{Prior, Priors};
@@ -37,4 +48,4 @@ pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edges, straightness_with_slopes};
+pub(crate) use straightness::{edges, straightness_with_jacobian};

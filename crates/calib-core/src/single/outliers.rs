@@ -15,7 +15,7 @@ use crate::single::constraints::Source;
 use crate::single::likelihood::Problem;
 use crate::single::minima::{Minimum, Solutions, chi2_near, solve};
 
-/// Normal quantile of the test's level of 1 %: at 5 % good lines would be dropped, and accuracy with them.
+/// Normal quantile of the level of the test, 1 %. At 5 % too many inliers are rejected, which costs accuracy.
 pub(crate) const LEVEL: f64 = 2.326;
 
 /// The standard normal score of a chi-square (Wilson and Hilferty 1931); 0 without degrees of freedom.
@@ -32,26 +32,26 @@ pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
     chi2_score(chi2, dof) > LEVEL
 }
 
-/// The factor by which the residuals say that the variance of what was drawn is larger than assumed
-/// (`chi2 / dof`, at least 1), where they are enough to be believed, or too large not to be.
+/// The factor of the assumed variance of a drawn coordinate that the residuals estimate: `chi2 / dof`, at
+/// least 1. It is 1 where there are too few residuals for an estimate, unless they are a misfit.
 pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
-    /// Least degrees of freedom from which the residuals are believed about the drawing noise.
-    const ENOUGH: i64 = 10;
-    if dof >= ENOUGH || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
+    /// Least degrees of freedom from which the noise is estimated.
+    const MIN_DOF: i64 = 10;
+    if dof >= MIN_DOF || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
 }
 
-/// Whether an annotation stands out from the scatter of the rest, however large that is: its
-/// externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the
-/// fit without it, at 1 % for the worst of `count` pieces.
+/// Whether a constraint is an outlier against the scatter of the rest, whatever the noise is: its externally
+/// studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the fit without it, at a
+/// level of 1 % for the largest of `count` constraints.
 pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
     /// Normal quantile of 0.005: two sides of 1 %.
-    const ONE: f64 = 2.576;
+    const TWO_SIDED: f64 = 2.576;
     if dof_without < 3 {
         return false;
     }
     let nu = dof_without as f64;
-    // The quantile for the worst of many, and Student's from the normal one (Fisher's expansion).
-    let z = (ONE * ONE + 2.0 * (count as f64).ln()).sqrt();
+    // The normal quantile for the largest of many, and Student's from it (Abramowitz and Stegun 1964, 26.7.5).
+    let z = (TWO_SIDED * TWO_SIDED + 2.0 * (count as f64).ln()).sqrt();
     let student = z
         + (z.powi(3) + z) / (4.0 * nu)
         + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
@@ -63,32 +63,32 @@ pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, cou
 #[derive(Clone, Copy)]
 pub(crate) struct OutlierSearch<'a> {
     pub(crate) fixed: FixedParameters,
-    /// The weak prior about the focal may enter.
+    /// Whether the weak prior on the focal may enter.
     pub(crate) weak_prior: bool,
-    /// The drawing noise was given, so that a chi-square is a judgement; else the noise may be larger than
-    /// assumed, and where more than one annotation is rejected each must stand out from the scatter of the
-    /// others.
+    /// Whether the drawing noise was given, so that a chi-square is a test of the fit. If not, the noise may be
+    /// larger than assumed, and where more than one constraint is rejected each must be significant against
+    /// the scatter of the others ([`is_significant`]).
     pub(crate) noise_is_known: bool,
-    /// What is never rejected.
+    /// Which constraints are never rejected.
     pub(crate) keep: &'a dyn Fn(Source) -> bool,
 }
 
-/// The solutions without outliers, and which these are.
+/// The solutions without outliers, and the outliers.
 ///
-/// At most a third of the redundancy is spent on them; where nothing explains the misfit, nothing is
-/// rejected.
+/// At most a third of the degrees of freedom, and at most four constraints, are rejected; where no rejection
+/// explains the misfit, none is made.
 pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -> (Solutions, Vec<Source>) {
     let mut rejected: Vec<Source> = Vec::new();
     let mut results = vec![solve(problem, search.fixed, search.weak_prior)];
-    // How many of the first ones rejected stand out from the rest's own scatter.
-    let mut stark = 0;
+    // How many of the rejections, from the first, are confirmed.
+    let mut confirmed = 0;
     let most = (problem.dof() / 3).clamp(1, 4);
     for round in 0..=most {
         let without = Problem { rejected: &rejected, ..problem.clone() };
         let Some(best) = results.last().and_then(|found| found.minima.first()) else { break };
         if !is_misfit(best.chi2, without.dof()) {
-            if search.noise_is_known || rejected.len() < 2 || stark == rejected.len() {
-                stark = rejected.len();
+            if search.noise_is_known || rejected.len() < 2 || confirmed == rejected.len() {
+                confirmed = rejected.len();
             }
             break;
         }
@@ -100,35 +100,36 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         let chi2_before = best.chi2;
         rejected.push(worst_outlier);
         let fewer = Problem { rejected: &rejected, ..problem.clone() };
-        if stark + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
-            stark = rejected.len();
+        if confirmed + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
+            confirmed = rejected.len();
         }
         results.push(solve(&fewer, search.fixed, search.weak_prior));
     }
-    rejected.truncate(stark);
-    (results.swap_remove(stark), rejected)
+    rejected.truncate(confirmed);
+    (results.swap_remove(confirmed), rejected)
 }
 
-/// The annotation without which the rest agrees best, and the chi-square without it.
+/// The constraint without which the rest has the least chi-square score, and the chi-square without it.
 fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<(Source, f64)> {
-    /// Most annotations that are left out in turn, and most for which every start is tried again.
-    const MOST: usize = 100;
-    const EVERYWHERE: usize = 40;
-    let suspects = suspects(problem, best, search);
-    let everywhere = if suspects.len() <= EVERYWHERE { suspects.len() } else { EVERYWHERE / 4 };
+    /// Most constraints that are left out in turn, and most for which every start is tried again.
+    const MAX_CANDIDATES: usize = 100;
+    const MAX_MULTISTART: usize = 40;
+    let candidates = outlier_candidates(problem, best, search);
+    let multistart = if candidates.len() <= MAX_MULTISTART { candidates.len() } else { MAX_MULTISTART / 4 };
     let mut lowest: Option<(f64, Source, f64)> = None;
-    for (rank, &source) in suspects.iter().take(MOST).enumerate() {
+    for (rank, &source) in candidates.iter().take(MAX_CANDIDATES).enumerate() {
         let rejected: Vec<Source> = problem.rejected.iter().copied().chain([source]).collect();
         let without = Problem { rejected: &rejected, ..problem.clone() };
-        // Without redundancy everything agrees, whatever is left out.
+        // Without degrees of freedom every chi-square is 0.
         if without.dof() < 1 {
             continue;
         }
-        // A gross error may have pulled the fit into another valley: all starts are tried, not only this.
-        let near = chi2_near(&without, &best.state);
-        let anywhere = (rank < everywhere).then(|| solve(&without, search.fixed, search.weak_prior));
-        let anywhere = anywhere.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
-        let chi2 = near.into_iter().chain(anywhere).fold(f64::INFINITY, f64::min);
+        // A gross error may have led the fit to another minimum: all starts are tried, not only this one.
+        let nearby = chi2_near(&without, &best.state);
+        let from_all_starts = (rank < multistart).then(|| solve(&without, search.fixed, search.weak_prior));
+        let from_all_starts =
+            from_all_starts.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
+        let chi2 = nearby.into_iter().chain(from_all_starts).fold(f64::INFINITY, f64::min);
         let score = chi2_score(chi2, without.dof());
         if lowest.is_none_or(|(least, _, _)| score < least) {
             lowest = Some((score, source, chi2));
@@ -137,8 +138,8 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     lowest.map(|(_, source, chi2)| (source, chi2))
 }
 
-/// What may be rejected, the largest residuals first.
-fn suspects(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
+/// The constraints that may be rejected, the largest residuals first.
+fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

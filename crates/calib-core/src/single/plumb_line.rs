@@ -1,9 +1,13 @@
-//! Problem 1, before all else: distortion from polylines along edges that are straight in space.
+//! Distortion from polylines along edges that are straight in space: the plumb-line method (Brown 1971,
+//! "Close-Range Camera Calibration"). It comes first, for every constraint of stage 1 is undistorted.
 //!
 //! The residual of a point is its distance from the best line through its undistorted polyline,
 //! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its derivative J at the
-//! point, and the line `n . x = c` that makes the sum of squares least. Coefficients are those of
-//! coordinates divided by half the diagonal of the image until the focal is known.
+//! point, and the line `n . x = c` that makes the sum of squares least (`straightness.rs`). The
+//! coefficients refer to coordinates divided by half the diagonal of the image, for the focal is not known yet.
+//!
+//! Where the caller does not say which coefficients to fit, the number of radial coefficients is selected by
+//! the Bayesian information criterion (Schwarz 1978).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,7 +15,7 @@ use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
-use crate::single::straightness::{Edge, straightness, straightness_with_slopes};
+use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
 
 /// Which coefficients are fitted, of which model.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,20 +57,20 @@ impl Fitted {
     }
 }
 
-/// How many of k1, k2, k3 are tried, one after the other, when the data are to choose.
-const LADDER: [usize; 3] = [1, 2, 3];
+/// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
+const MODEL_SIZES: [usize; 3] = [1, 2, 3];
 
-/// What polylines say about a lens.
+/// The estimate of a lens from straight edges.
 #[derive(Clone, Debug)]
 pub struct LensFit {
     /// The lens; its coefficients refer to half the diagonal of the image, or to the focal where the model has
     /// one of its own.
     pub lens: Lens,
-    /// What was fitted; `None` when the data support no distortion.
+    /// What was fitted; `None` when no distortion is supported by the edges.
     pub fitted: Option<Fitted>,
     /// Root mean square distance of the points from their lines, in raw pixels, before and after.
     pub straightness: [f64; 2],
-    /// Of every polyline, in raw pixels.
+    /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
     /// Covariance of the coefficients, in the order of [`Distortion::coefficients`]; zeros for those that
     /// were not fitted.
@@ -74,8 +78,8 @@ pub struct LensFit {
     /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
     /// of the longer edge, and in the corner, in pixels.
     pub map_error: [f64; 3],
-    /// Polylines that say next to nothing, with what a distortion that moves the corner by 10 px
-    /// would bend them by, in pixels.
+    /// Polylines that carry next to no information, with how far a distortion that moves the corner by 10 px
+    /// would bend them, in pixels.
     pub uninformative: Vec<(Source, f64)>,
     /// Sum of squares over `sigma^2`.
     pub chi2: f64,
@@ -83,14 +87,14 @@ pub struct LensFit {
     pub dof: i64,
 }
 
-/// What a fit of a lens starts from, beside its polylines.
+/// Everything that a fit of a lens needs besides the polylines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensOptions {
     /// Principal point, raw pixel.
     pub principal_point: Pixel,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// What to fit; chosen by the data if absent.
+    /// Which coefficients to fit; selected by the data if absent.
     pub fitted: Option<Fitted>,
     /// The focal that the coefficients refer to, of a model that has one of its own, in pixels.
     pub focal: Option<f64>,
@@ -98,11 +102,12 @@ pub struct LensOptions {
     pub sigma: f64,
 }
 
-/// One choice of coefficients on given polylines.
+/// The fit of some coefficients to some polylines, as a least-squares problem.
 struct Problem<'a> {
     edges: Vec<&'a Edge>,
     fitted: Fitted,
     principal_point: Pixel,
+    /// Pixels by which coordinates are divided: the focal that the coefficients refer to.
     unit: f64,
     /// Width and height of the image, in pixels.
     size: [f64; 2],
@@ -130,14 +135,14 @@ impl Problem<'_> {
         Some(DVector::from_vec(all))
     }
 
-    /// Sum of the squared residuals of every polyline.
+    /// The cost of every polyline: the sum of its squared residuals.
     fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let lens = self.lens(values);
-        self.edges.iter().map(move |edge| crookedness(&lens, edge))
+        self.edges.iter().map(move |edge| edge_cost(&lens, edge))
     }
 
-    /// Residuals and their derivatives by what is fitted, each with its own best line.
-    fn linear(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    /// Residuals and Jacobian by what is fitted; the line of every edge is refitted, so it is eliminated.
+    fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let lens = self.lens(values);
         let indices = &self.fitted.indices()[..values.len()];
         if !lens.shows_image(self.size) {
@@ -146,48 +151,49 @@ impl Problem<'_> {
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
             .edges
             .iter()
-            .map(|edge| straightness_with_slopes(&lens, &edge.points, indices))
+            .map(|edge| straightness_with_jacobian(&lens, &edge.points, indices))
             .collect::<Option<_>>()?;
         let residuals = edges.iter().flat_map(|(distances, _)| distances.iter().copied()).collect();
-        let column = |k: usize| edges.iter().flat_map(move |(_, slopes)| slopes[k].iter().copied());
+        let column = |k: usize| edges.iter().flat_map(move |(_, columns)| columns[k].iter().copied());
         let count: usize = edges.iter().map(|(distances, _)| distances.len()).sum();
         let jacobian = DMatrix::from_iterator(count, values.len(), (0..values.len()).flat_map(column));
         Some((DVector::from_vec(residuals), jacobian))
     }
 
-    /// Of what is fitted, for points with a standard deviation of one pixel.
+    /// Covariance of what is fitted, for points with a standard deviation of one pixel.
     fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
-        let (_, jacobian) = self.linear(values)?;
+        let (_, jacobian) = self.residuals_and_jacobian(values)?;
         jacobian.tr_mul(&jacobian).try_inverse()
     }
 
-    /// The lowest minimum from several starts: from one, a fit may end in a wrong one.
+    /// The lowest of the minima reached from several starts, the values of the next smaller model among them.
     fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
-        const ROUNDS: usize = 60;
-        const FIRST: usize = 6;
-        /// Valleys that are walked to their end.
-        const MOST: usize = 3;
-        /// Coefficients nearer than this lie in one valley.
+        /// Most accepted steps to a minimum.
+        const MAX_STEPS: usize = 60;
+        /// Steps from every start, after which the candidates are ranked.
+        const FIRST_STEPS: usize = 6;
+        /// Candidates that are refined to a minimum.
+        const MAX_CANDIDATES: usize = 3;
+        /// Candidates whose coefficients are nearer than this are one.
         const NEAR: f64 = 1e-4;
         let count = self.fitted.len();
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
-        let fixed = STARTS.iter().map(|start| padded(start));
-        // A few steps tell which valleys are worth walking to their end.
-        let mut begun: Vec<(Vec<f64>, f64)> = fixed
+        let starts = STARTS.iter().map(|start| padded(start));
+        let mut candidates: Vec<(Vec<f64>, f64)> = starts
             .chain([padded(smaller)])
             .filter_map(|start| {
-                least_squares(self, start, FIRST).map(|reached| (reached.state, reached.cost))
+                least_squares(self, start, FIRST_STEPS).map(|summary| (summary.state, summary.cost))
             })
             .collect();
-        begun.sort_by(|a, b| a.1.total_cmp(&b.1));
-        begun.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
-        begun.truncate(MOST);
-        begun
+        candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
+        candidates.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
+        candidates.truncate(MAX_CANDIDATES);
+        candidates
             .into_iter()
             .filter_map(|(start, _)| {
-                least_squares(self, start, ROUNDS).map(|reached| (reached.state, reached.cost))
+                least_squares(self, start, MAX_STEPS).map(|summary| (summary.state, summary.cost))
             })
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
@@ -204,7 +210,7 @@ impl LeastSquares for Problem<'_> {
     type Normal = Normal;
 
     fn linearize(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
-        let (residuals, jacobian) = self.linear(values)?;
+        let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
         let cost = residuals.norm_squared();
         let normal = Normal { square: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residuals) };
         cost.is_finite().then_some((cost, normal))
@@ -216,21 +222,21 @@ impl LeastSquares for Problem<'_> {
             damped[(i, i)] *= 1.0 + damping;
         }
         let step = damped.cholesky()?.solve(&(-&normal.gradient));
-        let promised: f64 = (0..values.len())
+        let predicted: f64 = (0..values.len())
             .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
             .sum();
         let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
-        Some((next, promised, step.amax()))
+        Some((next, predicted, step.amax()))
     }
 }
 
 impl LensFit {
-    /// The fit of a lens to polylines. Those of fewer than three points say nothing.
+    /// The fit of a lens to polylines. Those of fewer than three points are left out.
     ///
     /// `None` when there is no polyline of three points.
     #[must_use]
     pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
-        /// Points that are used: enough for any lens, and a bound on the time of a hostile file.
+        /// Most points that are used: enough for any lens, and a bound on the time that a hostile file takes.
         const MOST: usize = 20_000;
         let mut room = MOST;
         let edges: Vec<&Edge> = edges
@@ -242,8 +248,8 @@ impl LensFit {
                 fits
             })
             .collect();
-        let spare: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
-        if spare < 1 {
+        let redundancy: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
+        if redundancy < 1 {
             return None;
         }
         let problem = |fitted: Fitted| {
@@ -252,21 +258,26 @@ impl LensFit {
             let LensOptions { principal_point, size, .. } = *options;
             Problem { edges: edges.clone(), fitted, principal_point, unit, size }
         };
-        let straight = Choice::straight(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
-        let before = straight.cost;
-        let choice = match &options.fitted {
+        let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
+        let cost_before = undistorted.cost;
+        let model = match &options.fitted {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
                 let solved = problem.solve(&[]);
-                solved.map_or(straight, |(values, cost)| Choice { problem, values, cost, doubt: None })
+                solved.map_or(undistorted, |(values, cost)| FittedModel {
+                    problem,
+                    values,
+                    cost,
+                    rejected: None,
+                })
             }
-            None => climb(straight, spare, options.sigma, &problem),
+            None => select_model(undistorted, redundancy, options.sigma, &problem),
         };
-        Some(Self::of(&choice, before, spare, options))
+        Some(Self::of(&model, cost_before, redundancy, options))
     }
 
-    fn of(choice: &Choice, before: f64, spare: i64, options: &LensOptions) -> Self {
-        let Choice { problem, values, cost, doubt } = choice;
+    fn of(model: &FittedModel, cost_before: f64, redundancy: i64, options: &LensOptions) -> Self {
+        let FittedModel { problem, values, cost, rejected } = model;
         let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
@@ -277,13 +288,13 @@ impl LensFit {
         Self {
             lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
-            straightness: [before, *cost].map(|cost| (cost / points as f64).sqrt()),
+            straightness: [cost_before, *cost].map(|cost| (cost / points as f64).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
-            covariance: in_full(problem, values, options.sigma),
-            map_error: map_error(problem, values, doubt.as_ref(), options),
+            covariance: full_covariance(problem, values, options.sigma),
+            map_error: map_error(problem, values, rejected.as_ref(), options),
             uninformative: uninformative(&problem.edges, &lens, options.size, options.sigma),
             chi2: cost / (options.sigma * options.sigma),
-            dof: spare - values.len() as i64,
+            dof: redundancy - values.len() as i64,
         }
     }
 }
@@ -292,75 +303,76 @@ impl LensFit {
 const STARTS: [[f64; 2]; 7] =
     [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
-/// A model with the values that straighten the polylines best.
-struct Choice<'a> {
+/// A distortion model with its estimated coefficients.
+struct FittedModel<'a> {
     problem: Problem<'a>,
     values: Vec<f64>,
     cost: f64,
-    /// A larger model that was turned down, and the probability that it is the right one all the same.
-    doubt: Option<(Lens, f64)>,
+    /// The larger model that was rejected, with its posterior probability against this one.
+    rejected: Option<(Lens, f64)>,
 }
 
-impl<'a> Choice<'a> {
+impl<'a> FittedModel<'a> {
     /// No distortion.
-    fn straight(problem: Problem<'a>) -> Option<Self> {
+    fn undistorted(problem: Problem<'a>) -> Option<Self> {
         let cost = problem.residuals(&[])?.norm_squared();
-        Some(Self { problem, values: Vec::new(), cost, doubt: None })
+        Some(Self { problem, values: Vec::new(), cost, rejected: None })
     }
 }
 
-/// The largest model of the ladder that the data support, by the Bayesian information criterion: of all
-/// polylines together, and of all but the one that it helps most.
-fn climb<'a>(
-    straight: Choice<'a>,
-    spare: i64,
+/// The largest of the nested models that the edges support by the Bayesian information criterion, both with all
+/// edges and without the edge whose cost it lowers most.
+fn select_model<'a>(
+    undistorted: FittedModel<'a>,
+    redundancy: i64,
     sigma: f64,
     problem: &dyn Fn(Fitted) -> Problem<'a>,
-) -> Choice<'a> {
-    // -2 log of a model's probability, but for a constant.
-    let criterion = |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (spare as f64).ln();
-    let mut lowest = criterion(straight.cost, 0);
-    let mut best = straight;
-    for count in LADDER {
+) -> FittedModel<'a> {
+    // -2 log of the posterior probability of a model, up to a constant.
+    let criterion =
+        |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (redundancy as f64).ln();
+    let mut lowest = criterion(undistorted.cost, 0);
+    let mut best = undistorted;
+    for count in MODEL_SIZES {
         let next = problem(Fitted::first(DistortionModel::BrownConrady, count));
-        if spare <= count as i64 {
+        if redundancy <= count as i64 {
             continue;
         }
         let Some((values, cost)) = next.solve(&best.values) else { continue };
-        let worth = criterion(cost, count);
-        if worth < lowest && criterion(-shared_gain(&best, &next, &values), count) < 0.0 {
-            lowest = worth;
-            best = Choice { problem: next, values, cost, doubt: None };
+        let score = criterion(cost, count);
+        if score < lowest && criterion(-shared_gain(&best, &next, &values), count) < 0.0 {
+            lowest = score;
+            best = FittedModel { problem: next, values, cost, rejected: None };
             continue;
         }
-        // A model too small for the lens fits badly: the next one may still be right.
-        let probability = (1.0 + (0.5 * (worth - lowest)).exp()).recip();
-        if best.doubt.as_ref().is_none_or(|(_, other)| probability > *other) {
-            best.doubt = Some((next.lens(&values), probability));
+        // Two coefficients may be supported where one is not: the larger models are tried as well.
+        let probability = (1.0 + (0.5 * (score - lowest)).exp()).recip();
+        if best.rejected.as_ref().is_none_or(|(_, other)| probability > *other) {
+            best.rejected = Some((next.lens(&values), probability));
         }
     }
     best
 }
 
-/// What a larger model takes from the sum of squares, the polyline it helps most left out: a crooked one
-/// alone must not bend the lens, and one that alone reaches a corner is believed if the others agree.
-fn shared_gain(smaller: &Choice, larger: &Problem, values: &[f64]) -> f64 {
+/// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is not
+/// straight in space must not determine the lens.
+fn shared_gain(smaller: &FittedModel, larger: &Problem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
     let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
     total - most
 }
 
-/// Sum of the squared distances of a polyline's points from straight; infinite outside the lens.
-fn crookedness(lens: &Lens, edge: &Edge) -> f64 {
+/// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be undistorted.
+fn edge_cost(lens: &Lens, edge: &Edge) -> f64 {
     straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }
 
-/// Standard deviation of the undistorted position at three places: from the covariance of the
-/// coefficients, and from the doubt whether they are enough.
+/// Standard deviation of the undistorted position at three places: from the covariance of the coefficients, and
+/// from the difference to the rejected larger model, weighted by its probability.
 fn map_error(
     problem: &Problem,
     values: &[f64],
-    doubt: Option<&(Lens, f64)>,
+    rejected: Option<&(Lens, f64)>,
     options: &LensOptions,
 ) -> [f64; 3] {
     let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
@@ -380,21 +392,25 @@ fn map_error(
                     covariance[(i, j)] * (jacobian[i][0] * jacobian[j][0] + jacobian[i][1] * jacobian[j][1]);
             }
         }
-        let doubt = match doubt {
+        let model_variance = match rejected {
             Some((other, probability)) => {
                 let apart = straight.distance(other.undistort(place)?);
                 probability * apart * apart
             }
             None => 0.0,
         };
-        Some(options.sigma * options.sigma * variance.max(0.0) + doubt)
+        Some(options.sigma * options.sigma * variance.max(0.0) + model_variance)
     };
-    // At the very border of what can be inverted the undistorted position hangs on nothing.
+    // Where the distortion cannot be inverted there is no position.
     [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
 /// The covariance with a row and a column for every coefficient of the model.
-fn in_full(problem: &Problem, values: &[f64], sigma: f64) -> [[f64; Distortion::MOST]; Distortion::MOST] {
+fn full_covariance(
+    problem: &Problem,
+    values: &[f64],
+    sigma: f64,
+) -> [[f64; Distortion::MOST]; Distortion::MOST] {
     let mut full = [[0.0; Distortion::MOST]; Distortion::MOST];
     let Some(covariance) = problem.covariance(values) else { return full };
     let indices = problem.fitted.indices();

@@ -1,4 +1,4 @@
-//! What is known of parameters before anything is drawn.
+//! Prior knowledge of the parameters of one camera, as normal distributions.
 
 /// A normal prior on one parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +20,7 @@ pub struct Priors {
     pub focal: Option<Prior>,
     /// In metres.
     pub height: Option<Prior>,
-    /// Of the log of the focal, where the lines alone do not tell it.
+    /// The weak prior, on the log of the focal in pixels: it enters where the constraints do not determine the
+    /// focal.
     pub weak_log_focal: Option<Prior>,
 }

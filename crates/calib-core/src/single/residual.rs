@@ -1,11 +1,20 @@
-//! The residuals of stage 1: what a line, a length and an upright say about roll, pitch, focal and height,
-//! in pixels, with their derivatives.
+//! The residuals of stage 1 and their Jacobians: of a line, of a length and of an upright, by roll, pitch,
+//! log focal and log height ([`Parameters`]).
+//!
+//! | constraint | residual | evaluated over all constraints by |
+//! |---|---|---|
+//! | vertical line | [`LineResidual`] at the vanishing point [`Angles::nadir`] | `Problem::each_line` |
+//! | floor line | [`LineResidual`] at the vanishing point [`Angles::floor`] | `Problem::each_line` |
+//! | length | [`floor_length`] less the length of its group | `Problem::each_length` |
+//! | upright | [`upright_residuals`] | `Problem::each_residual` |
+//!
+//! (`Problem` is that of `likelihood.rs`, which divides by the noise and adds the priors.)
 //!
 //! # A line toward a vanishing point
 //!
 //! A segment is drawn with independent, isotropic noise in its two end points `p1`, `p2`; its true line
 //! passes through the vanishing point V = (Vxy, Vw) of a direction, homogeneous and relative to the
-//! principal point. The unknown line is a nuisance of its own, and is eliminated exactly: of all lines
+//! principal point. The unknown line is a nuisance parameter, and is eliminated exactly: of all lines
 //! through V, with `q_i = p_i Vw - Vxy` (from V to the end point, times Vw) and weights `w_i` (inverse
 //! variances of the end points across the segment), the one with unit normal n leaves the weighted sum of
 //! squared distances
@@ -22,14 +31,14 @@
 //! finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` is that of the full
 //! problem with the line as unknown after the Schur complement. On the sphere of rays `l . V = 0` says that
 //! V lies on the great circle of the segment (in coordinates divided by the focal `(l . V) / (|l| |V|)` is
-//! the sine of its angle to it); r measures the same miss in pixels at the drawn ends, where the noise is.
+//! the sine of its angle to it); r is the same error in pixels at the drawn ends, where the noise is.
 //!
-//! r is smooth but where the eigenvalues meet (q1 and q2 orthogonal and of one weighted length); there the
-//! mean of its one-sided derivatives is taken.
+//! r is smooth except where the eigenvalues are equal (q1 and q2 orthogonal and of one weighted length);
+//! there the mean of its one-sided derivatives is taken.
 //!
 //! # Lengths
 //!
-//! The log of a length on the floor is compared with that of its group; its variance is carried from the
+//! The log of a length on the floor is compared with that of its group; its variance is propagated from the
 //! four coordinates of the ends to first order, `|grad|^2` for noise of 1 px. A residual over its gradient is
 //! the first-order distance of the drawing from one that fulfils the constraint (Sampson 1982; Hartley and
 //! Zisserman 2004, section 4.2.6).
@@ -37,7 +46,7 @@
 //! # Uprights
 //!
 //! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
-//! foot, head and height carried to it, to first order.
+//! foot, head and height propagated to it, to first order.
 
 use crate::optimize::Number;
 use crate::single::constraints::{Endpoint, Upright};
@@ -61,7 +70,7 @@ pub(crate) struct VanishingPoint {
     pub(crate) d_angle: [f64; 3],
 }
 
-/// Sines, cosines and focal at some parameters.
+/// Sines, cosines and focal at some parameters: the vanishing points of directions.
 pub(crate) struct Angles {
     roll: (f64, f64),
     pitch: (f64, f64),
@@ -77,19 +86,19 @@ impl Angles {
         }
     }
 
-    /// `(f cos p sin r, f cos p cos r, sin p)`.
-    pub(crate) fn down(&self) -> VanishingPoint {
+    /// The vanishing point of the verticals, toward the nadir: `(f cos p sin r, f cos p cos r, sin p)`.
+    pub(crate) fn nadir(&self) -> VanishingPoint {
         let (sp, cp) = self.pitch;
         self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
     }
 
-    /// The floor direction at `angle` counter-clockwise from the camera's right, yaw 0.
+    /// The vanishing point of the floor direction at `angle`, counter-clockwise from the camera's right.
     pub(crate) fn floor(&self, angle: f64) -> VanishingPoint {
         let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
         self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
     }
 
-    /// From the direction in unrolled camera axes and its derivatives by pitch and by the angle.
+    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and by the angle.
     fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_angle: [f64; 3]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
@@ -104,56 +113,75 @@ impl Angles {
     }
 }
 
-/// How far, in pixels, the ends of a segment must move at least so that its line passes through the
-/// homogeneous point V; signed. The weights are 1 without distortion.
+/// The residual of a line: how far, in pixels, the ends of a segment must move at least so that the line
+/// through them passes through the vanishing point V; signed. The weights are 1 without distortion.
+///
+/// The terms of the formula are kept for the derivative; the module states it.
 pub(crate) struct LineResidual {
     pub(crate) pixels: f64,
     ends: [[f64; 2]; 2],
     v: [f64; 3],
     line: [f64; 3],
     weights: [f64; 2],
-    miss: f64,
+    /// `l . V`.
+    incidence: f64,
+    /// `T`.
     trace: f64,
+    /// `sqrt(T^2 - 4 D)`.
     root: f64,
+    /// `T + sqrt(T^2 - 4 D)`.
     sum: f64,
+    /// `r / (l . V)`.
     factor: f64,
 }
 
 impl LineResidual {
     #[inline]
     pub(crate) fn new(ends: &[Endpoint; 2], v: [f64; 3]) -> Self {
-        let [p1, p2] = [ends[0].at, ends[1].at];
+        let [p1, p2] = [ends[0].point, ends[1].point];
         let line = line_through(p1, p2);
         let weights = weights_across(ends, &line);
         let [w1, w2] = weights;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
-        let miss = crate::camera::dot(&line, &v);
+        let incidence = crate::camera::dot(&line, &v);
         let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
         let weight = w1 * w2;
         // q1 x q2 = Vw (l . V).
-        let determinant = weight * (v[2] * miss).powi(2);
+        let determinant = weight * (v[2] * incidence).powi(2);
         let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
         let sum = (trace + root).max(f64::MIN_POSITIVE);
         let factor = (2.0 * weight / sum).sqrt();
-        Self { pixels: factor * miss, ends: [p1, p2], v, line, weights, miss, trace, root, sum, factor }
+        Self {
+            pixels: factor * incidence,
+            ends: [p1, p2],
+            v,
+            line,
+            weights,
+            incidence,
+            trace,
+            root,
+            sum,
+            factor,
+        }
     }
 
     /// Its derivative by V.
     #[inline]
     pub(crate) fn d_point(&self) -> [f64; 3] {
-        let Self { ends: [p1, p2], v, line, weights: [w1, w2], miss, trace, root, sum, factor, .. } = *self;
+        let Self { ends: [p1, p2], v, line, weights: [w1, w2], incidence, trace, root, sum, factor, .. } =
+            *self;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
-        // Where both eigenvalues meet the root has a kink; the mean of its two derivatives is 0.
+        // Where the eigenvalues are equal the root has a kink; the mean of its two derivatives is 0.
         let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
-        let share = 0.5 * miss / sum;
+        let share = 0.5 * incidence / sum;
         std::array::from_fn(|k| {
             let by_trace = match k {
                 0 => -2.0 * (w1 * q1[0] + w2 * q2[0]),
                 1 => -2.0 * (w1 * q1[1] + w2 * q2[1]),
                 _ => 2.0 * (w1 * (q1[0] * p1[0] + q1[1] * p1[1]) + w2 * (q2[0] * p2[0] + q2[1] * p2[1])),
             };
-            let own = if k == 2 { miss } else { 0.0 };
-            let by_determinant = 2.0 * w1 * w2 * v[2] * miss * (own + v[2] * line[k]);
+            let direct = if k == 2 { incidence } else { 0.0 };
+            let by_determinant = 2.0 * w1 * w2 * v[2] * incidence * (direct + v[2] * line[k]);
             let by_sum = by_trace + (trace * by_trace - 2.0 * by_determinant) * by_root;
             factor * (line[k] - share * by_sum)
         })
@@ -176,8 +204,8 @@ fn weights_across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
     })
 }
 
-/// Sines, cosines, focal and height at some parameters, with their derivatives: the terms that every length
-/// and upright has in common.
+/// Sines, cosines, focal and height at some parameters, with their derivatives: the terms that all lengths
+/// and uprights share.
 pub(crate) struct CameraTerms<N> {
     roll: (N, N),
     pitch: (N, N),
@@ -207,7 +235,7 @@ pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2])
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
     let on_floor = |end: &Endpoint| {
-        let [x, y] = end.at;
+        let [x, y] = end.point;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
         // A millionth of a radian below the horizon.
@@ -249,7 +277,7 @@ pub(crate) fn upright_residuals<N: Number>(
     sigma: f64,
 ) -> Option<[N; 2]> {
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
-    let [x, y] = upright.foot.at;
+    let [x, y] = upright.foot.point;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;
     let k = depth * per_height * upright.height.value;
@@ -287,7 +315,7 @@ pub(crate) fn upright_residuals<N: Number>(
         + a_by_h * a_by_h * square;
     let cab = huv + b_by_v * (a_by_u * fuv + a_by_v * fvv) + a_by_h * b_by_h * square;
     let cbb = hvv + b_by_v * b_by_v * fvv + b_by_h * b_by_h * square;
-    let [hx, hy] = upright.head.at;
+    let [hx, hy] = upright.head.point;
     let (da, db) = (a - (cr * hx - sr * hy), b - (sr * hx + cr * hy));
     // Whitened with the lower Cholesky factor of the covariance.
     let l11 = caa.sqrt();
@@ -310,7 +338,7 @@ mod tests {
             weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
             let b = [a[0] + t * (v[0] - a[0]), a[1] + t * (v[1] - a[1])];
-            let end = |at, w: f64| Endpoint { at, covariance: [w, 0.0, w] };
+            let end = |point, w: f64| Endpoint { point, covariance: [w, 0.0, w] };
             let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             prop_assert!(residual.abs() < 1e-8, "{residual}");
         }
@@ -320,7 +348,7 @@ mod tests {
             a in [-900.0..900.0_f64, -500.0..500.0_f64], b in [-900.0..900.0_f64, -500.0..500.0_f64],
             v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
-            let end = |at, w: f64| Endpoint { at, covariance: [1.0 / w, 0.0, 1.0 / w] };
+            let end = |point, w: f64| Endpoint { point, covariance: [1.0 / w, 0.0, 1.0 / w] };
             let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
             // Every line through v, by its angle: the weighted squares of the distances of the ends.
             let cost = |angle: f64| {

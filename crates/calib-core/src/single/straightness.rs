@@ -1,19 +1,26 @@
-//! How straight a polyline is once a lens is taken out.
+//! The residuals of the plumb-line method: how far the points of a polyline are from straight once undistorted,
+//! in raw pixels, with their Jacobian by the coefficients of the distortion.
+//!
+//! The residual of a point is `(n . u - c) / |J' n|`: the distance of the undistorted point u from the line
+//! `n . x = c`, divided by the factor by which the undistortion, of Jacobian J, magnifies the noise across it.
+//! The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three times,
+//! with the weights of the line before.
 
 use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 
-/// A polyline and where it was drawn.
+/// A straight edge: a polyline, and the drawing that it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// Raw pixels along an edge that is straight in space.
     pub points: Vec<Pixel>,
-    /// Where it comes from.
+    /// The drawing that it comes from.
     pub source: Source,
 }
 
-/// Lines of three points and more, of whatever kind, that are not switched off.
+/// The straight edges of a camera: lines of three points and more, of any kind but uprights, that are not
+/// switched off.
 pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
     used.flat_map(|(annotation, drawn)| {
@@ -26,45 +33,44 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 }
 
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
-/// pixels; `None` where the lens shows nothing.
+/// pixels; `None` where a point cannot be undistorted.
 pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    Straightened::new(lens, points).map(|straightened| straightened.distances())
+    UndistortedPolyline::new(lens, points).map(|polyline| polyline.distances())
 }
 
-/// [`straightness`], and of every coefficient its derivatives.
-pub(crate) fn straightness_with_slopes(
+/// [`straightness`], and for every one of these coefficients the column of the Jacobian.
+pub(crate) fn straightness_with_jacobian(
     lens: &Lens,
     points: &[Pixel],
     coefficients: &[usize],
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
-    let straightened = Straightened::new(lens, points)?;
-    let distances = straightened.distances();
+    let polyline = UndistortedPolyline::new(lens, points)?;
+    let distances = polyline.distances();
     let by: Vec<ByCoefficients> = points
         .iter()
-        .zip(&straightened.points)
+        .zip(&polyline.points)
         .map(|(&raw, &straight)| lens.undistort_by_coefficients(raw, straight.into()))
         .collect();
-    let slopes = coefficients.iter().map(|&k| straightened.slopes(|i| by[i][k])).collect();
-    Some((distances, slopes))
+    let columns = coefficients.iter().map(|&k| polyline.jacobian_column(|i| by[i][k])).collect();
+    Some((distances, columns))
 }
 
-/// A polyline without its lens, with the line fitted to it in three steps.
+/// An undistorted polyline with the lines fitted to it.
 ///
-/// The weights `w = 1 / |J' n|^2` of the points hang on the line's direction: twice is enough, for they
-/// change slowly with it.
-struct Straightened {
+/// The weights `w = 1 / |J' n|^2` of the points depend on the line's direction, slowly: three fits are enough.
+struct UndistortedPolyline {
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
-    /// Unit normal and offset of every step's line.
+    /// Unit normal and offset of the line of every fit.
     lines: [([f64; 2], f64); 3],
-    /// Weights with which every step's line was fitted.
+    /// Weights of every fit.
     weights: [Vec<f64>; 3],
-    /// The side of the line that counts as positive.
+    /// Sign of the distances on the side that the normal points to.
     sign: f64,
 }
 
-impl Straightened {
+impl UndistortedPolyline {
     fn new(lens: &Lens, raw: &[Pixel]) -> Option<Self> {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
         let mut jacobians = Vec::with_capacity(raw.len());
@@ -73,22 +79,22 @@ impl Straightened {
             points.push(at.into());
             jacobians.push(jacobian);
         }
-        let weigh = |([x, y], _): &([f64; 2], f64)| -> Vec<f64> {
+        let weights_of = |([x, y], _): &([f64; 2], f64)| -> Vec<f64> {
             let weight = |[[a, b], [c, d]]: &Matrix2| {
                 ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip()
             };
             jacobians.iter().map(weight).collect()
         };
-        let even = vec![1.0; points.len()];
-        let first = best_line(&points, &even);
-        let once = weigh(&first);
-        let second = best_line(&points, &once);
-        let twice = weigh(&second);
-        let third = best_line(&points, &twice);
-        // The side must not jump with the coefficients: the left of the way from the first point to the last.
+        let uniform = vec![1.0; points.len()];
+        let first = best_line(&points, &uniform);
+        let by_first = weights_of(&first);
+        let second = best_line(&points, &by_first);
+        let by_second = weights_of(&second);
+        let third = best_line(&points, &by_second);
+        // The sign must not change with the coefficients: positive is left of the way from first to last point.
         let ([x, y], (start, end)) = (third.0, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
-        let (lines, weights) = ([first, second, third], [even, once, twice]);
+        let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
         Some(Self { points, jacobians, lines, weights, sign })
     }
 
@@ -99,9 +105,9 @@ impl Straightened {
         self.points.iter().zip(&self.weights[2]).map(distance).collect()
     }
 
-    /// Derivatives of the distances where points and Jacobians change so: the three steps, derived one after
-    /// the other.
-    fn slopes(&self, by: impl Fn(usize) -> ByCoefficient) -> Vec<f64> {
+    /// Derivatives of the distances by a coefficient that changes points and Jacobians by `by`: the chain rule
+    /// through the three fits.
+    fn jacobian_column(&self, by: impl Fn(usize) -> ByCoefficient) -> Vec<f64> {
         let changes: Vec<ByCoefficient> = (0..self.points.len()).map(by).collect();
         let mut d_weights = vec![0.0; self.points.len()];
         let mut d_line = ([0.0; 2], 0.0);
@@ -109,19 +115,19 @@ impl Straightened {
             if step > 0 {
                 d_weights = self.d_weights(step, &changes, d_line.0);
             }
-            d_line = best_line_slopes(&self.points, &self.weights[step], &changes, &d_weights);
+            d_line = best_line_derivatives(&self.points, &self.weights[step], &changes, &d_weights);
         }
         let (([x, y], c), ([dx, dy], dc)) = (self.lines[2], d_line);
-        let slope = |i: usize| {
+        let derivative = |i: usize| {
             let ([u, v], [du, dv], weight) = (self.points[i], changes[i].at, self.weights[2][i]);
-            let off = x * u + y * v - c;
-            let d_off = dx * u + dy * v + x * du + y * dv - dc;
-            self.sign * weight.sqrt() * (d_off + 0.5 * off * d_weights[i] / weight)
+            let distance = x * u + y * v - c;
+            let d_distance = dx * u + dy * v + x * du + y * dv - dc;
+            self.sign * weight.sqrt() * (d_distance + 0.5 * distance * d_weights[i] / weight)
         };
-        (0..self.points.len()).map(slope).collect()
+        (0..self.points.len()).map(derivative).collect()
     }
 
-    /// `d w = -2 w^2 (J' n) . d(J' n)` of the weights of a step, with the change of the line before it.
+    /// `d w = -2 w^2 (J' n) . d(J' n)`, the change of the weights of a fit with that of the line before it.
     fn d_weights(&self, step: usize, changes: &[ByCoefficient], [dx, dy]: [f64; 2]) -> Vec<f64> {
         let ([x, y], _) = self.lines[step - 1];
         let change = |i: usize| {
@@ -151,9 +157,9 @@ pub(crate) fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64)
     (normal, normal[0] * mu + normal[1] * mv)
 }
 
-/// How [`best_line`] changes with its points and weights: with the moments S about the weighted mean m,
+/// How [`best_line`] changes with its points and weights: with the second moments S about the weighted mean m,
 /// `angle = atan2(2 S_uv, S_uu - S_vv) / 2`, and `c = n . m`.
-fn best_line_slopes(
+fn best_line_derivatives(
     points: &[[f64; 2]],
     weights: &[f64],
     changes: &[ByCoefficient],
@@ -164,7 +170,7 @@ fn best_line_slopes(
     let each = || points.iter().zip(weights).zip(changes.iter().zip(d_weights));
     let d_mean = [0, 1]
         .map(|k| each().map(|((p, w), (by, dw))| dw * (p[k] - mean[k]) + w * by.at[k]).sum::<f64>() / total);
-    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean takes no part, for offsets from it sum to 0.
+    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean has no effect, for offsets from it sum to 0.
     let (mut sine, mut cosine, mut d_sine, mut d_cosine) = (0.0, 0.0, 0.0, 0.0);
     for (([u, v], w), (ByCoefficient { at: [du, dv], .. }, dw)) in each() {
         let (u, v) = (u - mean[0], v - mean[1]);
@@ -183,15 +189,15 @@ fn best_line_slopes(
     (d_normal, d_offset)
 }
 
-/// Distances of a polyline's points from straight under a lens that is held, root mean square in raw
-/// pixels; `None` where the lens shows nothing.
+/// Root mean square distance of a polyline's points from straight under a given lens, in raw pixels; `None`
+/// where a point cannot be undistorted.
 #[must_use]
 pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
     let distances = straightness(lens, points)?;
     Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
-/// Range of movements across a line once a movement that keeps it straight is taken out.
+/// How far displacements across a line bend it: their range after the best straight displacement is subtracted.
 pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     let count = points.len() as f64;
     let (first, last) = (points[0], points[points.len() - 1]);
@@ -205,9 +211,9 @@ pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
         tt += (along(p) - mean_t).powi(2);
         tm += (along(p) - mean_t) * (m - mean_m);
     }
-    let off = points.iter().zip(moved).map(|(p, m)| m - mean_m - tm / tt * (along(p) - mean_t));
+    let residuals = points.iter().zip(moved).map(|(p, m)| m - mean_m - tm / tt * (along(p) - mean_t));
     let (low, high) =
-        off.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), o| (low.min(o), high.max(o)));
+        residuals.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| (low.min(r), high.max(r)));
     high - low
 }
 
@@ -219,7 +225,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slopes_of_straightness_are_those_of_differences(
+        fn the_jacobian_of_straightness_is_that_of_differences(
             distortion in any_distortion(), start in [100.0..1800.0_f64, 100.0..900.0_f64],
             way in [-1.0..1.0_f64, -1.0..1.0_f64], off in prop::collection::vec(-2.0..2.0_f64, 5),
         ) {
@@ -233,7 +239,7 @@ mod tests {
             };
             let points: Vec<Pixel> = off.iter().enumerate().map(point).collect();
             let indices: Vec<usize> = (0..distortion.names().len()).collect();
-            let Some((distances, slopes)) = straightness_with_slopes(&lens, &points, &indices) else { return Ok(()) };
+            let Some((distances, slopes)) = straightness_with_jacobian(&lens, &points, &indices) else { return Ok(()) };
             // Near the fold differences are not derivatives.
             let regular = points.iter().all(|&p| {
                 lens.undistort_jacobian(p).is_some_and(|j| j.iter().flatten().all(|slope| slope.abs() < 5.0))

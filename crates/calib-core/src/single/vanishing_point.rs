@@ -1,30 +1,30 @@
-//! The vanishing point of a bundle of lines, and roll from that of the verticals (the paper's stage 1, step 1).
+//! The vanishing point of several image lines, and roll from that of the verticals (the paper's stage 1, step 1).
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::single::constraints::Line;
 
-/// The line through both ends, homogeneous: `end1 x end2`.
+/// The homogeneous line through two points: their cross product.
 pub(crate) fn line_through([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> [f64; 3] {
     [y1 - y2, x2 - x1, x1 * y2 - y1 * x2]
 }
 
 /// The point, homogeneous, whose distances from all lines have the least sum of squares.
 ///
-/// Distances are those of lines of unit normal in coordinates of the size of 1. The point may be at
-/// infinity (third coordinate 0). `None` for fewer than two lines or for lines that coincide.
+/// It is the eigenvector of the least eigenvalue of the scatter matrix of the lines, each of unit normal, in
+/// coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None` for fewer than two lines or for lines that coincide.
 pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
     let lines: Vec<&Line> = lines.collect();
     if lines.len() < 2 {
         return None;
     }
-    // Coordinates of the size of 1 keep the eigenvalues comparable.
+    // Coordinates of magnitude 1 keep the eigenvalues comparable.
     let size = lines
         .iter()
         .flat_map(|line| line.ends)
-        .fold(0.0_f64, |most, end| most.max(end.at[0].abs()).max(end.at[1].abs()));
+        .fold(0.0_f64, |most, end| most.max(end.point[0].abs()).max(end.point[1].abs()));
     let scatter = lines.iter().fold(Matrix3::zeros(), |sum, line| {
-        let [a, b] = line.ends.map(|end| end.at.map(|c| c / size));
+        let [a, b] = line.ends.map(|end| end.point.map(|c| c / size));
         let line = Vector3::from(line_through(a, b));
         sum + line * line.transpose() / line.xy().norm_squared().max(f64::MIN_POSITIVE)
     });
@@ -32,7 +32,7 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
     let (least, _) = eigen.eigenvalues.argmin();
     let mut sorted: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
-    // One line drawn twice leaves a whole line of candidates.
+    // Of lines that coincide every point of the line is a minimum.
     if sorted[1] <= 1e-24 * sorted[2] {
         return None;
     }
@@ -52,7 +52,7 @@ mod tests {
     use crate::single::constraints::{Direction, Endpoint, Source};
 
     fn line(a: [f64; 2], b: [f64; 2]) -> Line {
-        let end = |at| Endpoint { at, covariance: [1.0, 0.0, 1.0] };
+        let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
         Line {
             ends: [end(a), end(b)],
             direction: Direction::Vertical,

@@ -38,10 +38,10 @@ impl CameraResult {
 }
 
 /// What the document has of a camera: its solution, or why it has none.
-pub(crate) type Told = Result<Solution, FailureEntry>;
+pub(crate) type DocumentEntry = Result<Solution, FailureEntry>;
 
 /// What is to be said of a camera's result, or why it has none.
-pub(crate) type Found = Result<Vec<Finding>, Failure>;
+pub(crate) type FindingsOrFailure = Result<Vec<Finding>, Failure>;
 
 impl Site {
     /// Findings in the words of the document.
@@ -49,8 +49,12 @@ impl Site {
         findings.iter().map(|finding| self.in_english(camera, finding, Names::InFile)).collect()
     }
 
-    /// A camera's result for the document, and what was found as values.
-    pub(crate) fn told(&self, camera: usize, result: Result<CameraResult, Failure>) -> (Told, Found) {
+    /// A camera's result as the document has it, and its findings as values.
+    pub(crate) fn to_document(
+        &self,
+        camera: usize,
+        result: Result<CameraResult, Failure>,
+    ) -> (DocumentEntry, FindingsOrFailure) {
         match result {
             Ok(result) => (Ok(result.document(self, camera)), Ok(result.findings)),
             Err(failure) => (Err(FailureEntry::from(&failure)), Err(failure)),

@@ -4,7 +4,7 @@ use crate::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, PlanScale,
     WorldPoint,
 };
-use crate::floor::{ControlPoint, Placement, Shape3, default_efov, efov_on_floor};
+use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors};
 use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
 use crate::site::elements::Mark;
@@ -39,12 +39,12 @@ impl Site {
 impl Mark {
     /// The mark as a shape in the base system.
     #[must_use]
-    pub fn shape(&self) -> Shape3 {
+    pub fn shape(&self) -> MarkShape {
         let (at, turn_deg) = match &self.solution {
             Some(solution) => (solution.at_m, solution.turn_deg.unwrap_or(self.turn_deg)),
             None => (self.at_m, self.turn_deg),
         };
-        Shape3 { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
+        MarkShape { kind: self.kind, at, turn: turn_deg.to_radians(), size: self.size_m.clone() }
     }
 }
 
@@ -143,7 +143,7 @@ impl SiteCamera {
         given.unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
     }
 
-    /// The lens as far as it is given: distortion held at its coefficients, or none.
+    /// The lens as far as it is given: with fixed coefficients, or without distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
         let pinhole = Lens::pinhole(self.principal_point());
@@ -156,9 +156,9 @@ impl SiteCamera {
         given().unwrap_or(pinhole)
     }
 
-    /// What of the orientation is held.
+    /// The parameters that are fixed, with their values.
     #[must_use]
-    pub fn held(&self) -> FixedParameters {
+    pub fn fixed_parameters(&self) -> FixedParameters {
         let fixed = |known: Option<crate::Known>| known.filter(|known| known.fixed).map(|known| known.value);
         let Some(lens) = &self.lens else {
             return FixedParameters { height: fixed(self.height_m), ..FixedParameters::default() };
@@ -171,7 +171,7 @@ impl SiteCamera {
         }
     }
 
-    /// What is believed of the orientation and the height.
+    /// Priors on orientation, focal and height.
     #[must_use]
     pub fn priors(&self) -> Priors {
         let prior = |known: Option<crate::Known>| {
@@ -196,7 +196,7 @@ impl SiteCamera {
         self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
     }
 
-    /// Whether it was solved, and stands where it belongs in the site.
+    /// Whether it was solved and placed in the site.
     #[must_use]
     pub fn is_placed(&self) -> bool {
         self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)

@@ -20,7 +20,7 @@ pub(crate) struct LensEstimate {
 }
 
 /// What a distortion entry asks to be fitted; `None` when its coefficients are given.
-fn asked(entry: &DistortionEntry) -> Option<Fitted> {
+fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
     if entry.distortion().is_some() {
         return None;
     }
@@ -59,16 +59,16 @@ impl Site {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             return LensEstimate { lens: solution.lens(), fit: None, straightness: Vec::new() };
         }
-        let fit = self.lens_question(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
+        let fit = self.lens_problem(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
         let lens = fit.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
         LensEstimate { lens, fit, straightness: Vec::new() }
     }
 
-    /// The edges from which the lens of a camera is fitted, and what is asked; `None` where it is given.
-    fn lens_question(&self, entry: &SiteCamera) -> Option<(Vec<Edge>, LensOptions)> {
+    /// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
+    fn lens_problem(&self, entry: &SiteCamera) -> Option<(Vec<Edge>, LensOptions)> {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
-        let fitted = distortion.map(asked);
-        // Without polylines, lines that happen to have a third point are not asked about the lens.
+        let fitted = distortion.map(fitted_coefficients);
+        // Without straight edges the lens is not fitted to other lines that have a third point.
         let straight = entry.annotations.iter().any(|a| a.is_straight_edge() && !a.off);
         if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
             return None;
@@ -79,7 +79,7 @@ impl Site {
         let options = LensOptions {
             principal_point: entry.principal_point(),
             size: entry.size(),
-            // Of the others the coefficients do not depend on it: another focal is no other question.
+            // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
             focal: focal.filter(|_| fitted.as_ref().is_some_and(Fitted::has_own_focal)),
             fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
@@ -92,10 +92,10 @@ impl Site {
     #[must_use]
     pub fn lenses(&self, before: &LensCache) -> LensCache {
         let mut lenses = LensCache::default();
-        // The lens of another camera is asked of that one.
+        // A shared lens is fitted with its owner.
         let is_own = |entry: &&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
-        let questions = self.cameras.iter().filter(is_own).filter_map(|entry| self.lens_question(entry));
-        for (edges, options) in questions {
+        let problems = self.cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry));
+        for (edges, options) in problems {
             lenses.keep(edges, options, before);
         }
         lenses
@@ -108,7 +108,7 @@ impl Site {
                 && other.size_px == owner.size_px
                 && other.principal_point() == owner.principal_point()
         };
-        // Theirs say nothing about the owner's annotations: they stand beyond the list.
+        // Edges of other cameras belong to no annotation of the owner: their index is out of range.
         let beyond = Source { annotation: usize::MAX, segment: 0 };
         let shared = self.cameras.iter().filter(is_like).flat_map(|other| edges(&other.annotations));
         edges(&owner.annotations)
@@ -140,24 +140,24 @@ impl LensEstimate {
     pub(crate) fn findings(&self, annotations: &[Annotation]) -> Vec<Finding> {
         /// Pixels by which the undistorted corner may be uncertain.
         const MOST: f64 = 10.0;
-        /// Edges that together say enough, however little each says.
+        /// Least number of edges, each uninformative by itself, that may determine a lens together.
         const ENOUGH: usize = 5;
         let Some(fit) = &self.fit else {
             return self.unfitted().into_iter().collect();
         };
         let is_own =
             |source: &Source| annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge);
-        let mute: Vec<(Source, f64)> =
+        let uninformative: Vec<(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
         let [_, _, corner] = fit.map_error;
         let mut findings = Vec::new();
-        // Where the corners are known, many edges are not named for what each of them does not say.
-        let is_told = fit.fitted.is_some() && corner <= MOST && mute.len() >= ENOUGH;
-        if !mute.is_empty() && !is_told {
+        // Where many edges determine the corners together, none of them is reported as uninformative.
+        let is_determined = fit.fitted.is_some() && corner <= MOST && uninformative.len() >= ENOUGH;
+        if !uninformative.is_empty() && !is_determined {
             findings.push(Finding::UninformativeEdges {
-                edges: mute.iter().map(|(source, _)| *source).collect(),
+                edges: uninformative.iter().map(|(source, _)| *source).collect(),
                 drawn: self.straightness.len(),
-                bend_px: mute.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
+                bend_px: uninformative.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
             });
         }
         if corner > MOST {
@@ -170,7 +170,7 @@ impl LensEstimate {
         findings
     }
 
-    /// Straight edges beside a lens that is given: they check it, and change nothing.
+    /// The finding about straight edges under a fixed lens: they estimate nothing, their residuals are reported.
     fn unfitted(&self) -> Option<Finding> {
         let (first, _) = self.straightness.first()?;
         let count = self.straightness.len();

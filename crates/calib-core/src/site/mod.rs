@@ -1,6 +1,13 @@
 //! The site document, its checks, and the pipeline that solves it.
 //!
-//! Law: the only folder that knows names, degrees and files' words; it states no formula.
+//! Law: the only folder that knows names, degrees and the words of files; it states no formula.
+//!
+//! - `document`, `elements`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
+//!   of the geometry;
+//! - `english` findings and failures as sentences; `camera_result` a result before that;
+//! - `bounds`, `check`, `check_elements`, `check_solution`, `period`, `site_error` reading and checking;
+//! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
+//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
 
 mod solution;
 mod site_solution;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use crate::camera::{Pixel, WorldPoint};
-use crate::floor::Shape3;
+use crate::floor::MarkShape;
 use crate::outcome::Failure;
 use crate::single::{Known, Prior};
 use crate::site::document::{ControlPointEntry, Site};
@@ -228,7 +228,7 @@ fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
 
 fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
     let unturned =
-        Shape3 { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
+        MarkShape { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
     let mut names: Vec<&str> = Vec::new();
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut observations = Vec::new();

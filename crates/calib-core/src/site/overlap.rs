@@ -14,7 +14,7 @@ use crate::site::site_solution::Overlap;
 use crate::site::solution::Stage;
 
 impl Site {
-    /// Pairs of cameras that share evidence, or floor.
+    /// Pairs of cameras that share landmarks or floor.
     pub(crate) fn overlaps(
         &self,
         bundle: &BundleResult,
@@ -117,7 +117,7 @@ fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoin
     grid.filter(|&at| a.contains(at) && b.contains(at)).collect()
 }
 
-/// Predicted variance of the distance between where two cameras put one point of the floor:
+/// Predicted variance of the distance between the places of one point of the floor by two cameras:
 /// the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`.
 fn disagreement(
     at: FloorPoint,

@@ -6,7 +6,7 @@ use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::floor::{default_efov, efov_on_floor};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, Tie};
-use crate::single::{Constraints, OPEN_FOCAL, Unusable};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL};
 use crate::site::bounds::At;
 use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
@@ -15,7 +15,7 @@ use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
-use crate::site::single_step::{LensOwners, Lenses, SingleFit, listed, residuals_when_off, rms};
+use crate::site::single_step::{LensOwners, Lenses, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 
@@ -96,11 +96,11 @@ impl Site {
             site_findings.extend(self.unused_ties());
         }
         site.warnings = self.words(None, &site_findings);
-        let told = |(index, result)| {
-            let (told, found) = self.told(index, result);
-            ((index, told), found)
+        let entry = |(index, result)| {
+            let (entry, findings) = self.to_document(index, result);
+            ((index, entry), findings)
         };
-        let (cameras, findings) = results.into_iter().map(told).unzip();
+        let (cameras, findings) = results.into_iter().map(entry).unzip();
         Report { cameras, findings, links, marks, site, site_findings }
     }
 
@@ -165,7 +165,7 @@ impl Site {
         let first = first.as_ref().map_err(Clone::clone)?;
         let mut result = first.result.clone();
         if entry.is_given() {
-            // What an earlier solve said of what it shares is said anew.
+            // Residuals of shared elements are computed again.
             result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
             return check_finite(result);
         }
@@ -174,12 +174,11 @@ impl Site {
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
             Some(joined) if joined.is_connected => {
-                // What was told of the height and what the placement says are held against each other
-                // all the same.
-                let mut said = Vec::new();
-                let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut said);
-                said.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
-                result.findings.extend(said);
+                // A height in conflict with the placement is reported for connected cameras, too.
+                let mut conflicts = Vec::new();
+                let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut conflicts);
+                conflicts.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
+                result.findings.extend(conflicts);
                 (joined.camera, Stage::Refined)
             }
             _ => self.place(entry, own, &mut result.findings),
@@ -194,10 +193,10 @@ impl Site {
             placed_uncertainty(entry, &camera, &mut result);
         }
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
-        result.solution.residuals.extend(listed(straightness.into_iter(), &[]));
+        result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
         result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
         result.findings.extend(first.lens_estimate.findings(&entry.annotations));
-        result.findings.extend(unusable(&first.constraints));
+        result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.solution.efov_m = efov(entry, &camera, &mut result.findings);
         self.add_control_residuals(entry, &camera, &mut result);
@@ -224,12 +223,12 @@ fn rewrite(
     solution.sigma_px = Some(joined.sigma);
     let outliers = first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);
     let off = residuals_when_off(entry, camera);
-    solution.residuals = listed(joined.residuals.iter().copied().chain(off), outliers);
+    solution.residuals = residual_entries(joined.residuals.iter().copied().chain(off), outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    // What stage 1 left open the other cameras may tell.
-    let told =
+    // The other cameras may determine a focal that stage 1 does not.
+    let focal_is_determined =
         camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
-    if joined.is_connected && told {
+    if joined.is_connected && focal_is_determined {
         findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
     if joined.is_connected && joined.is_misfit {
@@ -253,14 +252,15 @@ fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
     (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
 }
 
-fn unusable(constraints: &Constraints) -> impl Iterator<Item = Finding> {
-    constraints.unusable.iter().map(|(source, why)| match why {
-        Unusable::OutsideLens => Finding::OutsideLens { line: *source },
-        Unusable::NoLength => Finding::NoLength { line: *source },
+/// Findings about the segments that give no constraint.
+fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> {
+    constraints.invalid.iter().map(|(source, why)| match why {
+        InvalidSegment::OutsideLens => Finding::OutsideLens { line: *source },
+        InvalidSegment::NoLength => Finding::NoLength { line: *source },
     })
 }
 
-/// A result with a number that is none is no result.
+/// `Err` for a result with a number that is not finite.
 fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let solution = &result.solution;
     let pose = solution.camera().is_none_or(|camera| {
@@ -273,7 +273,7 @@ fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let others = solution.alternatives.iter().all(|other| {
         [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
     });
-    // What cannot be read again must not be written.
+    // A document that could not be read again must not be written.
     let readable = check_solution(&At::root(), solution).is_ok();
     if pose && quality && others && readable { Ok(result) } else { Err(Failure::TooExtreme) }
 }

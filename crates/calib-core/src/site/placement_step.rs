@@ -1,4 +1,4 @@
-//! Stage 2 of one camera: by control points, by the operator's hand, and what that does to its sigmas.
+//! Stage 2 of one camera: placement by control points or by the operator, with its uncertainty.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ use crate::site::camera_result::CameraResult;
 use crate::site::document::{ControlPointEntry, Site, SiteCamera};
 use crate::site::solution::{CovarianceEntry, Sigmas, Solution, Stage};
 
-/// Relative: what a hand can tell of a camera's height by dragging a polygon over a plan.
+/// Relative standard deviation of a height by placement: of dragging and scaling a polygon over a plan.
 const HAND: f64 = 0.02;
 
 impl Site {
@@ -28,9 +28,9 @@ impl Site {
             .filter(|point| !point.off)
             .filter_map(|point| point.control_point(self.plan.as_ref()))
             .collect();
-        let held = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
-        if !fixed && let Some(placed) = from_control_points(&first, &points, held) {
-            scale_conflict(&first, placed.position.z, held.is_some(), findings);
+        let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
+        if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
+            scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
             let sigma = entry.sigma_px.unwrap_or(1.0);
             return (with_placement_covariance(&placed, &points, sigma), Stage::Placed);
         }
@@ -40,7 +40,7 @@ impl Site {
         match &entry.placement {
             Some(placement) => {
                 let by_hand = placement.placement().apply(&first);
-                (join_heights(&first, by_hand, placement.fixed, held, findings), Stage::Placed)
+                (join_heights(&first, by_hand, placement.fixed, fixed_height, findings), Stage::Placed)
             }
             None => (first, Stage::Partial),
         }
@@ -99,19 +99,19 @@ fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
     })
 }
 
-/// The height that the hand gave joined with the one that was entered or told by lines; a fixed
-/// placement wins.
+/// The height by placement combined with the one that was entered or estimated from drawings, each weighted by its
+/// information; that of a fixed placement is used as it is.
 fn join_heights(
     first: &Camera,
     by_hand: Camera,
     fixed: bool,
-    held: Option<f64>,
+    fixed_height: Option<f64>,
     findings: &mut Vec<Finding>,
 ) -> Camera {
     let hand = by_hand.position.z;
-    let told = first.covariance.sigma(Covariance::Z);
-    scale_conflict(first, hand, held.is_some(), findings);
-    let (z, variance) = match (held, told) {
+    let height_sigma = first.covariance.sigma(Covariance::Z);
+    scale_conflict(first, hand, fixed_height.is_some(), findings);
+    let (z, variance) = match (fixed_height, height_sigma) {
         _ if fixed => (hand, 0.0),
         (Some(height), _) => (height, 0.0),
         (None, Some(sigma)) => {
@@ -130,16 +130,16 @@ fn join_heights(
     joined
 }
 
-/// A height that was entered or told by lines and the one that placement gave must be of one opinion.
-fn scale_conflict(first: &Camera, placed: f64, is_held: bool, findings: &mut Vec<Finding>) {
-    let told = first.covariance.sigma(Covariance::Z);
-    if told.is_none() && !is_held {
+/// Reports a height, entered or estimated from drawings, that differs from the one by placement by over 3 sigma.
+fn scale_conflict(first: &Camera, placed: f64, is_fixed: bool, findings: &mut Vec<Finding>) {
+    let height_sigma = first.covariance.sigma(Covariance::Z);
+    if height_sigma.is_none() && !is_fixed {
         return;
     }
-    let sigma = told.unwrap_or(0.0).hypot(HAND * placed);
+    let sigma = height_sigma.unwrap_or(0.0).hypot(HAND * placed);
     let height = first.position.z;
     if (height - placed).abs() > 3.0 * sigma {
-        findings.push(Finding::ScaleConflict { told: height, placed });
+        findings.push(Finding::ScaleConflict { estimated: height, placed });
     }
 }
 

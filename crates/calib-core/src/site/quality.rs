@@ -1,5 +1,5 @@
-//! How good the site is as a whole: where links and marks are, how far cameras disagree, what hangs
-//! together and what does not.
+//! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of the
+//! view graph, scale.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::site::observations::LandmarkSource;
 use crate::site::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
 use crate::site::solution::{Sigmas, Stage};
 
-/// Where a landmark is and what every observation of it is off, in pixels.
+/// The place of a landmark and the residual of every observation of it, in pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangulated {
     model: LandmarkModel,
@@ -34,7 +34,7 @@ impl BundleResult {
                 if seen.is_empty() {
                     return None;
                 }
-                // What is off has no place in the fit: it is where a camera puts it.
+                // A landmark that is switched off is not in the fit: it is triangulated.
                 let (model, place) = if landmark.off {
                     triangulate(
                         &Landmark { observations: seen.clone(), ..landmark.clone() },
@@ -100,8 +100,7 @@ impl Site {
         }
     }
 
-    /// Writes into every camera what links and marks are off there, and which of its control points
-    /// were rejected.
+    /// Writes into every camera the residuals of links and marks, and which of its control points were rejected.
     pub(crate) fn add_shared_residuals(
         &self,
         bundle: &BundleResult,
@@ -162,7 +161,7 @@ impl Site {
         [links, marks]
     }
 
-    /// What hangs together, what gives the scale, how far cameras disagree.
+    /// Components, scale, and disagreement between cameras.
     pub(crate) fn quality(
         &self,
         bundle: &BundleResult,
@@ -233,7 +232,7 @@ impl Site {
                 Finding::NotConnected { cameras: views.clone(), apart }
             })
             .collect();
-        // Tied, and yet free to slide: a line along its view, a point behind another.
+        // Connected, but its position is not determined: a line along its view, a point behind another.
         let slides = |result: &CameraResult| {
             let camera = Some(&result.solution).filter(|s| s.stage == Stage::Refined)?.camera()?;
             let wide =
@@ -274,7 +273,7 @@ fn rejected_elements(
                 .as_ref()
                 .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
             let worst = worst.map(|(seen, px)| (seen.view, *px));
-            // Control points are told of with their cameras.
+            // Control points are reported with their cameras.
             let is_element = matches!(element, Subject::Link(_) | Subject::Mark(_));
             is_element.then_some(Finding::ElementOutlier { element, worst })
         }

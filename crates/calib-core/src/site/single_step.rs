@@ -19,27 +19,27 @@ use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Metho
 /// Stage 1 of the cameras whose lens others share, by their ids.
 pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 
-/// What is known of lenses before a camera is asked for its own.
+/// Lenses that are estimated already: those that cameras share, and those of an earlier calibration.
 #[derive(Clone, Copy)]
 pub(crate) struct Lenses<'a> {
     pub(crate) owners: &'a LensOwners,
     pub(crate) known: &'a LensCache,
 }
 
-/// What is held of the orientation; the focal may be that of the camera this one is like.
-fn held_of(
+/// The fixed parameters of a camera; a shared lens fixes the focal at that of its owner.
+fn fixed_parameters(
     entry: &SiteCamera,
     owner: Option<&Result<SingleFit, Failure>>,
 ) -> Result<FixedParameters, Failure> {
-    let own = entry.held();
+    let own = entry.fixed_parameters();
     match owner {
         None => Ok(own),
-        // Of edges alone the focal stays open: each camera's own lines tell it.
-        Some(Ok(owner)) if owner.result.solution.stage == Stage::Lens && owner.held.focal.is_none() => {
+        // Straight edges do not determine the focal: each camera's own lines do.
+        Some(Ok(owner)) if owner.result.solution.stage == Stage::Lens && owner.fixed.focal.is_none() => {
             Ok(own)
         }
         Some(Ok(owner)) => {
-            Ok(FixedParameters { focal: owner.held.focal.or(Some(owner.result.solution.focal_px)), ..own })
+            Ok(FixedParameters { focal: owner.fixed.focal.or(Some(owner.result.solution.focal_px)), ..own })
         }
         Some(Err(failure)) => {
             let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
@@ -53,25 +53,26 @@ fn held_of(
 pub(crate) struct SingleFit {
     pub(crate) result: CameraResult,
     pub(crate) lens_estimate: LensEstimate,
-    /// What the lines said through the lens, and what of them was held.
+    /// The constraints under the lens.
     pub(crate) constraints: Constraints,
-    pub(crate) held: FixedParameters,
+    /// The parameters that were not estimated.
+    pub(crate) fixed: FixedParameters,
     /// The maximum-likelihood fit.
     pub(crate) fit: Option<Fit>,
 }
 
 impl SingleFit {
-    /// Whether the lens was fitted to lines of this camera, and lines were drawn beside.
+    /// Whether both the lens and the orientation were fitted to drawings of this camera.
     pub(crate) fn is_fitted(&self) -> bool {
         self.fit.is_some() && self.lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
     }
 }
 
 impl Site {
-    /// Stage 1 of a camera; what was typed or imported stands.
+    /// Stage 1 of a camera; a solution that was typed or imported is kept.
     ///
-    /// A lens that is fitted is known better once stage 1 has spoken, too: `better` is what the joint fit
-    /// made of the first answer. Until then no line is rejected, for it may be the lens that is wrong.
+    /// A fitted lens is estimated better together with the other constraints: `better` is the estimate of the
+    /// bundle adjustment of the first fit. Until then no line is rejected, for the lens may be wrong.
     pub(crate) fn fit_single(
         &self,
         entry: &SiteCamera,
@@ -90,11 +91,11 @@ impl Site {
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
         lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
         let lens = lens_estimate.lens;
-        let single_fit = |result, lens_estimate, constraints, held, fit| SingleFit {
+        let single_fit = |result, lens_estimate, constraints, fixed, fit| SingleFit {
             result,
             lens_estimate,
             constraints,
-            held,
+            fixed,
             fit,
         };
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
@@ -106,30 +107,31 @@ impl Site {
                 None,
             ));
         }
-        let held = held_of(entry, owner)?;
-        let constraints = Constraints::new(&entry.annotations, &lens, false);
-        let is_open = held.roll.is_none() || held.pitch.is_none() || held.focal.is_none();
+        let fixed = fixed_parameters(entry, owner)?;
+        let constraints = Constraints::new(&entry.annotations, &lens);
+        let is_open = fixed.roll.is_none() || fixed.pitch.is_none() || fixed.focal.is_none();
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
-            return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, held, None));
+            return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, fixed, None));
         }
         let (result, fit) = match options.method {
-            Method::Paper => (paper(entry, &constraints, lens, held)?, None),
+            Method::Paper => (paper(entry, &constraints, lens, fixed)?, None),
             Method::MaximumLikelihood | Method::Given => {
                 let weak_prior_used = options.prior;
-                let (result, fit) = likelihood(entry, &constraints, lens, held, [weak_prior_used, is_draft])?;
+                let (result, fit) =
+                    likelihood(entry, &constraints, lens, fixed, [weak_prior_used, is_draft])?;
                 (result, Some(fit))
             }
         };
-        Ok(single_fit(result, lens_estimate, constraints, held, fit))
+        Ok(single_fit(result, lens_estimate, constraints, fixed, fit))
     }
 }
 
-/// Stage 1 by the joint fit in pixels.
+/// Stage 1 by maximum likelihood.
 fn likelihood(
     entry: &SiteCamera,
     constraints: &Constraints,
     lens: Lens,
-    held: FixedParameters,
+    fixed: FixedParameters,
     [prior, keeps_all]: [bool; 2],
 ) -> Result<(CameraResult, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
@@ -138,9 +140,9 @@ fn likelihood(
         lens,
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
-        fixed: held,
-        // What is held needs no prior beside it.
-        priors: Priors { focal: entry.priors().focal.filter(|_| held.focal.is_none()), ..entry.priors() },
+        fixed,
+        // A fixed focal needs no prior.
+        priors: Priors { focal: entry.priors().focal.filter(|_| fixed.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
         weak_prior: prior,
         keep: &keep,
@@ -157,14 +159,14 @@ fn likelihood(
     let mut findings = findings(&fit, sketch.as_ref().map(|sketch| sketch.suggestion));
     findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera);
-    solution.residuals = listed(fit.residuals.iter().copied().chain(off), &fit.outliers);
+    solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     Ok((CameraResult { solution, findings, sketch }, fit))
 }
 
-/// What is switched off, as far from the prediction of a camera as it is.
+/// Residuals of the annotations that are switched off, in pixels.
 pub(crate) fn residuals_when_off(entry: &SiteCamera, camera: &Camera) -> Vec<(Source, f64)> {
-    let off = Constraints::new(&entry.annotations, &camera.lens, true);
+    let off = Constraints::switched_off(&entry.annotations, &camera.lens);
     let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
     residuals_at(&off, at, camera.position.z, entry.size()[0])
 }
@@ -185,11 +187,11 @@ fn paper(
     entry: &SiteCamera,
     constraints: &Constraints,
     lens: Lens,
-    held: FixedParameters,
+    fixed: FixedParameters,
 ) -> Result<CameraResult, Failure> {
     let width = entry.size()[0];
-    let (at, _) = paper_minimum(constraints, held, width)?;
-    let height = held.height.unwrap_or(STAGE_1_HEIGHT);
+    let (at, _) = paper_minimum(constraints, fixed, width)?;
+    let height = fixed.height.unwrap_or(STAGE_1_HEIGHT);
     let camera = Camera {
         position: WorldPoint::new(0.0, 0.0, height),
         yaw: 0.0,
@@ -200,10 +202,10 @@ fn paper(
         covariance: Covariance::EXACT,
     };
     let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
-    let off = Constraints::new(&entry.annotations, &lens, true);
+    let off = Constraints::switched_off(&entry.annotations, &lens);
     let both =
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
-    solution.residuals = listed(both, &[]);
+    solution.residuals = residual_entries(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     let unknown = |kind: Kind| !kind.row().in_paper;
     let mut findings: Vec<Finding> = unused(&entry.annotations, Estimator::Paper, unknown).collect();
@@ -211,7 +213,11 @@ fn paper(
     Ok(CameraResult { findings, ..CameraResult::new(solution) })
 }
 
-pub(crate) fn listed(residuals: impl Iterator<Item = (Source, f64)>, outliers: &[Source]) -> Vec<Residual> {
+/// Residuals of annotations as the document has them, sorted, with outliers marked.
+pub(crate) fn residual_entries(
+    residuals: impl Iterator<Item = (Source, f64)>,
+    outliers: &[Source],
+) -> Vec<Residual> {
     let mut list: Vec<Residual> = residuals
         .filter(|(_, px)| px.is_finite())
         .map(|(source, px)| Residual {
@@ -258,8 +264,10 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
         covariance: CovarianceEntry::of(&camera),
         ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
     };
-    solution.residuals =
-        listed(lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations).into_iter(), &[]);
+    solution.residuals = residual_entries(
+        lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations).into_iter(),
+        &[],
+    );
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     let findings = lens_estimate.findings(&entry.annotations);
     CameraResult { findings, ..CameraResult::new(solution) }
@@ -272,7 +280,7 @@ pub(crate) fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// What a method cannot use is named, never dropped in silence.
+/// Findings about the annotations that a method cannot use.
 fn unused(
     annotations: &[Annotation],
     by: Estimator,

@@ -1,6 +1,6 @@
 //! Virtual elements: marks of the site, and a figure to compare with.
 
-use calib_core::{Camera, Mark, MarkKind, Pixel, Shape3, WorldPoint};
+use calib_core::{Camera, Mark, MarkKind, MarkShape, Pixel, WorldPoint};
 
 use crate::image::{ImageView, seen};
 use crate::item::Item;
@@ -43,7 +43,7 @@ fn used<'a>(view: &ImageView<'a>) -> impl Iterator<Item = (usize, &'a Mark)> {
 #[must_use]
 pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixel>>, Option<Pixel>)> {
     let at = camera.pixel_to_floor(foot, 0.0)?.at_height(0.0);
-    let shape = Shape3 { kind: MarkKind::Person, at, turn: camera.yaw, size: vec![height] };
+    let shape = MarkShape { kind: MarkKind::Person, at, turn: camera.yaw, size: vec![height] };
     let items = shape.polylines().iter().flat_map(|line| seen(camera, Meaning::Guide, line)).collect();
     Some((items, camera.world_to_pixel(WorldPoint { z: height, ..at })))
 }

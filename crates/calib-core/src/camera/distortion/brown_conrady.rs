@@ -11,7 +11,7 @@
 //! There is no closed inverse. Its derivatives are those of the implicit function: with the Jacobian A of
 //! the formula at the undistorted point u, `d u / d x' = A^-1`, and at a distorted point that stays
 //! `d u / d k = -A^-1 (d x' / d k)`, `d A^-1 / d k = -A^-1 (d A / d k + (d A / d u) (d u / d k)) A^-1`.
-//! A is symmetric, for the formula is the gradient of a function, so that three numbers say it.
+//! A is symmetric, for the formula is the gradient of a function, so that it is kept as three numbers.
 
 use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
@@ -67,24 +67,24 @@ impl BrownConrady {
     pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         let square = x * x + y * y;
         let radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3));
-        let slope = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
+        let d_radial = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
         [
-            radial + 2.0 * x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
-            2.0 * x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y,
-            radial + 2.0 * y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
+            radial + 2.0 * x * x * d_radial + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
+            2.0 * x * y * d_radial + 2.0 * self.p1 * x + 2.0 * self.p2 * y,
+            radial + 2.0 * y * y * d_radial + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
         ]
     }
 
     /// Change of [`Self::jacobian`] with the point: by x, and by y.
     fn jacobian_by_point(&self, [x, y]: [f64; 2]) -> [Symmetric; 2] {
         let square = x * x + y * y;
-        let slope = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
-        let curve = 4.0 * (2.0 * self.k2 + 6.0 * self.k3 * square);
-        // The third derivatives of a function of x and y: four numbers say them.
-        let xxx = 6.0 * x * slope + x * x * x * curve + 6.0 * self.p2;
-        let xxy = 2.0 * y * slope + x * x * y * curve + 2.0 * self.p1;
-        let xyy = 2.0 * x * slope + x * y * y * curve + 2.0 * self.p2;
-        let yyy = 6.0 * y * slope + y * y * y * curve + 6.0 * self.p1;
+        let d_radial = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
+        let dd_radial = 4.0 * (2.0 * self.k2 + 6.0 * self.k3 * square);
+        // The formula is the gradient of a function of x and y, whose third derivatives are four numbers.
+        let xxx = 6.0 * x * d_radial + x * x * x * dd_radial + 6.0 * self.p2;
+        let xxy = 2.0 * y * d_radial + x * x * y * dd_radial + 2.0 * self.p1;
+        let xyy = 2.0 * x * d_radial + x * y * y * dd_radial + 2.0 * self.p2;
+        let yyy = 6.0 * y * d_radial + y * y * y * dd_radial + 6.0 * self.p1;
         [[xxx, xxy, xyy], [xxy, xyy, yyy]]
     }
 
@@ -96,8 +96,8 @@ impl BrownConrady {
         if tangential == 0.0 {
             return self.radial().first_turn();
         }
-        let slope = [1.0, -6.0 * tangential, 3.0 * self.k1, 0.0, 5.0 * self.k2, 0.0, 7.0 * self.k3];
-        positive_roots(&slope).first().copied().unwrap_or(f64::INFINITY)
+        let derivative = [1.0, -6.0 * tangential, 3.0 * self.k1, 0.0, 5.0 * self.k2, 0.0, 7.0 * self.k3];
+        positive_roots(&derivative).first().copied().unwrap_or(f64::INFINITY)
     }
 
     /// Whether the map can be inverted within the radius of this undistorted point.
@@ -109,7 +109,7 @@ impl BrownConrady {
     /// Whether the model grows up to this radius by what only takes from its derivative: where even that
     /// leaves some, no root need be looked for.
     fn surely_grows(&self, radius: f64) -> bool {
-        self.radial().least_slope(radius) > 6.0 * self.p1.hypot(self.p2) * radius
+        self.radial().least_derivative(radius) > 6.0 * self.p1.hypot(self.p2) * radius
     }
 
     /// Where Newton's method starts, and whether that is the answer: the solution of the radial part, which a
@@ -131,8 +131,8 @@ fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MOST] {
     let square = x * x + y * y;
     // Of x r^2m: r^2m + 2 m x^2 r^(2m - 2).
     let radial = |m: i32| {
-        let (value, slope) = (square.powi(m), 2.0 * f64::from(m) * square.powi(m - 1));
-        [value + x * x * slope, x * y * slope, value + y * y * slope]
+        let (value, d_radial) = (square.powi(m), 2.0 * f64::from(m) * square.powi(m - 1));
+        [value + x * x * d_radial, x * y * d_radial, value + y * y * d_radial]
     };
     [radial(1), radial(2), radial(3), [2.0 * y, 2.0 * x, 6.0 * y], [6.0 * x, 2.0 * y, 2.0 * x]]
 }

@@ -74,7 +74,7 @@ impl Model for KannalaBrandt {
         let radius = x.hypot(y);
         let theta = radius.atan();
         let across = if radius < AXIS { 1.0 } else { self.polynomial().value(theta) / radius };
-        radial([x, y], across, self.polynomial().slope(theta) / (1.0 + radius * radius))
+        radial([x, y], across, self.polynomial().derivative(theta) / (1.0 + radius * radius))
     }
 
     fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
@@ -92,7 +92,7 @@ impl Model for KannalaBrandt {
     fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
         let (radius, tangent) = (bent[0].hypot(bent[1]), straight[0].hypot(straight[1]));
         let across = if radius < AXIS { 1.0 } else { tangent / radius };
-        radial(bent, across, (1.0 + tangent * tangent) / self.polynomial().slope(tangent.atan()))
+        radial(bent, across, (1.0 + tangent * tangent) / self.polynomial().derivative(tangent.atan()))
     }
 
     fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
@@ -102,13 +102,13 @@ impl Model for KannalaBrandt {
             return by;
         }
         let (theta, gain) = (tangent.atan(), 1.0 + tangent * tangent);
-        let (slope, curve) = (self.polynomial().slope(theta), self.polynomial().curvature(theta));
+        let (derivative, second) = (self.polynomial().derivative(theta), self.polynomial().curvature(theta));
         for (by, power) in by.iter_mut().zip(POWERS) {
-            let d_theta = -theta.powi(power) / slope;
-            let d_slope = curve * d_theta + f64::from(power) * theta.powi(power - 1);
+            let d_theta = -theta.powi(power) / derivative;
+            let d_derivative = second * d_theta + f64::from(power) * theta.powi(power - 1);
             let across = gain * d_theta / radius;
             // Of (1 + tan^2 theta) / P'.
-            let along = gain * (2.0 * tangent * d_theta - d_slope / slope) / slope;
+            let along = gain * (2.0 * tangent * d_theta - d_derivative / derivative) / derivative;
             *by = ByCoefficient { at: bent.map(|c| across * c), jacobian: radial(bent, across, along) };
         }
         by

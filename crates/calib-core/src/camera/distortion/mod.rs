@@ -281,7 +281,7 @@ pub(crate) mod tests {
     }
 
     /// Central differences of a pair of numbers.
-    fn slope(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
+    fn difference_quotient(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
         let (ahead, behind) = (at(STEP)?, at(-STEP)?);
         Some([0, 1].map(|i| (ahead[i] - behind[i]) / (2.0 * STEP)))
     }
@@ -340,10 +340,10 @@ pub(crate) mod tests {
             // Up to the fold all of them grow without bound.
             prop_assume!(x.hypot(y) < 0.9 * distortion.max_radius());
             let (jacobian, by) = (distortion.distort_jacobian([x, y]), distortion.distort_by_coefficients([x, y]));
-            prop_assert!(agrees(column(jacobian, 0), slope(|d| distortion.distort([x + d, y]))), "x");
-            prop_assert!(agrees(column(jacobian, 1), slope(|d| distortion.distort([x, y + d]))), "y");
+            prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.distort([x + d, y]))), "x");
+            prop_assert!(agrees(column(jacobian, 1), difference_quotient(|d| distortion.distort([x, y + d]))), "y");
             for (k, name) in distortion.names().iter().enumerate() {
-                let numeric = slope(|d| nudged(&distortion, k, d).distort([x, y]));
+                let numeric = difference_quotient(|d| nudged(&distortion, k, d).distort([x, y]));
                 prop_assert!(agrees(by[k], numeric), "{name:?}: {:?} {numeric:?}", by[k]);
             }
         }
@@ -358,14 +358,14 @@ pub(crate) mod tests {
                 Some(lens.undistort_jacobian([x, y], lens.undistort([x, y])?))
             };
             let jacobian = distortion.undistort_jacobian([x, y], straight);
-            prop_assert!(agrees(column(jacobian, 0), slope(|d| distortion.undistort([x + d, y]))), "x");
-            prop_assert!(agrees(column(jacobian, 1), slope(|d| distortion.undistort([x, y + d]))), "y");
+            prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.undistort([x + d, y]))), "x");
+            prop_assert!(agrees(column(jacobian, 1), difference_quotient(|d| distortion.undistort([x, y + d]))), "y");
             let by = distortion.undistort_by_coefficients([x, y], straight);
             for (k, name) in distortion.names().iter().enumerate() {
-                let numeric = slope(|d| nudged(&distortion, k, d).undistort([x, y]));
+                let numeric = difference_quotient(|d| nudged(&distortion, k, d).undistort([x, y]));
                 prop_assert!(agrees(by[k].at, numeric), "{name:?}: {:?} {numeric:?}", by[k]);
                 for row in 0..2 {
-                    let numeric = slope(|d| Some(jacobian_of(&nudged(&distortion, k, d))?[row]));
+                    let numeric = difference_quotient(|d| Some(jacobian_of(&nudged(&distortion, k, d))?[row]));
                     prop_assert!(agrees(by[k].jacobian[row], numeric), "{name:?}: {:?} {numeric:?}", by[k]);
                 }
             }

@@ -56,7 +56,7 @@ impl English<'_> {
             F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
-            F::ScaleConflict { told, placed } => scale_conflict(*told, *placed),
+            F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
                 "The distortion folds back on itself inside the image: a corner shows no ray.".into()

@@ -272,9 +272,9 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
     }
 }
 
-pub(super) fn scale_conflict(told: f64, placed: f64) -> String {
+pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {
     format!(
-        "The camera is {told:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
+        "The camera is {estimated:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
     )
 }
 

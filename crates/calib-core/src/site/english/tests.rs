@@ -85,7 +85,7 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::TooFewControlPoints { count: 1 }, Subject::Placement),
         (F::HiddenControlPoints { points: vec![0] }, Subject::OwnControlPoint(0)),
         (F::FarControlPoints { rms_px: 9.0, worst: 0, worst_px: 14.0 }, Subject::OwnControlPoint(0)),
-        (F::ScaleConflict { told: 3.0, placed: 5.0 }, Subject::Parameter(Parameter::Height)),
+        (F::ScaleConflict { estimated: 3.0, placed: 5.0 }, Subject::Parameter(Parameter::Height)),
         (F::EfovAboveHorizon { is_whole: false }, Subject::Efov),
         (F::DistortionNotInvertible, Subject::Lens),
         (F::ControlPointOutlier { camera: 0, point: 0 }, Subject::ControlPoint { camera: 0, point: 0 }),
