@@ -25,8 +25,8 @@
 //!
 //! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
 //! `single/residual.rs` and evaluated in `single/likelihood.rs`; reprojection errors are in
-//! `bundle/landmark.rs`. The predicted error of floor lengths is computed in `single/accuracy.rs`, the covariance
-//! of a floor point in `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
+//! `bundle/landmark.rs`. The predicted error of floor lengths is computed in `single/accuracy.rs`, the
+//! covariance of a floor point in `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
 //!
 //! # Conventions
 //!

@@ -133,8 +133,8 @@ impl BundleAdjustment<'_> {
     /// Initialises and refines.
     ///
     /// # Errors
-    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: the summary has
-    /// its indices.
+    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: the summary
+    /// has its indices.
     pub fn solve(&self) -> Result<BundleSummary, BundleError> {
         self.check()?;
         Ok(self.solve_checked())

@@ -38,8 +38,8 @@ pub(crate) fn control_points<'a>(
     seen.map(|(pixel, world)| ControlPoint { pixel, world }).collect()
 }
 
-/// Resection robust to outliers: of the placements by pairs of points and by all, the one of least median error
-/// (least median of squares, Rousseeuw 1984), fitted again to its inliers.
+/// Resection robust to outliers: of the placements by pairs of points and by all, the one of least median
+/// error (least median of squares, Rousseeuw 1984), fitted again to its inliers.
 fn by_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     /// A point is an inlier up to this multiple of the median error.
     const INLIER_RATIO: f64 = 5.0;

@@ -15,8 +15,8 @@ pub(crate) const CAMERA_PARAMS: usize = Covariance::SIZE;
 pub enum InitialPose {
     /// Nothing: they are initialised from landmarks that other cameras or control points place.
     Unknown,
-    /// Approximate: where nothing else fixes the gauge of a component of the view graph, its first such camera
-    /// does.
+    /// Approximate: where nothing else fixes the gauge of a component of the view graph, its first such
+    /// camera does.
     Approximate,
     /// Exact: position and yaw are not estimated.
     Fixed,
@@ -138,8 +138,8 @@ impl<'a> BundleCamera<'a> {
     }
 }
 
-/// Which of position, yaw and scale of its component the placement of a camera fixes, because nothing else does:
-/// the gauge of the adjustment.
+/// Which of position, yaw and scale of its component the placement of a camera fixes, because nothing else
+/// does: the gauge of the adjustment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gauge {
     pub(crate) position: bool,

@@ -56,8 +56,8 @@ pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[L
     }
 }
 
-/// Moves a component, none of whose cameras observes enough known places by itself, so that all its known places
-/// agree: by a similarity, or by a translation where only one place is known.
+/// Moves a component, none of whose cameras observes enough known places by itself, so that all its known
+/// places agree: by a similarity, or by a translation where only one place is known.
 pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
     let pairs = known_places(component, cameras, landmarks);
     if pairs.is_empty() {
@@ -182,8 +182,8 @@ fn solve_translations(
     })
 }
 
-/// Solves for two unknowns of every free view, and for `points` of two unknowns, which are eliminated; `coupled`
-/// lists the views that a pair or a point couples.
+/// Solves for two unknowns of every free view, and for `points` of two unknowns, which are eliminated;
+/// `coupled` lists the views that a pair or a point couples.
 fn solve(
     free: &dyn Fn(usize) -> bool,
     coupled: impl Iterator<Item = Vec<usize>>,
@@ -256,8 +256,8 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
     [pair[which].at[0] - centres[which][0], pair[which].at[1] - centres[which][1]]
 }
 
-/// Turn and log scale that take the first floor to the second, and their weight, by iteratively reweighted least
-/// squares.
+/// Turn and log scale that take the first floor to the second, and their weight, by iteratively reweighted
+/// least squares.
 fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
     /// Iterations of reweighting; the last ones change little.
     const ITERATIONS: usize = 4;

@@ -24,10 +24,11 @@ pub(crate) struct Initialization {
     pub(crate) components: Vec<Component>,
     /// Cameras of components that share too little with the others to be placed.
     pub(crate) unreached: Vec<usize>,
-    /// Landmarks that are switched off because a camera that observes them cannot show their triangulated place.
+    /// Landmarks that are switched off because a camera that observes them cannot show their triangulated
+    /// place.
     pub(crate) unobservable: Vec<usize>,
-    /// Largest root mean square disagreement on the floor between two cameras that are not joined by an edge of
-    /// the tree, in metres; `None` without loops.
+    /// Largest root mean square disagreement on the floor between two cameras that are not joined by an edge
+    /// of the tree, in metres; `None` without loops.
     pub(crate) loop_closure: Option<f64>,
 }
 
@@ -112,7 +113,8 @@ fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[boo
 }
 
 impl<'a> SpanningTree<'a> {
-    /// The cameras placed in the base system by themselves: fixed ones, and those that observe enough known places.
+    /// The cameras placed in the base system by themselves: fixed ones, and those that observe enough known
+    /// places.
     fn from_known(cameras: &'a [BundleCamera<'a>], landmarks: &'a [Landmark]) -> Self {
         let mut poses: Vec<Camera> = cameras.iter().map(|camera| camera.camera).collect();
         let mut has_pose = vec![false; cameras.len()];
@@ -131,8 +133,8 @@ impl<'a> SpanningTree<'a> {
         Self { cameras, landmarks, poses, has_pose, edges: BTreeSet::new() }
     }
 
-    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it; from the
-    /// root where none has a pose.
+    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it; from
+    /// the root where none has a pose.
     fn grow(&mut self, component: &[usize]) {
         if !component.iter().any(|&view| self.has_pose[view]) {
             self.has_pose[root(component, self.cameras)] = true;
@@ -202,8 +204,8 @@ impl<'a> SpanningTree<'a> {
         attach(&self.poses[view], view, self.cameras[view].fixed_height(), &landmarks)
     }
 
-    /// Largest root mean square disagreement on the floor, in metres, between cameras that share landmarks but are
-    /// not joined in the tree.
+    /// Largest root mean square disagreement on the floor, in metres, between cameras that share landmarks
+    /// but are not joined in the tree.
     fn loop_closure(&self) -> Option<f64> {
         let mut disagreements: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
         for landmark in self.landmarks.iter().filter(|landmark| !landmark.off && !is_known(landmark)) {

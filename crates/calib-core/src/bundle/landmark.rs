@@ -1,5 +1,5 @@
-//! Landmarks, their observations, and measured distances between them; the reprojection error of an observation
-//! with its Jacobian.
+//! Landmarks, their observations, and measured distances between them; the reprojection error of an
+//! observation with its Jacobian.
 
 use crate::camera::{
     Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, ReprojectedLine, Reprojection,
@@ -188,8 +188,8 @@ impl LandmarkModel {
         }
     }
 
-    /// The reprojection error of an observation: the reprojected less the observed pixel, u and v; of a line, the
-    /// signed distance of the observed pixel from the reprojected line. `None` behind the camera.
+    /// The reprojection error of an observation: the reprojected less the observed pixel, u and v; of a line,
+    /// the signed distance of the observed pixel from the reprojected line. `None` behind the camera.
     pub(crate) fn reprojection_error(
         &self,
         place: &[f64; LANDMARK_PARAMS],
@@ -219,8 +219,8 @@ fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionE
     ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0] }
 }
 
-/// Reprojected less observed pixel, u and v, with `jacobian` the derivatives of the point by the parameters of
-/// its landmark.
+/// Reprojected less observed pixel, u and v, with `jacobian` the derivatives of the point by the parameters
+/// of its landmark.
 fn point_errors(
     reprojected: &Reprojection,
     jacobian: &[[f64; LANDMARK_PARAMS]; 3],

@@ -1,5 +1,5 @@
-//! The bundle adjustment as one least-squares problem: the state, all residuals (`residuals.rs` lists them), the
-//! normal equations.
+//! The bundle adjustment as one least-squares problem: the state, all residuals (`residuals.rs` lists them),
+//! the normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
@@ -28,8 +28,8 @@ pub(crate) struct BundleProblem<'a> {
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
 
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of a
-/// nuisance parameter with the derivative by it, and source.
+/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of
+/// a nuisance parameter with the derivative by it, and source.
 type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
 
 /// Step of differences by coefficients: a thousandth of a pixel in the corner.
@@ -396,7 +396,7 @@ fn stage_1_residuals(
 ) -> Option<Stage1Residuals> {
     let mut residuals = Stage1Residuals::new();
     let mut sink = |residual: Dual, nuisance, source| {
-        residuals.push((residual.value, residual.gradient, nuisance, source))
+        residuals.push((residual.value, residual.gradient, nuisance, source));
     };
     match constraints {
         Some(constraints) => Problem { constraints, ..problem.clone() }.each_residual(state, &mut sink)?,

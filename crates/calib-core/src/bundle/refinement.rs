@@ -1,9 +1,10 @@
-//! Refinement of one cluster of cameras: the least-squares estimate without outliers, with weak priors on the focals
-//! that are not determined otherwise, and the covariances there.
+//! Refinement of one cluster of cameras: the least-squares estimate without outliers, with weak priors on the
+//! focals that are not determined otherwise, and the covariances there.
 //!
-//! Outliers are searched for where the chi-square of all residuals is too large for the noise, or that of one landmark,
-//! as the largest of many. The candidate without which the rest has the least chi-square score (leave-one-out) is
-//! rejected, if the rest has no misfit or the candidate is significant against its scatter; then again.
+//! Outliers are searched for where the chi-square of all residuals is too large for the noise, or that of one
+//! landmark, as the largest of many. The candidate without which the rest has the least chi-square score
+//! (leave-one-out) is rejected, if the rest has no misfit or the candidate is significant against its
+//! scatter; then again.
 
 use crate::bundle::camera::View;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
@@ -16,8 +17,8 @@ use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, 
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
 const MAX_STEPS: usize = 60;
-/// Regularisation of the covariance: this share of the information of its own residuals is added to every parameter, so
-/// that what is not determined has a large, not an infinite, variance.
+/// Regularisation of the covariance: this share of the information of its own residuals is added to every
+/// parameter, so that what is not determined has a large, not an infinite, variance.
 const REGULARIZATION: f64 = 1e-12;
 
 /// Something that may be rejected as an outlier, by its index.
@@ -100,8 +101,8 @@ impl Refinement<'_> {
         self.noise_is_known.iter().all(|&is_known| is_known)
     }
 
-    /// Whether the candidate by which two minima differ is an outlier: it is significant against the scatter of the
-    /// rest, or its rejection explains the misfit.
+    /// Whether the candidate by which two minima differ is an outlier: it is significant against the scatter
+    /// of the rest, or its rejection explains the misfit.
     fn is_outlier(&self, with: &Converged, without: &Converged, is_first: bool) -> bool {
         let count = self.landmarks.len() + self.distances.len();
         let explains = !is_misfit(without.chi2, without.dof);
@@ -125,8 +126,8 @@ impl Refinement<'_> {
         (landmarks, distances)
     }
 
-    /// The minimum without the rejected. The weak prior on a focal enters where nothing else, the landmarks included,
-    /// determines it.
+    /// The minimum without the rejected. The weak prior on a focal enters where nothing else, the landmarks
+    /// included, determines it.
     fn solve_without(&self, rejected: &[OutlierCandidate]) -> Option<Converged<'_>> {
         let has_weak_prior: Vec<bool> =
             self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect();
@@ -165,8 +166,8 @@ impl Refinement<'_> {
         converged: &Converged,
         rejected: &[OutlierCandidate],
     ) -> Option<(OutlierCandidate, Converged<'_>)> {
-        // Leave-one-out is exact and used where it is cheap; a large network has the redundancy for the residuals to
-        // rank the candidates.
+        // Leave-one-out is exact and used where it is cheap; a large network has the redundancy for the
+        // residuals to rank the candidates.
         let max_tried = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
         let candidates = converged.scores().into_iter().map(|(candidate, _)| candidate).take(max_tried);
         let tried = candidates.filter_map(|candidate| {
@@ -292,8 +293,8 @@ impl Converged<'_> {
         (landmarks, distances)
     }
 
-    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large for the
-    /// noise.
+    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large
+    /// for the noise.
     fn has_outliers(&self) -> bool {
         let scores = self.scores();
         let worst = scores.first().map_or(0.0, |(_, score)| *score);

@@ -28,8 +28,8 @@ pub struct CameraEstimate {
     pub sigma: f64,
     /// Distance of every annotation from its prediction, in pixels, those rejected among them.
     pub residuals: Vec<(Source, f64)>,
-    /// The chi-square of what was refined together is too large for the noise, at a level of 1 %, and no outlier
-    /// explains it.
+    /// The chi-square of what was refined together is too large for the noise, at a level of 1 %, and no
+    /// outlier explains it.
     pub is_misfit: bool,
 }
 
@@ -57,8 +57,8 @@ pub struct BundleSummary {
     pub unsolved: Vec<usize>,
     /// Landmarks that an observing camera cannot show at the place triangulated from the others.
     pub unobservable: Vec<usize>,
-    /// Largest root mean square disagreement on the floor, in metres, that the initialisation left between two
-    /// cameras that share landmarks and were not placed one by the other; `None` without loops.
+    /// Largest root mean square disagreement on the floor, in metres, that the initialisation left between
+    /// two cameras that share landmarks and were not placed one by the other; `None` without loops.
     pub loop_closure: Option<f64>,
     /// Covariance of every two cameras that observe a landmark in common, the lower index first.
     pub cross_covariances: HashMap<[usize; 2], CrossCovariance>,

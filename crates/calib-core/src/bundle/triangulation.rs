@@ -20,8 +20,8 @@ pub(crate) fn is_known(landmark: &Landmark) -> bool {
     landmark.free == [false; LANDMARK_PARAMS] || landmark.model == LandmarkModel::Measured
 }
 
-/// The model (a line with its origin) and parameters of a landmark, triangulated from the cameras that `by` picks;
-/// fixed parameters keep their values. `None` where none of them shows enough of it.
+/// The model (a line with its origin) and parameters of a landmark, triangulated from the cameras that `by`
+/// picks; fixed parameters keep their values. `None` where none of them shows enough of it.
 pub(crate) fn triangulate(
     landmark: &Landmark,
     cameras: &[Camera],
@@ -159,8 +159,8 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     })
 }
 
-/// Squared distances on the floor, in square metres, between the places of one point of a landmark by two cameras,
-/// for every pair that observes it, the lower index first.
+/// Squared distances on the floor, in square metres, between the places of one point of a landmark by two
+/// cameras, for every pair that observes it, the lower index first.
 pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
     if matches!(landmark.model, LandmarkModel::Line { .. }) {
         return Vec::new();
@@ -180,7 +180,8 @@ pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Ve
     disagreements
 }
 
-/// The place on the floor of a point of a landmark by every camera that observes it, at its height in the model.
+/// The place on the floor of a point of a landmark by every camera that observes it, at its height in the
+/// model.
 pub(crate) fn on_floor(landmark: &Landmark, point: usize, cameras: &[Camera]) -> Vec<(usize, FloorPoint)> {
     let height = landmark.model.point(&landmark.place, point).0.z;
     let seen = landmark.observations.iter().filter(|seen| seen.point == point);

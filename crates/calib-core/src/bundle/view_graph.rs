@@ -107,7 +107,8 @@ pub(crate) fn root(component: &[usize], cameras: &[BundleCamera]) -> usize {
     posed.or(component.first()).copied().unwrap_or(0)
 }
 
-/// What of the gauge of a component is determined, with its cameras and landmarks where the adjustment starts.
+/// What of the gauge of a component is determined, with its cameras and landmarks where the adjustment
+/// starts.
 pub(crate) fn describe(
     views: Vec<usize>,
     cameras: &[BundleCamera],

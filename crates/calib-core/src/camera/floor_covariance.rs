@@ -1,5 +1,5 @@
-//! The covariance of a floor point: that of the pixel and that of the camera, propagated by the Jacobian of the map
-//! from pixels to the floor.
+//! The covariance of a floor point: that of the pixel and that of the camera, propagated by the Jacobian of
+//! the map from pixels to the floor.
 //!
 //! A pixel's ray is `d = a right + b down + forward`, with `(a, b)` the undistorted pixel relative to the
 //! principal point over the focal. It meets the plane at the height h in `C + t d`, `t = (h - z0) / d_z`, so
@@ -116,8 +116,8 @@ impl<'a> PlaneJacobian<'a> {
         [self.displacement_by_pixel([a, c]), self.displacement_by_pixel([b, d])]
     }
 
-    /// Derivatives by yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the roll into
-    /// `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
+    /// Derivatives by yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the
+    /// roll into `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
         let ([a, b], [right, down, forward]) = (self.normalised, self.axes);
         let (sin, cos) = self.camera.roll.sin_cos();

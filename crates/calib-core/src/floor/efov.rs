@@ -11,8 +11,8 @@ pub struct Efov {
     pub clipped: bool,
 }
 
-/// Largest distance of an EFOV from the foot of the camera, in camera heights, where one was drawn and where none
-/// was: beyond it a pixel spans more floor than any object on it.
+/// Largest distance of an EFOV from the foot of the camera, in camera heights, where one was drawn and where
+/// none was: beyond it a pixel spans more floor than any object on it.
 const REACH_DRAWN: f64 = 50.0;
 const REACH_DEFAULT: f64 = 5.0;
 /// Points per edge of the image polygon: a bent edge stays bent on the floor.
@@ -79,8 +79,8 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
     Efov { polygon, clipped }
 }
 
-/// The undistorted pixel, or where there is none, that of the last pixel toward the principal point that has one,
-/// by bisection: the border of a fisheye's circle.
+/// The undistorted pixel, or where there is none, that of the last pixel toward the principal point that has
+/// one, by bisection: the border of a fisheye's circle.
 fn shown(camera: &Camera, pixel: Pixel) -> Option<UndistortedPixel> {
     const HALVINGS: usize = 12;
     /// Tangent of the largest angle from the axis: beyond it no floor is within reach.

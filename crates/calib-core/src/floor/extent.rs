@@ -47,8 +47,8 @@ impl Extent<'_> {
         }
     }
 
-    /// The status of pixels by the image and by the EFOV: of a pixel mapped to a point of a plane, the floor point is
-    /// `foot + stretch (point - foot)`. For pixels without a point the status is meaningless.
+    /// The status of pixels by the image and by the EFOV: of a pixel mapped to a point of a plane, the floor
+    /// point is `foot + stretch (point - foot)`. For pixels without a point the status is meaningless.
     pub(crate) fn classify(
         &self,
         foot: FloorPoint,

@@ -1,5 +1,5 @@
-//! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and applied
-//! to any number of images of that camera.
+//! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and
+//! applied to any number of images of that camera.
 
 use pulp::Arch;
 

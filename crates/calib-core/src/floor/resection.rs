@@ -136,8 +136,8 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
         .sum()
 }
 
-/// The camera with the covariance of its placement by control points: from noise of `sigma` pixels in the points,
-/// and from the covariance of roll, pitch and focal, propagated.
+/// The camera with the covariance of its placement by control points: from noise of `sigma` pixels in the
+/// points, and from the covariance of roll, pitch and focal, propagated.
 ///
 /// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
 /// `dq = -(A'A)^-1 A' (B dp + noise)`.

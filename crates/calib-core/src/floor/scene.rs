@@ -1,5 +1,5 @@
-//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D polylines, and their
-//! projection to an image.
+//! Things to project: floor grid, EFOV prism, verticals, horizon and virtual elements as 3-D polylines, and
+//! their projection to an image.
 
 use std::borrow::Cow;
 

@@ -1,5 +1,5 @@
-//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters each of which is
-//! coupled with the core only.
+//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters each of which
+//! is coupled with the core only.
 //!
 //! With core steps `c` and nuisance steps `n_k` the damped equations are
 //!
@@ -66,8 +66,8 @@ impl Normal {
         }
     }
 
-    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal added; a
-    /// fixed parameter has a row of the identity.
+    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal
+    /// added; a fixed parameter has a row of the identity.
     fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
         let scaling = 1.0 + damping;
         let mut matrix = [[0.0; 4]; 4];
@@ -147,8 +147,8 @@ impl Normal {
 /// The covariance of the core.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty {
-    /// Of roll, pitch, log focal, log height; zeros for those that are not free. A direction that the residuals
-    /// do not determine has a large variance, not an infinite one.
+    /// Of roll, pitch, log focal, log height; zeros for those that are not free. A direction that the
+    /// residuals do not determine has a large variance, not an infinite one.
     pub(crate) covariance: Matrix4<f64>,
     /// Whether a direction is not determined by the residuals.
     pub(crate) singular: bool,

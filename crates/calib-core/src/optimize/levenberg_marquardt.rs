@@ -12,8 +12,8 @@
 //! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`,
 //!
 //! of the true decrease to that of the linear model, an accepted step multiplies `lambda` by
-//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Nielsen's floor is 1/3; here it
-//! is 1/10, for the starts are near, and the last steps become Gauss-Newton's sooner.
+//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Nielsen's floor is 1/3;
+//! here it is 1/10, for the starts are near, and the last steps become Gauss-Newton's sooner.
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
 

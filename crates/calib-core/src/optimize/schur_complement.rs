@@ -157,8 +157,8 @@ impl BlockStructure {
 
     /// The covariance of blocks that have residuals in common.
     ///
-    /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that what the residuals
-    /// do not determine has a large variance, not an infinite one.
+    /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that
+    /// what the residuals do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
         let Reduced { mut values, inverses, .. } = self.reduced(&normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {

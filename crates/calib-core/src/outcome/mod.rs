@@ -1,4 +1,5 @@
-//! How a solve ended, as values with a subject and numbers: findings about a result, or the failure to give one.
+//! How a solve ended, as values with a subject and numbers: findings about a result, or the failure to give
+//! one.
 //!
 //! Law: no words. Sentences are made of these values once, where they leave the core (`site/english`).
 //!

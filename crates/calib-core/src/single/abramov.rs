@@ -232,8 +232,8 @@ impl Criterion {
         if self.verticals.is_empty() { 0.0 } else { sum / self.verticals.len() as f64 }
     }
 
-    /// Mean `1 - |cos|` of the angles between parallels, by direction, plus mean `|cos|` of those between lines
-    /// at right angles.
+    /// Mean `1 - |cos|` of the angles between parallels, by direction, plus mean `|cos|` of those between
+    /// lines at right angles.
     fn directions(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let unit: Vec<[f64; 2]> = self
             .floor

@@ -1,8 +1,8 @@
 //! The findings about a fit, and the drawing that would improve it most.
 //!
-//! For the latter every candidate drawing is added to the constraints at the estimate, where its residual is 0,
-//! and the error of floor lengths is predicted with its information: an experimental design, greedy and of one
-//! step.
+//! For the latter every candidate drawing is added to the constraints at the estimate, where its residual is
+//! 0, and the error of floor lengths is predicted with its information: an experimental design, greedy and of
+//! one step.
 
 use crate::optimize::Uncertainty;
 use crate::outcome::{Drawing, Finding, Rival, Suggestion};
@@ -85,8 +85,8 @@ fn misfit(fit: &Fit) -> Finding {
     Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
-/// Of the candidate drawings the one that would lower the error of floor lengths most; `None` when none of them
-/// lowers it by a fifth.
+/// Of the candidate drawings the one that would lower the error of floor lengths most; `None` when none of
+/// them lowers it by a fifth.
 #[must_use]
 pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<Sketch> {
     /// Largest ratio of the error with the drawing to that without it at which it is suggested.

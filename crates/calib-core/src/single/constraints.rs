@@ -103,7 +103,8 @@ impl Constraints {
         Self::of(annotations, lens, |annotation| !annotation.off)
     }
 
-    /// The constraints of the annotations that are switched off: not fitted, but their residuals are reported.
+    /// The constraints of the annotations that are switched off: not fitted, but their residuals are
+    /// reported.
     #[must_use]
     pub fn switched_off(annotations: &[Annotation], lens: &Lens) -> Self {
         Self::of(annotations, lens, |annotation| annotation.off)

@@ -5,8 +5,8 @@ use crate::camera::{BrownConrady, Distortion, Lens};
 use crate::single::constraints::Source;
 use crate::single::straightness::{Edge, best_line, sagitta};
 
-/// Edges that a distortion of 10 px in the corner would bend by less than one sigma, and by less than a third of
-/// what it bends the most informative edge by; with their sagitta under it, in pixels.
+/// Edges that a distortion of 10 px in the corner would bend by less than one sigma, and by less than a third
+/// of what it bends the most informative edge by; with their sagitta under it, in pixels.
 pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma: f64) -> Vec<(Source, f64)> {
     /// Movement of the corner, in pixels.
     const CORNER: f64 = 10.0;

@@ -84,7 +84,8 @@ pub struct Fit {
     pub misfit: bool,
     /// Other minima that the chi-square does not rule out, and the minimum without the weak prior.
     pub alternatives: Vec<LocalMinimum>,
-    /// Whether one of them is a local minimum of the same problem (rather than the one without the weak prior).
+    /// Whether one of them is a local minimum of the same problem (rather than the one without the weak
+    /// prior).
     pub two_solutions: bool,
     /// Standard deviation of the log focal without the weak prior; `None` when the focal is fixed.
     pub log_focal_sigma: Option<f64>,
@@ -185,8 +186,8 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     }
 }
 
-/// Of the minima that the chi-square does not rule out, the one whose focal is nearest to the mean of the weak
-/// prior; the lowest where the focal has a prior of its own, or the weak prior may not enter.
+/// Of the minima that the chi-square does not rule out, the one whose focal is nearest to the mean of the
+/// weak prior; the lowest where the focal has a prior of its own, or the weak prior may not enter.
 fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
     let lowest = minima.first()?;
     if problem.priors.focal.is_some() || !options.weak_prior {

@@ -153,8 +153,8 @@ impl<'a> Problem<'a> {
         Some(State { parameters, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by it
-    /// (where derivatives are asked for), and its source.
+    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by
+    /// it (where derivatives are asked for), and its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
     pub(crate) fn each_residual<N: Number>(
@@ -205,7 +205,8 @@ impl<'a> Problem<'a> {
         Some(())
     }
 
-    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its direction.
+    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
+    /// direction.
     #[inline]
     fn each_line<N: Number>(
         &self,

@@ -14,7 +14,7 @@ fn source(segment: usize) -> Source {
     Source { annotation: 0, segment }
 }
 
-/// Evidence that agrees with nothing: derivatives do not care.
+/// Constraints drawn at random: a Jacobian can be checked where residuals are large, too.
 fn any_constraints() -> impl Strategy<Value = Constraints> {
     let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
     let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);

@@ -16,8 +16,8 @@ const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// Standard deviation of the log focal above which the weak prior enters.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
-/// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the focal,
-/// the weak prior takes over.
+/// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the
+/// focal, the weak prior takes over.
 const MAX_STEPS: usize = 60;
 
 /// The weak prior: installed cameras have a focal of about 0.8 image widths, within a factor of 1.4.
@@ -70,8 +70,8 @@ fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
     Some(Minimum { state, chi2, uncertainty })
 }
 
-/// Brings pitch into [-90, 90] degrees and roll into [-180, 180): a pitch beyond the vertical is the same camera
-/// with roll and yaw turned by 180 degrees.
+/// Brings pitch into [-90, 90] degrees and roll into [-180, 180): a pitch beyond the vertical is the same
+/// camera with roll and yaw turned by 180 degrees.
 fn normalize_angles(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
     // A roll or pitch that is fixed or has a prior keeps the range it was given in.

@@ -50,7 +50,8 @@ pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, cou
         return false;
     }
     let nu = dof_without as f64;
-    // The normal quantile for the largest of many, and Student's from it (Abramowitz and Stegun 1964, 26.7.5).
+    // The normal quantile for the largest of many, and Student's from it (Abramowitz and Stegun 1964,
+    // 26.7.5).
     let z = (TWO_SIDED * TWO_SIDED + 2.0 * (count as f64).ln()).sqrt();
     let student = z
         + (z.powi(3) + z) / (4.0 * nu)
@@ -65,9 +66,9 @@ pub(crate) struct OutlierSearch<'a> {
     pub(crate) fixed: FixedParameters,
     /// Whether the weak prior on the focal may enter.
     pub(crate) weak_prior: bool,
-    /// Whether the drawing noise was given, so that a chi-square is a test of the fit. If not, the noise may be
-    /// larger than assumed, and where more than one constraint is rejected each must be significant against
-    /// the scatter of the others ([`is_significant`]).
+    /// Whether the drawing noise was given, so that a chi-square is a test of the fit. If not, the noise may
+    /// be larger than assumed, and where more than one constraint is rejected each must be significant
+    /// against the scatter of the others ([`is_significant`]).
     pub(crate) noise_is_known: bool,
     /// Which constraints are never rejected.
     pub(crate) keep: &'a dyn Fn(Source) -> bool,

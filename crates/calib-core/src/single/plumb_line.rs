@@ -4,7 +4,8 @@
 //! The residual of a point is its distance from the best line through its undistorted polyline,
 //! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its derivative J at the
 //! point, and the line `n . x = c` that makes the sum of squares least (`straightness.rs`). The
-//! coefficients refer to coordinates divided by half the diagonal of the image, for the focal is not known yet.
+//! coefficients refer to coordinates divided by half the diagonal of the image, for the focal is not known
+//! yet.
 //!
 //! Where the caller does not say which coefficients to fit, the number of radial coefficients is selected by
 //! the Bayesian information criterion (Schwarz 1978).
@@ -320,8 +321,8 @@ impl<'a> FittedModel<'a> {
     }
 }
 
-/// The largest of the nested models that the edges support by the Bayesian information criterion, both with all
-/// edges and without the edge whose cost it lowers most.
+/// The largest of the nested models that the edges support by the Bayesian information criterion, both with
+/// all edges and without the edge whose cost it lowers most.
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
@@ -354,21 +355,22 @@ fn select_model<'a>(
     best
 }
 
-/// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is not
-/// straight in space must not determine the lens.
+/// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is
+/// not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &Problem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
     let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
     total - most
 }
 
-/// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be undistorted.
+/// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be
+/// undistorted.
 fn edge_cost(lens: &Lens, edge: &Edge) -> f64 {
     straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }
 
-/// Standard deviation of the undistorted position at three places: from the covariance of the coefficients, and
-/// from the difference to the rejected larger model, weighted by its probability.
+/// Standard deviation of the undistorted position at three places: from the covariance of the coefficients,
+/// and from the difference to the rejected larger model, weighted by its probability.
 fn map_error(
     problem: &Problem,
     values: &[f64],

@@ -98,7 +98,8 @@ impl Angles {
         self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
     }
 
-    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and by the angle.
+    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and by the
+    /// angle.
     fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_angle: [f64; 3]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];

@@ -1,10 +1,10 @@
-//! The residuals of the plumb-line method: how far the points of a polyline are from straight once undistorted,
-//! in raw pixels, with their Jacobian by the coefficients of the distortion.
+//! The residuals of the plumb-line method: how far the points of a polyline are from straight once
+//! undistorted, in raw pixels, with their Jacobian by the coefficients of the distortion.
 //!
 //! The residual of a point is `(n . u - c) / |J' n|`: the distance of the undistorted point u from the line
-//! `n . x = c`, divided by the factor by which the undistortion, of Jacobian J, magnifies the noise across it.
-//! The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three times,
-//! with the weights of the line before.
+//! `n . x = c`, divided by the factor by which the undistortion, of Jacobian J, magnifies the noise across
+//! it. The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three
+//! times, with the weights of the line before.
 
 use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
@@ -57,7 +57,8 @@ pub(crate) fn straightness_with_jacobian(
 
 /// An undistorted polyline with the lines fitted to it.
 ///
-/// The weights `w = 1 / |J' n|^2` of the points depend on the line's direction, slowly: three fits are enough.
+/// The weights `w = 1 / |J' n|^2` of the points depend on the line's direction, slowly: three fits are
+/// enough.
 struct UndistortedPolyline {
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
@@ -91,7 +92,8 @@ impl UndistortedPolyline {
         let second = best_line(&points, &by_first);
         let by_second = weights_of(&second);
         let third = best_line(&points, &by_second);
-        // The sign must not change with the coefficients: positive is left of the way from first to last point.
+        // The sign must not change with the coefficients: positive is left of the way from first to last
+        // point.
         let ([x, y], (start, end)) = (third.0, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
         let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
@@ -105,8 +107,8 @@ impl UndistortedPolyline {
         self.points.iter().zip(&self.weights[2]).map(distance).collect()
     }
 
-    /// Derivatives of the distances by a coefficient that changes points and Jacobians by `by`: the chain rule
-    /// through the three fits.
+    /// Derivatives of the distances by a coefficient that changes points and Jacobians by `by`: the chain
+    /// rule through the three fits.
     fn jacobian_column(&self, by: impl Fn(usize) -> ByCoefficient) -> Vec<f64> {
         let changes: Vec<ByCoefficient> = (0..self.points.len()).map(by).collect();
         let mut d_weights = vec![0.0; self.points.len()];
@@ -157,8 +159,8 @@ pub(crate) fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64)
     (normal, normal[0] * mu + normal[1] * mv)
 }
 
-/// How [`best_line`] changes with its points and weights: with the second moments S about the weighted mean m,
-/// `angle = atan2(2 S_uv, S_uu - S_vv) / 2`, and `c = n . m`.
+/// How [`best_line`] changes with its points and weights: with the second moments S about the weighted mean
+/// m, `angle = atan2(2 S_uv, S_uu - S_vv) / 2`, and `c = n . m`.
 fn best_line_derivatives(
     points: &[[f64; 2]],
     weights: &[f64],
@@ -170,7 +172,8 @@ fn best_line_derivatives(
     let each = || points.iter().zip(weights).zip(changes.iter().zip(d_weights));
     let d_mean = [0, 1]
         .map(|k| each().map(|((p, w), (by, dw))| dw * (p[k] - mean[k]) + w * by.at[k]).sum::<f64>() / total);
-    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean has no effect, for offsets from it sum to 0.
+    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean has no effect, for offsets from it sum
+    // to 0.
     let (mut sine, mut cosine, mut d_sine, mut d_cosine) = (0.0, 0.0, 0.0, 0.0);
     for (([u, v], w), (ByCoefficient { at: [du, dv], .. }, dw)) in each() {
         let (u, v) = (u - mean[0], v - mean[1]);
@@ -197,7 +200,8 @@ pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
     Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
-/// How far displacements across a line bend it: their range after the best straight displacement is subtracted.
+/// How far displacements across a line bend it: their range after the best straight displacement is
+/// subtracted.
 pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     let count = points.len() as f64;
     let (first, last) = (points[0], points[points.len() - 1]);

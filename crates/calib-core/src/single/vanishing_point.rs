@@ -1,4 +1,5 @@
-//! The vanishing point of several image lines, and roll from that of the verticals (the paper's stage 1, step 1).
+//! The vanishing point of several image lines, and roll from that of the verticals (the paper's stage 1, step
+//! 1).
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -12,7 +13,8 @@ pub(crate) fn line_through([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> [f64; 3] {
 /// The point, homogeneous, whose distances from all lines have the least sum of squares.
 ///
 /// It is the eigenvector of the least eigenvalue of the scatter matrix of the lines, each of unit normal, in
-/// coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None` for fewer than two lines or for lines that coincide.
+/// coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None` for fewer
+/// than two lines or for lines that coincide.
 pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
     let lines: Vec<&Line> = lines.collect();
     if lines.len() < 2 {

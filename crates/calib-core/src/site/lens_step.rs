@@ -170,7 +170,8 @@ impl LensEstimate {
         findings
     }
 
-    /// The finding about straight edges under a fixed lens: they estimate nothing, their residuals are reported.
+    /// The finding about straight edges under a fixed lens: they estimate nothing, their residuals are
+    /// reported.
     fn unfitted(&self) -> Option<Finding> {
         let (first, _) = self.straightness.first()?;
         let count = self.straightness.len();

@@ -99,8 +99,8 @@ fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
     })
 }
 
-/// The height by placement combined with the one that was entered or estimated from drawings, each weighted by its
-/// information; that of a fixed placement is used as it is.
+/// The height by placement combined with the one that was entered or estimated from drawings, each weighted
+/// by its information; that of a fixed placement is used as it is.
 fn join_heights(
     first: &Camera,
     by_hand: Camera,
@@ -130,7 +130,8 @@ fn join_heights(
     joined
 }
 
-/// Reports a height, entered or estimated from drawings, that differs from the one by placement by over 3 sigma.
+/// Reports a height, entered or estimated from drawings, that differs from the one by placement by over 3
+/// sigma.
 fn scale_conflict(first: &Camera, placed: f64, is_fixed: bool, findings: &mut Vec<Finding>) {
     let height_sigma = first.covariance.sigma(Covariance::Z);
     if height_sigma.is_none() && !is_fixed {

@@ -1,5 +1,5 @@
-//! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of the
-//! view graph, scale.
+//! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of
+//! the view graph, scale.
 
 use std::collections::BTreeMap;
 
@@ -100,7 +100,8 @@ impl Site {
         }
     }
 
-    /// Writes into every camera the residuals of links and marks, and which of its control points were rejected.
+    /// Writes into every camera the residuals of links and marks, and which of its control points were
+    /// rejected.
     pub(crate) fn add_shared_residuals(
         &self,
         bundle: &BundleResult,
