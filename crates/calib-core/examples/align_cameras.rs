@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = [camera(0.0, 0.0, 0.0), camera(2.0, 0.5, 0.2)];
     let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(truth[0].lens, SIZE) };
     let lines = truth.each_ref().map(drawn);
-    let constraints = lines.each_ref().map(|lines| Constraints::new(lines, &options.lens, false));
+    let constraints = lines.each_ref().map(|lines| Constraints::new(lines, &options.lens));
     let fits = [Fit::new(&constraints[0], &options)?, Fit::new(&constraints[1], &options)?];
     let member = |i: usize| BundleCamera::from_fit(i, &fits[i], &constraints[i], &lines[i], &options);
 
