@@ -4,12 +4,11 @@
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
+use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free, stage_1_residuals};
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
-use crate::optimize::{BlockStructure, Dual, JacobianBlock, LeastSquares, NormalEquations};
+use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{
-    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, Problem, ROLL, Source, State,
-    straightness_with_jacobian,
+    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, ROLL, State, straightness_with_jacobian,
 };
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
@@ -27,10 +26,6 @@ pub(crate) struct BundleProblem<'a> {
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
-
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of
-/// a nuisance parameter with the derivative by it, and source.
-type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
 
 /// Step of differences by coefficients: a thousandth of a pixel in the corner.
 const STEP: f64 = 1e-6;
@@ -386,21 +381,4 @@ impl LeastSquares for BundleProblem<'_> {
         let size = state.iter().zip(&step).map(relative).fold(0.0, f64::max);
         size.is_finite().then_some((next, predicted, size))
     }
-}
-
-/// All residuals of stage 1; of `constraints` in place of the problem's own where they are given.
-fn stage_1_residuals(
-    problem: &Problem,
-    constraints: Option<&Constraints>,
-    state: &State,
-) -> Option<Stage1Residuals> {
-    let mut residuals = Stage1Residuals::new();
-    let mut sink = |residual: Dual, nuisance, source| {
-        residuals.push((residual.value, residual.gradient, nuisance, source));
-    };
-    match constraints {
-        Some(constraints) => Problem { constraints, ..problem.clone() }.each_residual(state, &mut sink)?,
-        None => problem.each_residual(state, &mut sink)?,
-    }
-    Some(residuals)
 }

@@ -17,8 +17,8 @@ use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS};
 use crate::bundle::parameters::CameraLayout;
 use crate::camera::{WorldPoint, dot};
-use crate::optimize::JacobianBlock;
-use crate::single::Source;
+use crate::optimize::{Dual, JacobianBlock};
+use crate::single::{Constraints, Problem, Source, State};
 
 /// What a residual belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,4 +103,25 @@ impl CameraJacobian {
         }
         sink(&jacobian[..count]);
     }
+}
+
+/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of
+/// a nuisance parameter with the derivative by it, and source.
+pub(crate) type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
+
+/// All residuals of stage 1; of `constraints` in place of the problem's own where they are given.
+pub(crate) fn stage_1_residuals(
+    problem: &Problem,
+    constraints: Option<&Constraints>,
+    state: &State,
+) -> Option<Stage1Residuals> {
+    let mut residuals = Stage1Residuals::new();
+    let mut sink = |residual: Dual, nuisance, source| {
+        residuals.push((residual.value, residual.gradient, nuisance, source));
+    };
+    match constraints {
+        Some(constraints) => Problem { constraints, ..problem.clone() }.each_residual(state, &mut sink)?,
+        None => problem.each_residual(state, &mut sink)?,
+    }
+    Some(residuals)
 }

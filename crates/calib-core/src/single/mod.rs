@@ -4,7 +4,7 @@
 //! Law: one image; no document, no other camera. The files in the order of the data:
 //!
 //! - `annotation` what was drawn, in raw pixels, and the table of kinds; `constraints` the same, undistorted;
-//! - `straightness`, `edge_information`, `plumb_line` the distortion from straight edges: residuals, which edges
+//! - `straightness`, `edge_information`, `fitted`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
 //! - `prior`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
@@ -17,6 +17,7 @@ mod annotation;
 mod constraints;
 mod straightness;
 mod edge_information;
+mod fitted;
 mod plumb_line;
 mod vanishing_point;
 mod abramov;
@@ -34,7 +35,8 @@ pub use advice::{Sketch, draw_next, findings};
 pub use annotation::{Annotation, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use constraints::{Constraints, Direction, Endpoint, InvalidSegment, Length, Line, Upright};
 pub use fit::{Fit, FitOptions, LocalMinimum};
-pub use plumb_line::{Fitted, LensFit, LensOptions};
+pub use fitted::Fitted;
+pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use straightness::{Edge, straightness_rms};
 

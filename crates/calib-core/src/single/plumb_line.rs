@@ -16,47 +16,8 @@ use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
+use crate::single::fitted::Fitted;
 use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
-
-/// Which coefficients are fitted, of which model.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fitted {
-    /// The model.
-    pub model: DistortionModel,
-    /// Which of its coefficients, in the order of [`Distortion::coefficients`].
-    pub which: [bool; Distortion::MOST],
-}
-
-impl Fitted {
-    /// The first coefficients of a model.
-    #[must_use]
-    pub fn first(model: DistortionModel, count: usize) -> Self {
-        Self { model, which: std::array::from_fn(|k| k < count) }
-    }
-
-    fn len(&self) -> usize {
-        self.which.iter().filter(|&&is| is).count()
-    }
-
-    /// Indices of what is fitted among the coefficients of the model.
-    pub(crate) fn indices(&self) -> Vec<usize> {
-        (0..Distortion::MOST).filter(|&k| self.which[k]).collect()
-    }
-
-    /// Whether the coefficients refer to a focal that must be known beforehand.
-    pub(crate) fn has_own_focal(&self) -> bool {
-        self.model.row().powers.is_none()
-    }
-
-    /// The distortion with these values of what is fitted.
-    fn distortion(&self, values: &[f64]) -> Distortion {
-        let mut full = [0.0; Distortion::MOST];
-        for (&value, k) in values.iter().zip(self.indices()) {
-            full[k] = value;
-        }
-        self.model.row().zero.with_coefficients(full)
-    }
-}
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
