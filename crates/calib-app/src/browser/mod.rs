@@ -2,6 +2,7 @@
 //! worker beside it.
 
 mod mirror;
+mod preference;
 mod shelf;
 mod worker;
 mod runner;

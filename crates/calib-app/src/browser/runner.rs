@@ -13,6 +13,7 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 
 use super::mirror::Mirror;
+use super::preference;
 use super::shelf::Database;
 use crate::command::{self, Command};
 use crate::platform::Task;
@@ -119,7 +120,8 @@ impl Stage {
                     }
                 }
                 drop(app);
-                Ok(Box::new(Shown { stage, frames: 0 }))
+                let theme = preference::restore(ctx);
+                Ok(Box::new(Shown { stage, frames: 0, theme }))
             }),
         );
         made.await
@@ -154,6 +156,8 @@ impl Stage {
 struct Shown {
     stage: Stage,
     frames: u32,
+    /// The theme that the browser keeps.
+    theme: egui::ThemePreference,
 }
 
 impl Shown {
@@ -192,6 +196,7 @@ impl eframe::App for Shown {
         let mut app = self.stage.app.borrow_mut();
         let Some(app) = app.as_mut() else { return };
         app.show_ui(ui);
+        preference::keep(ui.ctx(), &mut self.theme);
         let unkept = app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
         page::PAGE.with(|page| page.set_unkept(unkept && !app.editor.session().is_saved()));
         self.frames += 1;
