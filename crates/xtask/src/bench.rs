@@ -2,7 +2,6 @@
 //! run, never absolute times.
 
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use serde_json::{Map, Value, json};
@@ -62,18 +61,4 @@ fn measure(package: &str, program: &str, filter: &str) -> anyhow::Result<Map<Str
     }
     serde_json::from_slice(&output.stdout)
         .with_context(|| format!("what {program} measured is no JSON object"))
-}
-
-/// Median seconds of `work` over some runs, after one to warm up.
-pub(crate) fn median(runs: usize, mut work: impl FnMut()) -> f64 {
-    work();
-    let mut took: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    took.sort_by(f64::total_cmp);
-    took[took.len() / 2]
 }
