@@ -188,9 +188,18 @@ mod tests {
             let by = here.by_unknowns();
             for index in 0..Covariance::LENS + camera.lens.distortion.names().len() {
                 let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
-                let at = |sign: f64| camera.nudged(index, sign * step).pixel_to_floor(pixel, height);
-                let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
-                check([(a.x - b.x) / (2.0 * step), (a.y - b.y) / (2.0 * step)], by[index], index)?;
+                let at = |share: f64| camera.nudged(index, share * step).pixel_to_floor(pixel, height);
+                let difference = |share: f64| {
+                    let (a, b) = (at(share)?, at(-share)?);
+                    Some([(a.x - b.x) / (2.0 * share * step), (a.y - b.y) / (2.0 * share * step)])
+                };
+                let (Some(whole), Some(half)) = (difference(1.0), difference(0.5)) else { continue };
+                // Just inside the fold of a lens the differences have not converged and say nothing.
+                if (0..2).any(|k| (whole[k] - half[k]).abs() > 1e-3 * (1.0 + half[k].abs())) {
+                    continue;
+                }
+                // Richardson's extrapolation: without the error in the square of the step.
+                check([0, 1].map(|k| (4.0 * half[k] - whole[k]) / 3.0), by[index], index)?;
             }
             for (k, analytic) in here.by_pixel().into_iter().enumerate() {
                 let at = |by: f64| {

@@ -26,14 +26,14 @@ impl CameraResult {
         self.sketch.as_ref().map(|sketch| sketch.suggestion)
     }
 
-    /// The solution as the document has it. What a given one brings along comes first.
-    fn document(&self, site: &Site, camera: usize) -> Solution {
-        let mut solution = self.solution.clone();
-        solution.warnings.extend(site.words(Some(camera), &self.findings));
-        if let Some(sketch) = &self.sketch {
+    /// The solution as the document has it, and the findings. What a given one brings along comes first.
+    fn into_document(self, site: &Site, camera: usize) -> (Solution, Vec<Finding>) {
+        let Self { mut solution, findings, sketch } = self;
+        solution.warnings.extend(site.words(Some(camera), &findings));
+        if let Some(sketch) = &sketch {
             solution.draw_next = Some(DrawNext::from(sketch));
         }
-        solution
+        (solution, findings)
     }
 }
 
@@ -56,7 +56,10 @@ impl Site {
         result: Result<CameraResult, Failure>,
     ) -> (DocumentEntry, FindingsOrFailure) {
         match result {
-            Ok(result) => (Ok(result.document(self, camera)), Ok(result.findings)),
+            Ok(result) => {
+                let (solution, findings) = result.into_document(self, camera);
+                (Ok(solution), Ok(findings))
+            }
             Err(failure) => (Err(FailureEntry::from(&failure)), Err(failure)),
         }
     }
