@@ -4,7 +4,10 @@
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free, stage_1_residuals};
+use crate::bundle::residuals::{
+    CameraJacobian, ResidualKind, Stage1Residuals, distance_residual, of_free, stage_1_by_lens,
+    stage_1_residuals,
+};
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{
@@ -26,9 +29,6 @@ pub(crate) struct BundleProblem<'a> {
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
-
-/// Step of differences by coefficients: a thousandth of a pixel in the corner.
-const STEP: f64 = 1e-6;
 
 impl<'a> BundleProblem<'a> {
     pub(crate) fn new(
@@ -180,26 +180,19 @@ impl<'a> BundleProblem<'a> {
         camera: &Camera,
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
-        let this = &self.views[view];
         let height = camera.position.z;
         // A camera below the floor has no log height; residuals that depend on it are impossible there.
         let log_height = if height > 0.0 { height.ln() } else { f64::NEG_INFINITY };
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
-        let is_free = self.lens_is_free(view);
-        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens));
-        let residuals = stage_1_residuals(&this.stage_1, constraints.as_ref(), &stage_1)?;
-        let d_lens =
-            if is_free { self.stage_1_by_lens(view, camera, &stage_1, residuals.len())? } else { Vec::new() };
+        let (residuals, d_lens) = self.stage_1(view, camera, &stage_1)?;
         for (i, (residual, jacobian, nuisance, source)) in residuals.iter().enumerate() {
             let mut by = [0.0; CAMERA_PARAMS];
             by[Covariance::ROLL] = jacobian[ROLL];
             by[Covariance::PITCH] = jacobian[PITCH];
             by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
             by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
-            for (k, column) in &d_lens {
-                by[POSE_PARAMS + k] = column[i];
-            }
+            d_lens.get(i).iter().for_each(|d_lens| by[POSE_PARAMS..].copy_from_slice(*d_lens));
             let nuisance = nuisance.and_then(|(index, by)| Some((self.nuisance_blocks[view][index]?, [by])));
             let nuisance = nuisance.as_ref().map(|(block, by)| JacobianBlock { block: *block, by });
             let kind =
@@ -209,30 +202,22 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Derivatives of the residuals of stage 1 by every coefficient that is free, by differences: a coefficient
-    /// moves the ends of a segment, changes the covariance of their noise, and changes the spread of a
-    /// polyline. The analytic chain through all three, for every kind of residual, would be longer than the
-    /// residuals themselves; two evaluations give a whole column.
-    fn stage_1_by_lens(
+    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its coefficients.
+    fn stage_1(
         &self,
         view: usize,
         camera: &Camera,
-        stage_1: &State,
-        count: usize,
-    ) -> Option<Vec<(usize, Vec<f64>)>> {
+        state: &State,
+    ) -> Option<(Stage1Residuals, Vec<[f64; Distortion::MOST]>)> {
         let this = &self.views[view];
-        let free = (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some());
-        free.map(|k| {
-            let at = |by: f64| {
-                let lens = camera.nudged(POSE_PARAMS + k, by).lens;
-                let constraints = Constraints::new(this.annotations, &lens);
-                stage_1_residuals(&this.stage_1, Some(&constraints), stage_1)
-                    .filter(|residuals| residuals.len() == count)
-            };
-            let (ahead, behind) = (at(STEP)?, at(-STEP)?);
-            Some((k, ahead.iter().zip(&behind).map(|(a, b)| (a.0 - b.0) / (2.0 * STEP)).collect()))
-        })
-        .collect()
+        if !self.lens_is_free(view) {
+            return Some((stage_1_residuals(&this.stage_1, state)?, Vec::new()));
+        }
+        let constraints = Constraints::new(this.annotations, &camera.lens);
+        let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
+        let constraints = Constraints::by_lens(this.annotations, &camera.lens);
+        let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
+        (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
     }
 
     /// Straightness of the edges, in raw pixels, where the lens is fitted to them.

@@ -20,7 +20,7 @@ mod arrow;
 
 pub(crate) use arrow::{Normal, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
-pub(crate) use dual::{Dual, Number};
+pub(crate) use dual::{ByLens, Dual, Number, NumberOver};
 pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares};
 #[cfg(test)]
 pub(crate) use levenberg_marquardt::{LevenbergMarquardt, Termination};

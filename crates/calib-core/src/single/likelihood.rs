@@ -11,7 +11,7 @@
 //! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
 //! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
-use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
+use crate::optimize::{Dual, LeastSquares, Normal, Number, NumberOver, Uncertainty};
 use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
 use crate::single::prior::{Prior, Priors};
@@ -23,8 +23,8 @@ use crate::single::vanishing_point::line_through;
 
 /// The fit of one camera: constraints, what is fixed, and priors.
 #[derive(Clone, Debug)]
-pub(crate) struct Problem<'a> {
-    pub(crate) constraints: &'a Constraints,
+pub(crate) struct Problem<'a, E = f64> {
+    pub(crate) constraints: &'a Constraints<E>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
@@ -98,20 +98,13 @@ impl<'a> Problem<'a> {
         self.constraints.groups + self.constraints.length_groups.len()
     }
 
-    fn in_use(&self, source: Source) -> bool {
-        self.rejected.is_empty() || !self.rejected.contains(&source)
-    }
-
-    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line> + '_ {
-        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
-    }
-
-    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length> + '_ {
-        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
-    }
-
-    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright> + '_ {
-        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
+    /// The same problem of other constraints.
+    pub(crate) fn of<'b, E>(&self, constraints: &'b Constraints<E>) -> Problem<'b, E>
+    where
+        'a: 'b,
+    {
+        let Self { sigma, priors, free, rejected, width, .. } = *self;
+        Problem { constraints, sigma, priors, free, rejected, width }
     }
 
     /// The state with these core parameters and the nuisance parameters in closed form: the mean direction
@@ -153,115 +146,6 @@ impl<'a> Problem<'a> {
         Some(State { parameters, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by
-    /// it (where derivatives are asked for), and its source.
-    ///
-    /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
-    pub(crate) fn each_residual<N: Number>(
-        &self,
-        state: &State,
-        mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
-    ) -> Option<()> {
-        let parameters = &state.parameters;
-        let focal = parameters[LOG_FOCAL].exp();
-        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || parameters[PITCH].abs() > 3.0 {
-            return None;
-        }
-        self.each_line(state, &mut sink);
-        let at = CameraTerms::<N>::new(parameters);
-        self.each_length(state, &at, &mut sink)?;
-        for upright in self.uprights() {
-            for residual in upright_residuals(&at, upright, self.sigma)? {
-                sink(residual, None, Some(upright.source));
-            }
-        }
-        self.each_prior(parameters, |residual| sink(residual, None, None));
-        Some(())
-    }
-
-    /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
-    #[inline]
-    fn each_length<N: Number>(
-        &self,
-        state: &State,
-        at: &CameraTerms<N>,
-        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
-    ) -> Option<()> {
-        let scale = self.sigma.recip();
-        for length in self.lengths() {
-            let (log_length, noise) = floor_length(at, &length.ends)?;
-            let index = self.constraints.groups + length.group;
-            let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
-                Some(metres) => {
-                    let log_height = N::unknown(state.parameters[LOG_HEIGHT], LOG_HEIGHT);
-                    (N::constant(metres.ln()) - log_height, false)
-                }
-                None => (N::constant(state.nuisance[index]), true),
-            };
-            let residual = (log_length - expected) / noise * scale;
-            let nuisance = is_nuisance.then(|| (index, -scale / noise.value()));
-            sink(residual, nuisance, Some(length.source));
-        }
-        Some(())
-    }
-
-    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
-    /// direction.
-    #[inline]
-    fn each_line<N: Number>(
-        &self,
-        state: &State,
-        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
-    ) {
-        let scale = self.sigma.recip();
-        let angles = Angles::new(&state.parameters);
-        let nadir = angles.nadir();
-        let directions: Vec<[VanishingPoint; 2]> = state.nuisance[..self.constraints.groups]
-            .iter()
-            .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
-            .collect();
-        for line in self.lines() {
-            let (vanishing, group) = match line.direction {
-                Direction::Vertical => (&nadir, None),
-                Direction::Floor { group, orthogonal } => {
-                    (&directions[group][usize::from(orthogonal)], Some(group))
-                }
-            };
-            let residual = LineResidual::new(&line.ends, vanishing.at);
-            let value = scale * residual.pixels;
-            if !N::HAS_GRADIENT {
-                sink(N::constant(value), None, Some(line.source));
-                continue;
-            }
-            let d_point = residual.d_point();
-            let derivative = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
-            let by_core = [
-                derivative(&vanishing.d_roll),
-                derivative(&vanishing.d_pitch),
-                derivative(&vanishing.d_log_focal),
-                0.0,
-            ];
-            let nuisance = group.map(|group| (group, derivative(&vanishing.d_angle)));
-            sink(N::new(value, by_core), nuisance, Some(line.source));
-        }
-    }
-
-    /// `(value - mean) / sigma` for every prior.
-    fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
-        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
-        let mut add = |prior: Option<Prior>, value: N| {
-            if let Some(Prior { value: mean, sigma }) = prior {
-                sink((value - mean) * sigma.recip());
-            }
-        };
-        let unknown = |index: usize| N::unknown(parameters[index], index);
-        add(roll, unknown(ROLL));
-        add(pitch, unknown(PITCH));
-        add(focal, unknown(LOG_FOCAL).exp());
-        add(weak_log_focal, unknown(LOG_FOCAL));
-        add(height, unknown(LOG_HEIGHT).exp());
-    }
-
     /// The residual of every constraint in pixels (of an upright, both coordinates of its head together).
     pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
         let mut residuals: Vec<(Source, f64)> = Vec::new();
@@ -294,6 +178,133 @@ impl<'a> Problem<'a> {
     /// Covariance of the core parameters at a state, the nuisance parameters marginalised.
     pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
         Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
+    }
+}
+
+impl<'a, E: Number> Problem<'a, E> {
+    fn in_use(&self, source: Source) -> bool {
+        self.rejected.is_empty() || !self.rejected.contains(&source)
+    }
+
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line<E>> + '_ {
+        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
+    }
+
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length<E>> + '_ {
+        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
+    }
+
+    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright<E>> + '_ {
+        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
+    }
+
+    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by
+    /// it (where derivatives are asked for), and its source.
+    ///
+    /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
+    pub(crate) fn each_residual<N: NumberOver<E>>(
+        &self,
+        state: &State,
+        mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) -> Option<()> {
+        let parameters = &state.parameters;
+        let focal = parameters[LOG_FOCAL].exp();
+        if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || parameters[PITCH].abs() > 3.0 {
+            return None;
+        }
+        self.each_line(state, &mut sink);
+        let at = CameraTerms::<N>::new(parameters);
+        self.each_length(state, &at, &mut sink)?;
+        for upright in self.uprights() {
+            for residual in upright_residuals(&at, upright, self.sigma)? {
+                sink(residual, None, Some(upright.source));
+            }
+        }
+        self.each_prior(parameters, |residual| sink(residual, None, None));
+        Some(())
+    }
+
+    /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
+    #[inline]
+    fn each_length<N: NumberOver<E>>(
+        &self,
+        state: &State,
+        at: &CameraTerms<N>,
+        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) -> Option<()> {
+        let scale = self.sigma.recip();
+        for length in self.lengths() {
+            let (log_length, noise) = floor_length(at, &length.ends)?;
+            let index = self.constraints.groups + length.group;
+            let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
+                Some(metres) => {
+                    let log_height = N::unknown(state.parameters[LOG_HEIGHT], LOG_HEIGHT);
+                    (N::constant(metres.ln()) - log_height, false)
+                }
+                None => (N::constant(state.nuisance[index]), true),
+            };
+            let residual = (log_length - expected) / noise * scale;
+            let nuisance = is_nuisance.then(|| (index, -scale / noise.value()));
+            sink(residual, nuisance, Some(length.source));
+        }
+        Some(())
+    }
+
+    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
+    /// direction.
+    #[inline]
+    fn each_line<N: NumberOver<E>>(
+        &self,
+        state: &State,
+        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+    ) {
+        let scale = self.sigma.recip();
+        let angles = Angles::new(&state.parameters);
+        let nadir = angles.nadir();
+        let directions: Vec<[VanishingPoint; 2]> = state.nuisance[..self.constraints.groups]
+            .iter()
+            .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
+            .collect();
+        for line in self.lines() {
+            let (vanishing, group) = match line.direction {
+                Direction::Vertical => (&nadir, None),
+                Direction::Floor { group, orthogonal } => {
+                    (&directions[group][usize::from(orthogonal)], Some(group))
+                }
+            };
+            let residual = LineResidual::new(&line.ends, vanishing.at);
+            let value = N::from(residual.pixels) * scale;
+            if !N::HAS_GRADIENT {
+                sink(value, None, Some(line.source));
+                continue;
+            }
+            let d_point = residual.d_point();
+            let derivative = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
+            let by_core = [
+                derivative(&vanishing.d_roll),
+                derivative(&vanishing.d_pitch),
+                derivative(&vanishing.d_log_focal),
+                0.0,
+            ];
+            let nuisance = group.map(|group| (group, derivative(&vanishing.d_angle)));
+            sink(N::new(value.value(), by_core), nuisance, Some(line.source));
+        }
+    }
+
+    /// `(value - mean) / sigma` for every prior.
+    fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
+        let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
+        let mut add = |prior: Option<Prior>, value: N| {
+            if let Some(Prior { value: mean, sigma }) = prior {
+                sink((value - mean) * sigma.recip());
+            }
+        };
+        let unknown = |index: usize| N::unknown(parameters[index], index);
+        add(roll, unknown(ROLL));
+        add(pitch, unknown(PITCH));
+        add(focal, unknown(LOG_FOCAL).exp());
+        add(weak_log_focal, unknown(LOG_FOCAL));
+        add(height, unknown(LOG_HEIGHT).exp());
     }
 }
 

@@ -48,7 +48,7 @@
 //! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
 //! foot, head and height propagated to it, to first order.
 
-use crate::optimize::Number;
+use crate::optimize::{Number, NumberOver};
 use crate::single::constraints::{Endpoint, Upright};
 use crate::single::vanishing_point::line_through;
 
@@ -118,40 +118,42 @@ impl Angles {
 /// through them passes through the vanishing point V; signed. The weights are 1 without distortion.
 ///
 /// The terms of the formula are kept for the derivative; the module states it.
-pub(crate) struct LineResidual {
-    pub(crate) pixels: f64,
-    ends: [[f64; 2]; 2],
+pub(crate) struct LineResidual<E = f64> {
+    pub(crate) pixels: E,
+    ends: [[E; 2]; 2],
     v: [f64; 3],
-    line: [f64; 3],
-    weights: [f64; 2],
+    line: [E; 3],
+    weights: [E; 2],
     /// `l . V`.
-    incidence: f64,
+    incidence: E,
     /// `T`.
-    trace: f64,
+    trace: E,
     /// `sqrt(T^2 - 4 D)`.
-    root: f64,
+    root: E,
     /// `T + sqrt(T^2 - 4 D)`.
-    sum: f64,
+    sum: E,
     /// `r / (l . V)`.
-    factor: f64,
+    factor: E,
 }
 
-impl LineResidual {
+impl<E: Number> LineResidual<E> {
     #[inline]
-    pub(crate) fn new(ends: &[Endpoint; 2], v: [f64; 3]) -> Self {
+    pub(crate) fn new(ends: &[Endpoint<E>; 2], v: [f64; 3]) -> Self {
         let [p1, p2] = [ends[0].point, ends[1].point];
         let line = line_through(p1, p2);
         let weights = weights_across(ends, &line);
         let [w1, w2] = weights;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
-        let incidence = crate::camera::dot(&line, &v);
+        let incidence = line[0] * v[0] + line[1] * v[1] + line[2] * v[2];
         let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
         let weight = w1 * w2;
         // q1 x q2 = Vw (l . V).
-        let determinant = weight * (v[2] * incidence).powi(2);
-        let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
-        let sum = (trace + root).max(f64::MIN_POSITIVE);
-        let factor = (2.0 * weight / sum).sqrt();
+        let determinant = weight * (incidence * v[2]) * (incidence * v[2]);
+        let discriminant = (trace * trace - determinant * 4.0).at_least(0.0);
+        // The root of 0 has no derivative; 0 is the mean of its two.
+        let root = if discriminant.value() > 0.0 { discriminant.sqrt() } else { discriminant };
+        let sum = (trace + root).at_least(f64::MIN_POSITIVE);
+        let factor = (weight * 2.0 / sum).sqrt();
         Self {
             pixels: factor * incidence,
             ends: [p1, p2],
@@ -169,8 +171,11 @@ impl LineResidual {
     /// Its derivative by V.
     #[inline]
     pub(crate) fn d_point(&self) -> [f64; 3] {
-        let Self { ends: [p1, p2], v, line, weights: [w1, w2], incidence, trace, root, sum, factor, .. } =
-            *self;
+        let v = self.v;
+        let [p1, p2] = self.ends.map(|end| end.map(Number::value));
+        let ([w1, w2], line) = (self.weights.map(Number::value), self.line.map(Number::value));
+        let [incidence, trace, root, sum, factor] =
+            [self.incidence, self.trace, self.root, self.sum, self.factor].map(Number::value);
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
         // Where the eigenvalues are equal the root has a kink; the mean of its two derivatives is 0.
         let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
@@ -191,17 +196,17 @@ impl LineResidual {
 
 /// From the homogeneous point V to a pixel, times Vw.
 #[inline]
-fn direction(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
+fn direction<E: Number>(p: [E; 2], v: [f64; 3]) -> [E; 2] {
     [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
 }
 
 /// Inverse variances of the two ends across the line.
-fn weights_across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
+fn weights_across<E: Number>(ends: &[Endpoint<E>; 2], line: &[E; 3]) -> [E; 2] {
     let [a, b, _] = *line;
-    let square = (a * a + b * b).max(f64::MIN_POSITIVE);
+    let square = (a * a + b * b).at_least(f64::MIN_POSITIVE);
     ends.map(|end| {
         let [uu, uv, vv] = end.covariance;
-        square / (a * a * uu + 2.0 * a * b * uv + b * b * vv)
+        square / (a * a * uu + a * b * uv * 2.0 + b * b * vv)
     })
 }
 
@@ -232,10 +237,13 @@ impl<N: Number> CameraTerms<N> {
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
 #[inline]
-pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2]) -> Option<(N, N)> {
+pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
+    at: &CameraTerms<N>,
+    ends: &[Endpoint<E>; 2],
+) -> Option<(N, N)> {
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
-    let on_floor = |end: &Endpoint| {
+    let on_floor = |end: &Endpoint<E>| {
         let [x, y] = end.point;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
@@ -253,14 +261,14 @@ pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2])
     }
     let per_square = one / square;
     // d log length / d (u, v) of one end, turned back into image axes.
-    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint| {
+    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint<E>| {
         let share = per_square * per_depth;
         let across = dx * share;
         let along = -((dx * u * cp + dy * f) * share * per_depth);
         let by_u = cr * across + sr * along;
         let by_v = cr * along - sr * across;
         let [uu, uv, vv] = end.covariance;
-        by_u * by_u * uu + by_u * by_v * (2.0 * uv) + by_v * by_v * vv
+        by_u * by_u * uu + by_u * by_v * (uv * 2.0) + by_v * by_v * vv
     };
     let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
     Some((square.ln() * 0.5, noise))
@@ -272,9 +280,9 @@ pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2])
 /// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
 /// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
-pub(crate) fn upright_residuals<N: Number>(
+pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
-    upright: &Upright,
+    upright: &Upright<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
@@ -296,13 +304,13 @@ pub(crate) fn upright_residuals<N: Number>(
     let k_by_h = depth * per_height;
     let a_by_h = f * u * k_by_h * sp / divide;
     let b_by_h = f * ((v - k * cp) * sp - cp * divisor) * k_by_h / divide;
-    let turn = |[uu, uv, vv]: [f64; 3]| {
+    let turn = |[uu, uv, vv]: [E; 3]| {
         // Into unrolled axes.
         let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;
         (
-            cr * cr * uu - cr * sr * (2.0 * uv) + sr * sr * vv,
+            cr * cr * uu - cr * sr * (uv * 2.0) + sr * sr * vv,
             off,
-            sr * sr * uu + cr * sr * (2.0 * uv) + cr * cr * vv,
+            sr * sr * uu + cr * sr * (uv * 2.0) + cr * cr * vv,
         )
     };
     let (fuu, fuv, fvv) = turn(upright.foot.covariance);
