@@ -146,10 +146,10 @@ pub use outcome::{
     Severity, Source, Subject, Suggestion, Tie, WhyUnused,
 };
 pub use single::{
-    Annotation, ConstraintKind, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
+    Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, Shape, Sketch, Upright, closed_form, draw_next, findings,
-    line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, SceneErrors, Shape, Sketch, Upright, closed_form, draw_next,
+    findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

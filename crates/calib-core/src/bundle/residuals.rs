@@ -17,7 +17,7 @@ use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS};
 use crate::bundle::parameters::CameraLayout;
 use crate::camera::{Distortion, WorldPoint, dot};
-use crate::optimize::{ByLens, Dual, JacobianBlock};
+use crate::optimize::{ByLens, Dual, Gradient, JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, Problem, Source, State};
 
 /// What a residual belongs to.
@@ -105,9 +105,9 @@ impl CameraJacobian {
     }
 }
 
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of
-/// a nuisance parameter with the derivative by it, and source.
-pub(crate) type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
+/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, those by
+/// nuisance parameters, and source.
+pub(crate) type Stage1Residuals = Vec<(f64, Gradient, NuisanceJacobian, Option<Source>)>;
 
 /// All residuals of stage 1.
 pub(crate) fn stage_1_residuals(problem: &Problem, state: &State) -> Option<Stage1Residuals> {
@@ -136,8 +136,10 @@ pub(crate) fn stage_1_by_lens(
 mod tests {
     use super::*;
     use crate::camera::{BrownConrady, Lens, Pixel};
-    use crate::single::{Annotation, FixedParameters, Kind, Known, Priors};
+    use crate::single::{Annotation, FixedParameters, Kind, Known, Priors, SceneErrors};
     use proptest::prelude::*;
+
+    const SCENE: SceneErrors = SceneErrors { floor_tilt: 0.02, level: 0.005, square: 0.01, length: 0.01 };
 
     fn any_lens() -> impl Strategy<Value = Lens> {
         let brown = (-0.3..0.1_f64, -0.05..0.05_f64, -0.01..0.01_f64, -0.003..0.003_f64, -0.003..0.003_f64)
@@ -181,14 +183,14 @@ mod tests {
             lens in any_lens(), annotations in any_annotations(), roll in -0.2..0.2_f64, pitch in 0.5..1.2_f64,
         ) {
             const STEP: f64 = 1e-5;
-            let constraints = Constraints::new(&annotations, &lens);
+            let constraints = Constraints::new(&annotations, &lens, SCENE);
             let problem = Problem::new(&constraints, FixedParameters::default(), Priors::default(), 0.7, 1920.0);
             let state = problem.state_at([roll, pitch, 1100.0_f64.ln(), 3.0_f64.ln()]);
             prop_assume!(state.is_some());
             let Some(state) = state else { return Ok(()) };
-            let by = stage_1_by_lens(&problem, &Constraints::by_lens(&annotations, &lens), &state);
+            let by = stage_1_by_lens(&problem, &Constraints::by_lens(&annotations, &lens, SCENE), &state);
             let values = |lens: &Lens| -> Option<Vec<f64>> {
-                let constraints = Constraints::new(&annotations, lens);
+                let constraints = Constraints::new(&annotations, lens, SCENE);
                 let residuals = stage_1_residuals(&problem.of(&constraints), &state)?;
                 Some(residuals.iter().map(|residual| residual.0).collect())
             };

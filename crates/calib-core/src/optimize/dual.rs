@@ -7,11 +7,11 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Derivatives with respect to roll, pitch, log focal and log height.
-pub(crate) type Gradient = [f64; CORE];
+/// Derivatives with respect to roll, pitch, log focal, log height and the two tilts of the floor.
+pub(crate) type Gradient = [f64; PARAMETERS];
 
-/// Number of core parameters of stage 1.
-const CORE: usize = 4;
+/// Number of parameters of stage 1 that a formula may depend on, its own nuisance parameters apart.
+const PARAMETERS: usize = 6;
 
 /// A value with its derivatives by the coefficients of a lens.
 pub(crate) type ByLens = Dual<LENS>;
@@ -32,22 +32,26 @@ pub(crate) trait Number:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Whether it carries derivatives by the core parameters.
+    /// Whether it carries derivatives by the parameters.
     const HAS_GRADIENT: bool;
 
-    /// A value with its derivatives by the core parameters, which a number without them drops.
+    /// A value with its derivatives by the parameters, which a number without them drops.
     fn new(value: f64, gradient: Gradient) -> Self;
     fn value(self) -> f64;
+    /// The derivatives by the parameters; zeros of a number without them.
+    fn gradient(self) -> Gradient {
+        [0.0; PARAMETERS]
+    }
     /// A function of this number, with its value and derivative here.
     fn chain(self, value: f64, derivative: f64) -> Self;
 
     fn constant(value: f64) -> Self {
-        Self::new(value, [0.0; CORE])
+        Self::new(value, [0.0; PARAMETERS])
     }
 
-    /// The core parameter of this index.
+    /// The parameter of this index.
     fn unknown(value: f64, index: usize) -> Self {
-        let mut gradient = [0.0; CORE];
+        let mut gradient = [0.0; PARAMETERS];
         gradient[index] = 1.0;
         Self::new(value, gradient)
     }
@@ -119,9 +123,9 @@ impl Number for f64 {
     }
 }
 
-/// A value with its derivatives (forward differentiation): by the four core parameters, or by as many others.
+/// A value with its derivatives (forward differentiation): by the parameters of stage 1, or by others.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Dual<const K: usize = CORE> {
+pub(crate) struct Dual<const K: usize = PARAMETERS> {
     pub(crate) value: f64,
     pub(crate) gradient: [f64; K],
 }
@@ -132,6 +136,11 @@ impl Number for Dual {
     #[inline]
     fn new(value: f64, gradient: Gradient) -> Self {
         Self { value, gradient }
+    }
+
+    #[inline]
+    fn gradient(self) -> Gradient {
+        self.gradient
     }
 
     #[inline]

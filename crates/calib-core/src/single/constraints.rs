@@ -9,6 +9,7 @@ use crate::camera::{Lens, Pixel};
 use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
+use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// The direction of a line in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,6 +42,8 @@ pub struct Line<E = f64> {
     pub ends: [Endpoint<E>; 2],
     /// Its direction in space.
     pub direction: Direction,
+    /// How far its direction may be from that: index into [`Constraints::deviations`], if at all.
+    pub deviation: Option<usize>,
     /// The drawing that it comes from.
     pub source: Source,
 }
@@ -52,6 +55,8 @@ pub struct Length<E = f64> {
     pub ends: [Endpoint<E>; 2],
     /// Index into [`Constraints::length_groups`].
     pub group: usize,
+    /// Standard deviation of its log against that of its group.
+    pub spread: f64,
     /// The drawing that it comes from.
     pub source: Source,
 }
@@ -82,6 +87,10 @@ pub struct Constraints<E = f64> {
     pub length_groups: Vec<Option<f64>>,
     /// Persons and posts.
     pub uprights: Vec<Upright<E>>,
+    /// How far drawn directions may be from those of their groups, where they may.
+    pub deviations: Vec<Deviation>,
+    /// How far the scene may be from what was drawn.
+    pub scene: SceneErrors,
     /// Segments that give no constraint, and why.
     pub invalid: Vec<(Source, InvalidSegment)>,
 }
@@ -106,6 +115,8 @@ impl<E> Default for Constraints<E> {
             lengths: Vec::new(),
             length_groups: Vec::new(),
             uprights: Vec::new(),
+            deviations: Vec::new(),
+            scene: SceneErrors::EXACT,
             invalid: Vec::new(),
         }
     }
@@ -122,22 +133,22 @@ impl<E> Constraints<E> {
 impl Constraints {
     /// The constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
-    pub fn new(annotations: &[Annotation], lens: &Lens) -> Self {
-        Builder::build(annotations, lens, |annotation| !annotation.off)
+    pub fn new(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
+        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
     }
 
     /// The constraints of the annotations that are switched off: not fitted, but their residuals are
     /// reported.
     #[must_use]
     pub fn switched_off(annotations: &[Annotation], lens: &Lens) -> Self {
-        Builder::build(annotations, lens, |annotation| annotation.off)
+        Builder::build(annotations, lens, SceneErrors::EXACT, |annotation| annotation.off)
     }
 }
 
 impl Constraints<ByLens> {
     /// As [`Constraints::new`], with the derivatives by the coefficients of the lens.
-    pub(crate) fn by_lens(annotations: &[Annotation], lens: &Lens) -> Self {
-        Builder::build(annotations, lens, |annotation| !annotation.off)
+    pub(crate) fn by_lens(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
+        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
     }
 }
 
@@ -154,10 +165,12 @@ impl<'a, E: OfLens> Builder<'a, E> {
     fn build(
         annotations: &'a [Annotation],
         lens: &'a Lens,
+        scene: SceneErrors,
         is_used: impl Fn(&Annotation) -> bool,
     ) -> Constraints<E> {
         let directions = vec![None; annotations.len()];
-        let mut builder = Self { annotations, lens, constraints: Constraints::default(), directions };
+        let constraints = Constraints { scene, ..Constraints::default() };
+        let mut builder = Self { annotations, lens, constraints, directions };
         for (index, annotation) in annotations.iter().enumerate() {
             if is_used(annotation) {
                 builder.add(index, annotation);
@@ -170,32 +183,56 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let segments = annotation.segments.as_deref().unwrap_or_default();
         match annotation.kind.row().constraint {
             ConstraintKind::StraightEdge => {}
-            ConstraintKind::Vertical => self.add_lines(index, segments, |_| Direction::Vertical),
+            ConstraintKind::Vertical => self.add_lines(index, segments, |_| (Direction::Vertical, None)),
             ConstraintKind::Parallel => {
                 let groups = &mut self.constraints.groups;
                 let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
-                self.add_lines(index, segments, |_| Direction::Floor { group, orthogonal });
+                let azimuth =
+                    if annotation.at_right_angles_to.is_some() { self.constraints.scene.square } else { 0.0 };
+                let deviation = self.deviation(group, orthogonal, azimuth);
+                self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
             }
             ConstraintKind::RightAngle => {
                 let group = self.constraints.groups;
                 self.constraints.groups += 1;
-                self.add_lines(index, segments, |i| Direction::Floor { group, orthogonal: i > 0 });
+                let square = |i: usize| if i > 0 { self.constraints.scene.square } else { 0.0 };
+                let azimuths: Vec<f64> = (0..segments.len()).map(square).collect();
+                let deviations: Vec<Option<usize>> = azimuths
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &azimuth)| self.deviation(group, i > 0, azimuth))
+                    .collect();
+                self.add_lines(index, segments, |i| {
+                    (Direction::Floor { group, orthogonal: i > 0 }, deviations[i])
+                });
             }
             ConstraintKind::Length => self.add_lengths(index, annotation, segments),
             ConstraintKind::Upright => self.add_upright(index, annotation),
         }
     }
 
+    /// A deviation of a drawn direction, if directions deviate.
+    fn deviation(&mut self, group: usize, orthogonal: bool, azimuth: f64) -> Option<usize> {
+        let level = self.constraints.scene.level;
+        (azimuth > 0.0 || level > 0.0).then(|| {
+            self.constraints.deviations.push(Deviation { group, orthogonal, azimuth, level });
+            self.constraints.deviations.len() - 1
+        })
+    }
+
     fn add_lines(
         &mut self,
         annotation: usize,
         segments: &[Vec<Pixel>],
-        direction: impl Fn(usize) -> Direction,
+        direction: impl Fn(usize) -> (Direction, Option<usize>),
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
             match line_ends(points, self.lens).ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.constraints.lines.push(Line { ends, direction: direction(segment), source }),
+                Ok(ends) => {
+                    let (direction, deviation) = direction(segment);
+                    self.constraints.lines.push(Line { ends, direction, deviation, source });
+                }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
@@ -211,7 +248,12 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 .zip(points.last())
                 .and_then(|(&a, &b)| Some([E::endpoint(a, self.lens)?, E::endpoint(b, self.lens)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.constraints.lengths.push(Length { ends, group, source }),
+                Ok(ends) => self.constraints.lengths.push(Length {
+                    ends,
+                    group,
+                    spread: self.constraints.scene.length,
+                    source,
+                }),
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
@@ -361,7 +403,7 @@ mod tests {
     fn directions_tied_at_right_angles_share_one_group_in_any_order() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let annotations = [parallel("c", Some("b")), parallel("a", None), parallel("b", Some("a"))];
-        let constraints = Constraints::new(&annotations, &lens);
+        let constraints = Constraints::new(&annotations, &lens, SceneErrors::EXACT);
         assert_eq!(constraints.groups, 1);
         let is_orthogonal: Vec<_> = constraints
             .lines

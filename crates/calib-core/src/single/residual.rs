@@ -61,13 +61,20 @@ pub(crate) const PITCH: usize = 1;
 pub(crate) const LOG_FOCAL: usize = 2;
 pub(crate) const LOG_HEIGHT: usize = 3;
 
+/// Lean of the verticals against the normal of the floor: to the right, and away from the camera, in radians.
+pub(crate) type Tilt = [f64; 2];
+
+/// Index of the first tilt among the derivatives of a formula.
+pub(crate) const TILT: usize = 4;
+
 /// A vanishing point relative to the principal point, homogeneous, with its derivatives.
 pub(crate) struct VanishingPoint {
     pub(crate) at: [f64; 3],
     pub(crate) d_roll: [f64; 3],
     pub(crate) d_pitch: [f64; 3],
     pub(crate) d_log_focal: [f64; 3],
-    pub(crate) d_angle: [f64; 3],
+    /// Of a floor direction by its angle and its elevation, of the nadir by the two tilts.
+    pub(crate) d_own: [[f64; 3]; 2],
 }
 
 /// Sines, cosines and focal at some parameters: the vanishing points of directions.
@@ -86,21 +93,27 @@ impl Angles {
         }
     }
 
-    /// The vanishing point of the verticals, toward the nadir: `(f cos p sin r, f cos p cos r, sin p)`.
-    pub(crate) fn nadir(&self) -> VanishingPoint {
+    /// The vanishing point of the verticals, toward the nadir; without tilt
+    /// `(f cos p sin r, f cos p cos r, sin p)`.
+    ///
+    /// In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor `(0, -sin p, cos p)`.
+    pub(crate) fn nadir(&self, [right, ahead]: Tilt) -> VanishingPoint {
         let (sp, cp) = self.pitch;
-        self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
+        let (y, w) = (cp + ahead * sp, sp - ahead * cp);
+        self.vanishing([-right, y, w], [0.0, -w, y], [[-1.0, 0.0, 0.0], [0.0, sp, -cp]])
     }
 
-    /// The vanishing point of the floor direction at `angle`, counter-clockwise from the camera's right.
-    pub(crate) fn floor(&self, angle: f64) -> VanishingPoint {
+    /// The vanishing point of a direction at `angle`, counter-clockwise from the camera's right, that rises
+    /// from the floor by `level`, the tangent of its elevation.
+    pub(crate) fn floor(&self, angle: f64, level: f64) -> VanishingPoint {
         let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
-        self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
+        let (y, w) = (-sp * sa - level * cp, cp * sa - level * sp);
+        self.vanishing([ca, y, w], [0.0, -w, y], [[-sa, -sp * ca, cp * ca], [0.0, -cp, -sp]])
     }
 
-    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and by the
-    /// angle.
-    fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_angle: [f64; 3]) -> VanishingPoint {
+    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and its own
+    /// two parameters.
+    fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_own: [[f64; 3]; 2]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
         let at = image(direction);
@@ -109,7 +122,7 @@ impl Angles {
             d_roll: [at[1], -at[0], 0.0],
             d_pitch: image(d_pitch),
             d_log_focal: [at[0], at[1], 0.0],
-            d_angle: image(d_angle),
+            d_own: d_own.map(image),
         }
     }
 }
@@ -218,15 +231,17 @@ pub(crate) struct CameraTerms<N> {
     focal: N,
     /// One over the height of the camera.
     per_height: N,
+    tilt: [N; 2],
 }
 
 impl<N: Number> CameraTerms<N> {
-    pub(crate) fn new(parameters: &Parameters) -> Self {
+    pub(crate) fn new(parameters: &Parameters, tilt: Tilt) -> Self {
         Self {
             roll: N::unknown(parameters[ROLL], ROLL).sin_cos(),
             pitch: N::unknown(parameters[PITCH], PITCH).sin_cos(),
             focal: N::unknown(parameters[LOG_FOCAL], LOG_FOCAL).exp(),
             per_height: (-N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+            tilt: [N::unknown(tilt[0], TILT), N::unknown(tilt[1], TILT + 1)],
         }
     }
 }
@@ -277,33 +292,37 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
 /// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
 /// ends and of the height.
 ///
-/// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
-/// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
+/// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of verticals
+/// `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at
+/// `f (u + k t, v - k c) / (f - k s)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
 pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     upright: &Upright<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
-    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
+    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *at;
+    let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
     let [x, y] = upright.foot.point;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;
     let k = depth * per_height * upright.height.value;
-    let divisor = f - k * sp;
+    let divisor = f - k * up_w;
     if depth.value() <= 1e-6 * f.value() || divisor.value() <= 1e-6 * f.value() {
         return None;
     }
-    let (a, b) = (f * u / divisor, f * (v - k * cp) / divisor);
+    let (across, down) = (u + k * right, v - k * up_y);
+    let (a, b) = (f * across / divisor, f * down / divisor);
     // Derivatives of the unrolled head by the unrolled foot and by the height.
     let k_by_v = cp * per_height * upright.height.value;
     let divide = divisor * divisor;
     let a_by_u = f / divisor;
-    let a_by_v = f * u * k_by_v * sp / divide;
-    let b_by_v = f * ((-(k_by_v * cp) + 1.0) * divisor + (v - k * cp) * k_by_v * sp) / divide;
+    let a_by_k = f * (right * divisor + across * up_w) / divide;
+    let b_by_k = f * (down * up_w - up_y * divisor) / divide;
+    let a_by_v = k_by_v * a_by_k;
+    let b_by_v = a_by_u + k_by_v * b_by_k;
     let k_by_h = depth * per_height;
-    let a_by_h = f * u * k_by_h * sp / divide;
-    let b_by_h = f * ((v - k * cp) * sp - cp * divisor) * k_by_h / divide;
+    let (a_by_h, b_by_h) = (a_by_k * k_by_h, b_by_k * k_by_h);
     let turn = |[uu, uv, vv]: [E; 3]| {
         // Into unrolled axes.
         let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;

@@ -59,6 +59,7 @@ mod tests {
         Line {
             ends: [end(a), end(b)],
             direction: Direction::Vertical,
+            deviation: None,
             source: Source { annotation: 0, segment: 0 },
         }
     }
