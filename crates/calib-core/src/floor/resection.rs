@@ -291,38 +291,61 @@ mod tests {
     use crate::camera::any_camera;
     use proptest::prelude::*;
 
-    proptest! {
-        #[test]
-        fn the_covariance_of_a_placement_is_that_of_its_errors(seed in 0_u64..1_000_000) {
-            // A hundred noisy placements of one camera, pitch drawn from its own sigma each time.
-            use rand::{Rng as _, SeedableRng as _};
-            let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-            let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
-            let truth = Camera {
-                position: WorldPoint::new(5.0, -3.0, 4.0), yaw: 0.6, pitch: 0.5, roll: 0.03, focal: 1300.0,
-                lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)), covariance: Covariance::EXACT,
-            };
-            let world: Vec<WorldPoint> = [(400.0, 500.0, 0.0), (1500.0, 450.0, 0.5), (960.0, 900.0, 0.0), (300.0, 950.0, 1.0), (1700.0, 800.0, 0.2)]
-                .iter().map(|&(u, v, h)| truth.pixel_to_floor(Pixel { u, v }, h).unwrap().at_height(h)).collect();
-            let sigma_pitch = 0.003;
-            let mut covariance = Covariance::EXACT;
-            covariance.0[Covariance::PITCH][Covariance::PITCH] = sigma_pitch * sigma_pitch;
-            let mut sum = 0.0;
-            const DRAWS: usize = 100;
-            for _ in 0..DRAWS {
-                let believed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
-                let points: Vec<ControlPoint> = world.iter().map(|&world| {
+    /// Of so many noisy placements, the seed is fixed: what would fail by chance once in a hundred thousand
+    /// seeds fails a run of many soon.
+    #[test]
+    fn the_covariance_of_a_placement_is_that_of_its_errors() {
+        // Noisy placements of one camera, pitch drawn from its own sigma each time.
+        use rand::{Rng as _, SeedableRng as _};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let truth = Camera {
+            position: WorldPoint::new(5.0, -3.0, 4.0),
+            yaw: 0.6,
+            pitch: 0.5,
+            roll: 0.03,
+            focal: 1300.0,
+            lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        };
+        let world: Vec<WorldPoint> = [
+            (400.0, 500.0, 0.0),
+            (1500.0, 450.0, 0.5),
+            (960.0, 900.0, 0.0),
+            (300.0, 950.0, 1.0),
+            (1700.0, 800.0, 0.2),
+        ]
+        .iter()
+        .map(|&(u, v, h)| truth.pixel_to_floor(Pixel { u, v }, h).unwrap().at_height(h))
+        .collect();
+        let sigma_pitch = 0.003;
+        let mut covariance = Covariance::EXACT;
+        covariance.0[Covariance::PITCH][Covariance::PITCH] = sigma_pitch * sigma_pitch;
+        let mut sum = 0.0;
+        const DRAWS: usize = 20_000;
+        for _ in 0..DRAWS {
+            let believed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
+            let points: Vec<ControlPoint> = world
+                .iter()
+                .map(|&world| {
                     let p = truth.world_to_pixel(world).unwrap();
                     ControlPoint { pixel: Pixel { u: p.u + normal(), v: p.v + normal() }, world }
-                }).collect();
-                let found = with_placement_covariance(&from_control_points(&believed, &points, None).unwrap(), &points, 1.0);
-                sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap()).powi(2);
-            }
-            // Chi-square of 100: between 0.55 and 1.6 of its mean but once in a hundred thousand.
-            let ratio = sum / DRAWS as f64;
-            prop_assert!(ratio > 0.5 && ratio < 1.7, "{ratio}");
+                })
+                .collect();
+            let found = with_placement_covariance(
+                &from_control_points(&believed, &points, None).unwrap(),
+                &points,
+                1.0,
+            );
+            sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap())
+                .powi(2);
         }
+        // A mean of so many squares of normal numbers: one, with a standard deviation of 0.01.
+        let ratio = sum / DRAWS as f64;
+        assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    }
 
+    proptest! {
         #[test]
         fn points_above_the_camera_leave_it_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
             // Seen from below: a camera that looks up at a ceiling.

@@ -66,8 +66,9 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
     })
 }
 
+/// A camera above the heads of uprights: one beside it is not in the image.
 fn any_core() -> impl Strategy<Value = Parameters> {
-    (-0.3..0.3_f64, 0.3..1.5_f64, 600.0..2500.0_f64, 1.5..6.0_f64)
+    (-0.3..0.3_f64, 0.3..1.4_f64, 600.0..2500.0_f64, 2.5..6.0_f64)
         .prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
 }
 
@@ -108,21 +109,34 @@ proptest! {
         const STEP: f64 = 1e-6;
         let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
         let state = problem.state_at(parameters);
-        prop_assume!(state.is_some());
-        let Some(mut state) = state else { return Ok(()) };
-        let own = problem.nuisances().deviation(0);
-        state.nuisance[own..].iter_mut().enumerate().for_each(|(i, value)| *value = 0.003 * (i as f64 - 2.0));
-        let rows = residuals(&problem, &state);
-        prop_assume!(rows.is_some());
-        let rows = rows.unwrap_or_default();
-        for index in 0..4 + state.nuisance.len() {
-            let ahead = residuals(&problem, &nudged(&state, index, STEP));
-            let behind = residuals(&problem, &nudged(&state, index, -STEP));
-            let (Some(ahead), Some(behind)) = (ahead, behind) else { continue };
+let own = problem.nuisances().deviation(0);
+        let state = state.map(|mut state| {
+            let errors = state.nuisance[own..].iter_mut().enumerate();
+            errors.for_each(|(i, value)| *value = 0.003 * (i as f64 - 2.0));
+            state
+        });
+        // A state without a finite cost is none: a minimiser never stands there.
+        prop_assume!(state.as_ref().is_some_and(|state| problem.normal(state).is_some()));
+        let Some(state) = state else { return Ok(()) };
+        let rows = residuals(&problem, &state).unwrap_or_default();
+        let used = problem.used();
+        for index in (0..4 + state.nuisance.len()).filter(|&index| index < 4 || used[index - 4]) {
+            let central = |step: f64| {
+                let ahead = residuals(&problem, &nudged(&state, index, step))?;
+                let behind = residuals(&problem, &nudged(&state, index, -step))?;
+                let quotient = |((a, _), (b, _)): (&(f64, _), &(f64, _))| (a - b) / (2.0 * step);
+                Some(ahead.iter().zip(&behind).map(quotient).collect::<Vec<f64>>())
+            };
+            let (Some(whole), Some(half)) = (central(STEP), central(0.5 * STEP)) else { continue };
             for (k, (residual, row)) in rows.iter().enumerate() {
-                let numeric = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
                 let scale = 1.0 + row[index].abs() + residual.abs();
-                // Central differences: rounding 1e-10 of the value, truncation 1e-12 of the third derivative.
+                // At a kink, and where a head is all but beside the camera, differences have not converged and
+                // say nothing.
+                if (whole[k] - half[k]).abs() > 1e-3 * scale {
+                    continue;
+                }
+                // Richardson's extrapolation: rounding 1e-10 of the value, no error in the square of the step.
+                let numeric = (4.0 * half[k] - whole[k]) / 3.0;
                 prop_assert!((numeric - row[index]).abs() < 2e-4 * scale, "residual {k} by {index}: {numeric} {}", row[index]);
             }
         }
@@ -130,7 +144,7 @@ proptest! {
 
     #[test]
     fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
-        parameters in any_core(), nudge in [-0.05..0.05_f64, -0.1..0.1_f64, -0.2..0.2_f64],
+        parameters in any_core(), nudge in [-0.03..0.03_f64, -0.05..0.05_f64, -0.1..0.1_f64],
         drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
     ) {
         let constraints = drawn_toward(&parameters, &drawn);
@@ -146,11 +160,12 @@ proptest! {
     }
 }
 
-/// Lines toward the vertical and two floor directions, drawn with noise across them.
+/// Lines toward the vertical and two floor directions, drawn with noise across them, none beside its vanishing
+/// point: about such lines lie minima of their own.
 fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Constraints {
     let angles = Angles::new(parameters);
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
-    let lines = drawn.iter().enumerate().map(|(i, &(a, share, noise))| {
+    let lines = drawn.iter().enumerate().filter_map(|(i, &(a, share, noise))| {
         let (direction, v) = match i % 3 {
             0 => (Direction::Vertical, angles.nadir([0.0; 2]).at),
             1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7, 0.0).at),
@@ -161,10 +176,13 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
         };
         let way = [v[0] - a[0] * v[2], v[1] - a[1] * v[2]];
         let length = way[0].hypot(way[1]);
+        if length < 500.0 * v[2].abs() {
+            return None;
+        }
         let step = 700.0 * share / length;
         let b =
             [a[0] + step * way[0] - noise * way[1] / length, a[1] + step * way[1] + noise * way[0] / length];
-        Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) }
+        Some(Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) })
     });
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
