@@ -12,8 +12,9 @@
 //! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
 use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
-use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::fixed_parameters::FixedParameters;
+use crate::single::orientation::Orientation;
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,
