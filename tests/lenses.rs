@@ -4,7 +4,7 @@
 
 use calib_core::{
     Annotation, BrownConrady, Code, Distortion, DistortionModel, Edge, Fitted, Kind, Lens, LensCache,
-    LensFit, LensOptions, Options, Pixel, Source, UndistortedPixel,
+    LensFit, LensOptions, Options, Pixel, Site, Source, UndistortedPixel,
 };
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
