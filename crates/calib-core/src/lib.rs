@@ -146,10 +146,10 @@ pub use outcome::{
     Severity, SharedEvidence, Source, Subject, Suggestion, WhyNotConnected, WhyUnused,
 };
 pub use single::{
-    Annotation, ConstraintKind, Constraints, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
+    Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, Shape, Sketch, Upright, closed_form, draw_next,
-    findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, Upright, closed_form,
+    draw_next, findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

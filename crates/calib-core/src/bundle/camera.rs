@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    edges, weak_prior,
+    SceneErrors, edges, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -61,6 +61,8 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     lengths: Vec::new(),
     length_groups: Vec::new(),
     uprights: Vec::new(),
+    deviations: Vec::new(),
+    scene: SceneErrors::EXACT,
     invalid: Vec::new(),
 };
 

@@ -10,7 +10,8 @@ use std::collections::HashSet;
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::camera::{Camera, Covariance};
-use crate::optimize::BlockStructure;
+use crate::optimize::{BlockStructure, NuisanceLayout};
+use crate::single::Problem;
 
 /// Block of every parameter of a camera and its place in the block; none where it is not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];
@@ -21,8 +22,8 @@ pub(crate) struct ParameterLayout {
     pub(crate) blocks: BlockStructure,
     /// Of every view.
     pub(crate) cameras: Vec<CameraLayout>,
-    /// Block of every direction and length of every view that is used.
-    pub(crate) nuisances: Vec<Vec<Option<usize>>>,
+    /// Block of every nuisance parameter of every view that is used, and its place in the block.
+    pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of every landmark, its free parameters in their order.
     pub(crate) landmarks: Vec<Option<usize>>,
 }
@@ -45,7 +46,7 @@ impl ParameterLayout {
         let nuisances = views
             .iter()
             .zip(&cameras)
-            .map(|(view, camera)| builder.nuisances(&view.stage_1.used(), camera))
+            .map(|(view, camera)| builder.nuisances(&view.stage_1, camera))
             .collect();
         let used: Vec<&DistanceMeasurement> = distances.iter().filter(|distance| !distance.off).collect();
         let kept: HashSet<usize> = used.iter().flat_map(|distance| distance.between).collect();
@@ -103,15 +104,22 @@ impl LayoutBuilder {
         layout
     }
 
-    /// Blocks of the directions and lengths of a view that are used.
-    fn nuisances(&mut self, used: &[bool], camera: &CameraLayout) -> Vec<Option<usize>> {
-        used.iter()
-            .map(|&is_used| {
-                let block = self.block(usize::from(is_used), false)?;
-                self.couple(blocks_of(camera).chain([block]));
-                Some(block)
+    /// Blocks of the nuisance parameters of a view that are used, as the fit of the camera alone has them.
+    fn nuisances(&mut self, stage_1: &Problem, camera: &CameraLayout) -> Vec<Option<(usize, usize)>> {
+        let used = stage_1.used();
+        let NuisanceLayout { places, sizes } = stage_1.nuisances().layout(stage_1.constraints);
+        let mut counts = vec![0; sizes.len()];
+        let places: Vec<Option<(usize, usize)>> = places
+            .iter()
+            .zip(&used)
+            .map(|(&(block, _), &is_used)| {
+                counts[block] += usize::from(is_used);
+                is_used.then(|| (block, counts[block] - 1))
             })
-            .collect()
+            .collect();
+        let blocks: Vec<Option<usize>> = counts.iter().map(|&count| self.block(count, false)).collect();
+        blocks.iter().flatten().for_each(|&block| self.couple(blocks_of(camera).chain([block])));
+        places.iter().map(|place| place.and_then(|(block, at)| Some((blocks[block]?, at)))).collect()
     }
 
     fn landmarks(

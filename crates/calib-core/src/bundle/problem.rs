@@ -4,9 +4,12 @@
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free, stage_1_residuals};
+use crate::bundle::residuals::{
+    CameraJacobian, ResidualKind, Stage1Residuals, distance_residual, of_free, stage_1_by_lens,
+    stage_1_residuals,
+};
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
-use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
+use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations, NuisanceJacobian};
 use crate::single::{
     Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, ROLL, State, straightness_with_jacobian,
 };
@@ -19,16 +22,13 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) distances: Vec<DistanceMeasurement>,
     pub(crate) blocks: BlockStructure,
     camera_layout: Vec<CameraLayout>,
-    /// Block of every nuisance parameter of stage 1 of every view.
-    nuisance_blocks: Vec<Vec<Option<usize>>>,
+    /// Block of every nuisance parameter of stage 1 of every view, and its place there.
+    nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
-
-/// Step of differences by coefficients: a thousandth of a pixel in the corner.
-const STEP: f64 = 1e-6;
 
 impl<'a> BundleProblem<'a> {
     pub(crate) fn new(
@@ -44,7 +44,7 @@ impl<'a> BundleProblem<'a> {
             distances,
             blocks,
             camera_layout: cameras,
-            nuisance_blocks: nuisances,
+            nuisance_places: nuisances,
             landmark_blocks,
             observed: Vec::new(),
         };
@@ -77,9 +77,9 @@ impl<'a> BundleProblem<'a> {
                 parameter.iter().for_each(|&(block, place)| set(block, place, value));
             }
         }
-        for (view, blocks) in self.views.iter().zip(&self.nuisance_blocks) {
-            for (block, value) in blocks.iter().zip(&view.nuisance) {
-                block.iter().for_each(|&block| set(block, 0, *value));
+        for (view, places) in self.views.iter().zip(&self.nuisance_places) {
+            for (place, value) in places.iter().zip(&view.nuisance) {
+                place.iter().for_each(|&(block, place)| set(block, place, *value));
             }
         }
         for (landmark, block) in self.landmarks.iter().zip(&self.landmark_blocks) {
@@ -123,8 +123,9 @@ impl<'a> BundleProblem<'a> {
 
     /// Nuisance parameters of stage 1 of a view at a state.
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
-        let values = self.views[view].nuisance.iter().zip(&self.nuisance_blocks[view]);
-        values.map(|(&start, block)| block.map_or(start, |b| state[self.blocks.offsets[b]])).collect()
+        let values = self.views[view].nuisance.iter().zip(&self.nuisance_places[view]);
+        let value = |at: (usize, usize)| state[self.blocks.offsets[at.0] + at.1];
+        values.map(|(&start, place)| place.map_or(start, value)).collect()
     }
 
     /// Block of the free parameters of a landmark.
@@ -180,28 +181,21 @@ impl<'a> BundleProblem<'a> {
         camera: &Camera,
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
-        let this = &self.views[view];
         let height = camera.position.z;
         // A camera below the floor has no log height; residuals that depend on it are impossible there.
         let log_height = if height > 0.0 { height.ln() } else { f64::NEG_INFINITY };
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
-        let is_free = self.lens_is_free(view);
-        let constraints = is_free.then(|| Constraints::new(this.annotations, &camera.lens));
-        let residuals = stage_1_residuals(&this.stage_1, constraints.as_ref(), &stage_1)?;
-        let d_lens =
-            if is_free { self.stage_1_by_lens(view, camera, &stage_1, residuals.len())? } else { Vec::new() };
+        let (residuals, d_lens) = self.stage_1(view, camera, &stage_1)?;
+        let mut sorted = Vec::new();
         for (i, (residual, jacobian, nuisance, source)) in residuals.iter().enumerate() {
             let mut by = [0.0; CAMERA_PARAMS];
             by[Covariance::ROLL] = jacobian[ROLL];
             by[Covariance::PITCH] = jacobian[PITCH];
             by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
             by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
-            for (k, column) in &d_lens {
-                by[POSE_PARAMS + k] = column[i];
-            }
-            let nuisance = nuisance.and_then(|(index, by)| Some((self.nuisance_blocks[view][index]?, [by])));
-            let nuisance = nuisance.as_ref().map(|(block, by)| JacobianBlock { block: *block, by });
+            d_lens.get(i).iter().for_each(|d_lens| by[POSE_PARAMS..].copy_from_slice(*d_lens));
+            let nuisance = self.nuisance_jacobian(view, nuisance, &mut sorted);
             let kind =
                 source.map_or(ResidualKind::CameraPrior, |source| ResidualKind::Annotation { view, source });
             self.sink_view(view, *residual, &by, nuisance, kind, sink);
@@ -209,30 +203,39 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Derivatives of the residuals of stage 1 by every coefficient that is free, by differences: a coefficient
-    /// moves the ends of a segment, changes the covariance of their noise, and changes the spread of a
-    /// polyline. The analytic chain through all three, for every kind of residual, would be longer than the
-    /// residuals themselves; two evaluations give a whole column.
-    fn stage_1_by_lens(
+    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its coefficients.
+    fn stage_1(
         &self,
         view: usize,
         camera: &Camera,
-        stage_1: &State,
-        count: usize,
-    ) -> Option<Vec<(usize, Vec<f64>)>> {
+        state: &State,
+    ) -> Option<(Stage1Residuals, Vec<[f64; Distortion::MOST]>)> {
         let this = &self.views[view];
-        let free = (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some());
-        free.map(|k| {
-            let at = |by: f64| {
-                let lens = camera.nudged(POSE_PARAMS + k, by).lens;
-                let constraints = Constraints::new(this.annotations, &lens);
-                stage_1_residuals(&this.stage_1, Some(&constraints), stage_1)
-                    .filter(|residuals| residuals.len() == count)
-            };
-            let (ahead, behind) = (at(STEP)?, at(-STEP)?);
-            Some((k, ahead.iter().zip(&behind).map(|(a, b)| (a.0 - b.0) / (2.0 * STEP)).collect()))
-        })
-        .collect()
+        if !self.lens_is_free(view) {
+            return Some((stage_1_residuals(&this.stage_1, state)?, Vec::new()));
+        }
+        let scene = this.stage_1.constraints.scene;
+        let constraints = Constraints::new(this.annotations, &camera.lens, scene);
+        let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
+        let constraints = Constraints::by_lens(this.annotations, &camera.lens, scene);
+        let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
+        (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
+    }
+
+    /// The derivatives of a residual by the nuisance parameters of a view, sorted into their block.
+    fn nuisance_jacobian<'b>(
+        &self,
+        view: usize,
+        nuisance: &NuisanceJacobian,
+        sorted: &'b mut Vec<f64>,
+    ) -> Option<JacobianBlock<'b>> {
+        let entries =
+            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.nuisance_places[view][i]?, by)));
+        let ((block, _), _) = entries().next()?;
+        sorted.clear();
+        sorted.resize(self.blocks.sizes[block], 0.0);
+        entries().for_each(|((_, place), by)| sorted[place] = by);
+        Some(JacobianBlock { block, by: sorted })
     }
 
     /// Straightness of the edges, in raw pixels, where the lens is fitted to them.

@@ -16,8 +16,8 @@
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS};
 use crate::bundle::parameters::CameraLayout;
-use crate::camera::{WorldPoint, dot};
-use crate::optimize::{Dual, JacobianBlock};
+use crate::camera::{Distortion, WorldPoint, dot};
+use crate::optimize::{ByLens, Dual, Gradient, JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, Problem, Source, State};
 
 /// What a residual belongs to.
@@ -105,23 +105,113 @@ impl CameraJacobian {
     }
 }
 
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, the index of
-/// a nuisance parameter with the derivative by it, and source.
-pub(crate) type Stage1Residuals = Vec<(f64, [f64; 4], Option<(usize, f64)>, Option<Source>)>;
+/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, those by
+/// nuisance parameters, and source.
+pub(crate) type Stage1Residuals = Vec<(f64, Gradient, NuisanceJacobian, Option<Source>)>;
 
-/// All residuals of stage 1; of `constraints` in place of the problem's own where they are given.
-pub(crate) fn stage_1_residuals(
-    problem: &Problem,
-    constraints: Option<&Constraints>,
-    state: &State,
-) -> Option<Stage1Residuals> {
+/// All residuals of stage 1.
+pub(crate) fn stage_1_residuals(problem: &Problem, state: &State) -> Option<Stage1Residuals> {
     let mut residuals = Stage1Residuals::new();
-    let mut sink = |residual: Dual, nuisance, source| {
+    problem.each_residual(state, |residual: Dual, nuisance, source| {
         residuals.push((residual.value, residual.gradient, nuisance, source));
-    };
-    match constraints {
-        Some(constraints) => Problem { constraints, ..problem.clone() }.each_residual(state, &mut sink)?,
-        None => problem.each_residual(state, &mut sink)?,
-    }
+    })?;
     Some(residuals)
+}
+
+/// Derivatives of the residuals of stage 1, in their order, by the coefficients of the lens: one moves the ends
+/// of a segment, changes the covariance of their noise, and changes the spread of a polyline.
+pub(crate) fn stage_1_by_lens(
+    problem: &Problem,
+    constraints: &Constraints<ByLens>,
+    state: &State,
+) -> Option<Vec<[f64; Distortion::MOST]>> {
+    let mut gradients = Vec::new();
+    problem
+        .of(constraints)
+        .each_residual(state, |residual: ByLens, _, _| gradients.push(residual.gradient))?;
+    Some(gradients)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{BrownConrady, Lens, Pixel};
+    use crate::single::{Annotation, FixedParameters, Kind, Known, Priors, SceneErrors};
+    use proptest::prelude::*;
+
+    const SCENE: SceneErrors = SceneErrors { floor_tilt: 0.02, level: 0.005, square: 0.01, length: 0.01 };
+
+    fn any_lens() -> impl Strategy<Value = Lens> {
+        let brown = (-0.3..0.1_f64, -0.05..0.05_f64, -0.01..0.01_f64, -0.003..0.003_f64, -0.003..0.003_f64)
+            .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
+        let division = (-0.2..0.1_f64).prop_map(|lambda| Distortion::Division { lambda });
+        let fisheye = [-0.05..0.05_f64, -0.01..0.01_f64]
+            .prop_map(|[a, b]| Distortion::KannalaBrandt { k: [a, b, 0.0, 0.0] });
+        prop_oneof![brown, division, fisheye].prop_map(|distortion| Lens {
+            principal_point: Pixel::new(960.0, 540.0),
+            focal: 1100.0,
+            distortion,
+        })
+    }
+
+    /// Drawings of all kinds, on the lower half of the image.
+    fn any_annotations() -> impl Strategy<Value = Vec<Annotation>> {
+        let pixel = || [100.0..1800.0_f64, 620.0..1060.0_f64].prop_map(|[u, v]| Pixel::new(u, v));
+        let segments = proptest::collection::vec(proptest::collection::vec(pixel(), 2..6), 2..4);
+        let drawn = (segments.clone(), segments.clone(), segments, pixel(), pixel());
+        drawn.prop_map(|(verticals, parallels, lengths, foot, head)| {
+            let of = Annotation::of_segments;
+            vec![
+                of(Kind::Vertical, verticals),
+                of(Kind::Parallel, parallels.clone()),
+                of(Kind::Perpendicular, parallels[..2].to_vec()),
+                of(Kind::EqualLength, lengths.clone()),
+                Annotation { length_m: Some(2.0), ..of(Kind::KnownLength, lengths) },
+                Annotation {
+                    foot: Some(foot),
+                    head: Some(head),
+                    height_m: Some(Known::prior(1.7, 0.05)),
+                    ..of(Kind::Upright, Vec::new())
+                },
+            ]
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn derivatives_by_the_lens_are_those_of_differences(
+            lens in any_lens(), annotations in any_annotations(), roll in -0.2..0.2_f64, pitch in 0.5..1.2_f64,
+        ) {
+            const STEP: f64 = 1e-5;
+            let constraints = Constraints::new(&annotations, &lens, SCENE);
+            let problem = Problem::new(&constraints, FixedParameters::default(), Priors::default(), 0.7, 1920.0);
+            let state = problem.state_at([roll, pitch, 1100.0_f64.ln(), 3.0_f64.ln()]);
+            prop_assume!(state.is_some());
+            let Some(state) = state else { return Ok(()) };
+            let by = stage_1_by_lens(&problem, &Constraints::by_lens(&annotations, &lens, SCENE), &state);
+            let values = |lens: &Lens| -> Option<Vec<f64>> {
+                let constraints = Constraints::new(&annotations, lens, SCENE);
+                let residuals = stage_1_residuals(&problem.of(&constraints), &state)?;
+                Some(residuals.iter().map(|residual| residual.0).collect())
+            };
+            let both = by.zip(values(&lens));
+            prop_assume!(both.is_some());
+            let Some((by, here)) = both else { return Ok(()) };
+            prop_assert_eq!(by.len(), here.len());
+            for k in 0..lens.distortion.coefficients().len() {
+                let central = |step: f64| {
+                    let (ahead, behind) = (values(&lens.nudged(k, step))?, values(&lens.nudged(k, -step))?);
+                    Some(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect::<Vec<f64>>())
+                };
+                let Some((whole, half)) = central(STEP).zip(central(0.5 * STEP)) else { continue };
+                for (i, by) in by.iter().enumerate() {
+                    let numeric = (4.0 * half[i] - whole[i]) / 3.0;
+                    // A curve that bends within the step has no difference quotient.
+                    if (whole[i] - half[i]).abs() < 1e-5 * (1.0 + half[i].abs()) {
+                        prop_assert!((numeric - by[k]).abs() < 1e-4 * (1.0 + by[k].abs() + here[i].abs()), "residual {i} by {k}: {numeric} {}", by[k]);
+                    }
+                }
+            }
+        }
+    }
 }

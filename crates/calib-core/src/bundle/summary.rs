@@ -173,7 +173,7 @@ fn rejected_residuals(entry: &BundleCamera, camera: &Camera, nuisance: &[f64]) -
     if rejected.is_empty() {
         return Vec::new();
     }
-    let constraints = Constraints::new(entry.annotations, &camera.lens);
+    let constraints = Constraints::new(entry.annotations, &camera.lens, entry.constraints.scene);
     let log_height = camera.position.z.abs().max(1e-9).ln();
     let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
     let constraints = predictable(&constraints, &parameters);

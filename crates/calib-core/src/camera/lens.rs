@@ -58,6 +58,7 @@ impl Lens {
     }
 
     /// The same lens with one of its coefficients changed.
+    #[cfg(test)]
     pub(crate) fn nudged(&self, coefficient: usize, by: f64) -> Self {
         let mut coefficients = self.distortion.coefficients();
         coefficients[coefficient] += by;

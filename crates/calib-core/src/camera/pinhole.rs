@@ -194,6 +194,7 @@ impl Camera {
     }
 
     /// The camera with one of the unknowns of [`Covariance`] changed.
+    #[cfg(test)]
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
         match index {

@@ -1,146 +1,277 @@
-//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters each of which
-//! is coupled with the core only.
+//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters in blocks, each
+//! of which is coupled with the core and with its own block only.
 //!
-//! With core steps `c` and nuisance steps `n_k` the damped equations are
+//! With core steps `c` and the steps `n_k` of block k the damped equations are
 //!
 //! ```text
-//! A c + sum_k b_k n_k = -g          A, g: J'J and J'r of the core
-//! b_k' c + d_k n_k    = -h_k        d_k, b_k, h_k: of nuisance k with itself, with the core, and J'r
+//! A c + sum_k B_k' n_k = -g         A, g: J'J and J'r of the core
+//! B_k c + D_k n_k      = -h_k       D_k, B_k, h_k: of block k with itself, with the core, and J'r
 //! ```
 //!
-//! an arrow of a 4 x 4 block, a border and a diagonal. Elimination of `n_k = -(h_k + b_k' c) / d_k` leaves
+//! an arrow of a 4 x 4 block, a border and a diagonal of small blocks. Elimination of
+//! `n_k = -D_k^-1 (h_k + B_k c)` leaves
 //!
-//! `(A - sum_k b_k b_k' / d_k) c = -g + sum_k b_k h_k / d_k`,
+//! `(A - sum_k B_k' D_k^-1 B_k) c = -g + sum_k B_k' D_k^-1 h_k`,
 //!
-//! 4 x 4 whatever was drawn: the Schur complement (see `schur_complement.rs`) with blocks of one, without
-//! allocation. Its matrix without damping is the information about the core; the inverse is the covariance
-//! of the core with the nuisances free.
+//! 4 x 4 whatever was drawn: the Schur complement (see `schur_complement.rs`). With the Cholesky factor
+//! `D_k = L L'`, `W = L^-1 B_k` and `w = L^-1 h_k` its terms are `W' W` and `W' w`. Its matrix without damping
+//! is the information about the core; the inverse is the covariance of the core with the nuisances free.
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
-use crate::optimize::dual::Gradient;
+/// Number of core parameters.
+const CORE: usize = 4;
+
+/// The block of every nuisance parameter, and its place there.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NuisanceLayout {
+    /// Of every nuisance parameter.
+    pub(crate) places: Vec<(usize, usize)>,
+    /// Of every block.
+    pub(crate) sizes: Vec<usize>,
+}
+
+/// Derivatives of a residual by at most three nuisance parameters of one block: index and derivative.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NuisanceJacobian {
+    count: usize,
+    by: [(usize, f64); 3],
+}
+
+impl NuisanceJacobian {
+    /// Of a residual that depends on none.
+    pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); 3] };
+
+    /// Of a residual that depends on one.
+    #[inline]
+    pub(crate) const fn of(index: usize, derivative: f64) -> Self {
+        Self { count: 1, by: [(index, derivative), (0, 0.0), (0, 0.0)] }
+    }
+
+    /// With one more; at most three are kept.
+    #[inline]
+    pub(crate) fn and(mut self, index: usize, derivative: f64) -> Self {
+        if let Some(entry) = self.by.get_mut(self.count) {
+            *entry = (index, derivative);
+            self.count += 1;
+        }
+        self
+    }
+
+    #[inline]
+    pub(crate) fn entries(&self) -> &[(usize, f64)] {
+        &self.by[..self.count]
+    }
+}
 
 /// Normal equations at a state.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
     pub(crate) cost: f64,
-    core: [[f64; 4]; 4],
-    gradient: [f64; 4],
-    nuisances: Vec<Nuisance>,
+    core: [[f64; CORE]; CORE],
+    gradient: [f64; CORE],
+    places: Vec<(usize, usize)>,
+    blocks: Vec<Block>,
+    /// The rows of all blocks, one after the other.
+    rows: Vec<Row>,
+    /// The squares of all blocks, one after the other, by rows.
+    squares: Vec<f64>,
 }
 
-/// Sums of one nuisance parameter: `d`, `b` and `h`.
+/// Where a block of nuisance parameters has its rows and its square.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    size: usize,
+    row: usize,
+    square: usize,
+}
+
+/// A nuisance parameter with the core, and its gradient: a row of `B` and an entry of `h`.
 #[derive(Clone, Copy, Debug, Default)]
-struct Nuisance {
-    square: f64,
-    cross: [f64; 4],
+struct Row {
+    cross: [f64; CORE],
     gradient: f64,
 }
 
+/// A block eliminated: `L`, by rows, and the rows of `W` with `w`.
+struct Eliminated {
+    lower: Vec<f64>,
+    rows: Vec<Row>,
+}
+
 impl Normal {
-    pub(crate) fn new(nuisances: usize) -> Self {
+    pub(crate) fn new(layout: NuisanceLayout) -> Self {
+        let (mut row, mut square) = (0, 0);
+        let place = |&size: &usize| {
+            let block = Block { size, row, square };
+            row += size;
+            square += size * size;
+            block
+        };
+        let blocks: Vec<Block> = layout.sizes.iter().map(place).collect();
         Self {
             cost: 0.0,
-            core: [[0.0; 4]; 4],
-            gradient: [0.0; 4],
-            nuisances: vec![Nuisance::default(); nuisances],
+            core: [[0.0; CORE]; CORE],
+            gradient: [0.0; CORE],
+            places: layout.places,
+            blocks,
+            rows: vec![Row::default(); row],
+            squares: vec![0.0; square],
         }
     }
 
+    /// Adds a residual with its derivatives, of which the first four are those by the core.
     #[inline]
-    pub(crate) fn add(&mut self, residual: f64, gradient: &Gradient, nuisance: Option<(usize, f64)>) {
+    pub(crate) fn add(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.cost += residual * residual;
-        for i in 0..4 {
+        for i in 0..CORE {
             self.gradient[i] += gradient[i] * residual;
-            for j in i..4 {
+            for j in i..CORE {
                 self.core[i][j] += gradient[i] * gradient[j];
             }
         }
-        if let Some((index, derivative)) = nuisance {
-            let sums = &mut self.nuisances[index];
-            sums.square += derivative * derivative;
+        for &(index, derivative) in nuisance.entries() {
+            let (block, place) = self.places[index];
+            let Block { size, row, square } = self.blocks[block];
+            let sums = &mut self.rows[row + place];
             sums.gradient += derivative * residual;
-            for i in 0..4 {
+            for i in 0..CORE {
                 sums.cross[i] += derivative * gradient[i];
+            }
+            for &(other, by_other) in nuisance.entries() {
+                let column = self.places[other].1;
+                self.squares[square + place * size + column] += derivative * by_other;
             }
         }
     }
 
-    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal
-    /// added; a fixed parameter has a row of the identity.
-    fn reduced(&self, damping: f64, free: [bool; 4]) -> ([[f64; 4]; 4], [f64; 4]) {
-        let scaling = 1.0 + damping;
-        let mut matrix = [[0.0; 4]; 4];
-        let mut right = self.gradient.map(|g| -g);
-        for i in 0..4 {
-            for j in i..4 {
-                matrix[i][j] = self.core[i][j] * if i == j { scaling } else { 1.0 };
+    /// Eliminates a block with `scaling` times its diagonal. A parameter on which nothing depends, or that the
+    /// others of its block determine, stays where it is.
+    fn eliminate(&self, block: Block, scaling: f64) -> Eliminated {
+        let Block { size, row, square } = block;
+        let mut rows = self.rows[row..row + size].to_vec();
+        let mut lower = self.squares[square..square + size * size].to_vec();
+        for i in 0..size {
+            let whole = lower[i * size + i] * scaling;
+            for j in 0..=i {
+                let sum: f64 = (0..j).map(|k| lower[i * size + k] * lower[j * size + k]).sum();
+                let pivot = lower[j * size + j];
+                lower[i * size + j] = match i == j {
+                    true if whole - sum > 1e-14 * whole => (whole - sum).sqrt(),
+                    false if pivot > 0.0 => (lower[i * size + j] - sum) / pivot,
+                    _ => 0.0,
+                };
             }
+            substitute(&mut rows, &lower[i * size..i * size + i + 1]);
         }
-        for nuisance in self.nuisances.iter().filter(|nuisance| nuisance.square > 0.0) {
-            let pivot = nuisance.square * scaling;
-            for i in 0..4 {
-                right[i] += nuisance.cross[i] * nuisance.gradient / pivot;
-                for j in i..4 {
-                    matrix[i][j] -= nuisance.cross[i] * nuisance.cross[j] / pivot;
+        Eliminated { lower, rows }
+    }
+
+    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal
+    /// added, and the eliminated blocks; a fixed parameter has a row of the identity.
+    fn reduced(
+        &self,
+        damping: f64,
+        free: [bool; CORE],
+    ) -> ([[f64; CORE]; CORE], [f64; CORE], Vec<Eliminated>) {
+        let scaling = 1.0 + damping;
+        let mut matrix = self.core;
+        let mut right = self.gradient.map(|g| -g);
+        (0..CORE).for_each(|i| matrix[i][i] *= scaling);
+        let eliminated: Vec<Eliminated> =
+            self.blocks.iter().map(|&block| self.eliminate(block, scaling)).collect();
+        for Row { cross, gradient } in eliminated.iter().flat_map(|block| &block.rows) {
+            for i in 0..CORE {
+                right[i] += cross[i] * gradient;
+                for j in i..CORE {
+                    matrix[i][j] -= cross[i] * cross[j];
                 }
             }
         }
-        for i in 0..4 {
+        for i in 0..CORE {
             for j in 0..i {
                 matrix[i][j] = matrix[j][i];
             }
         }
-        for i in (0..4).filter(|&i| !free[i]) {
-            for j in 0..4 {
+        for i in (0..CORE).filter(|&i| !free[i]) {
+            for j in 0..CORE {
                 matrix[i][j] = 0.0;
                 matrix[j][i] = 0.0;
             }
             matrix[i][i] = 1.0;
             right[i] = 0.0;
         }
-        (matrix, right)
+        (matrix, right, eliminated)
     }
 
     /// Moves core and nuisances by the step with `damping` times the diagonal added. The decrease of the cost
     /// that the linear model predicts for it, and the largest change; `None` where there is no solution.
     pub(crate) fn step(
         &self,
-        core: &mut [f64; 4],
+        core: &mut [f64; CORE],
         nuisances: &mut [f64],
         damping: f64,
-        free: [bool; 4],
+        free: [bool; CORE],
     ) -> Option<(f64, f64)> {
-        let (matrix, right) = self.reduced(damping, free);
+        let (matrix, right, eliminated) = self.reduced(damping, free);
         let step = solve_4(&matrix, &right)?;
-        let scaling = 1.0 + damping;
         let (mut gain, mut size) = (0.0, 0.0_f64);
-        for i in 0..4 {
+        for i in 0..CORE {
             core[i] += step[i];
             // d' (lambda D d - J'r), the decrease of the linear model.
             gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
             size = size.max(step[i].abs());
         }
-        for (value, sums) in nuisances.iter_mut().zip(&self.nuisances) {
-            if sums.square > 0.0 {
-                let coupled: f64 = sums.cross.iter().zip(&step).map(|(c, s)| c * s).sum();
-                let own = -(sums.gradient + coupled) / (sums.square * scaling);
-                *value += own;
-                gain += own * (damping * sums.square * own - sums.gradient);
-                size = size.max(own.abs());
-            }
+        let steps: Vec<Vec<f64>> = eliminated.iter().map(|block| block.back(&step)).collect();
+        for (value, &(block, place)) in nuisances.iter_mut().zip(&self.places) {
+            let Block { size: width, row, square } = self.blocks[block];
+            let own = steps[block][place];
+            *value += own;
+            let diagonal = self.squares[square + place * width + place];
+            gain += own * (damping * diagonal * own - self.rows[row + place].gradient);
+            size = size.max(own.abs());
         }
         Some((gain, size))
     }
 
     /// Information matrix of the core, the inverse of its covariance; rows of zeros for fixed parameters.
-    pub(crate) fn information(&self, free: [bool; 4]) -> Matrix4<f64> {
-        let (matrix, _) = self.reduced(0.0, free);
+    pub(crate) fn information(&self, free: [bool; CORE]) -> Matrix4<f64> {
+        let (matrix, ..) = self.reduced(0.0, free);
         let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
-        for i in (0..4).filter(|&i| !free[i]) {
+        for i in (0..CORE).filter(|&i| !free[i]) {
             information[(i, i)] = 0.0;
         }
         information
+    }
+}
+
+/// Forward substitution of the last of these rows of `B` and `h`, `lower` its row of `L`.
+#[inline]
+fn substitute(rows: &mut [Row], lower: &[f64]) {
+    let i = lower.len() - 1;
+    let mut own = rows[i];
+    for (factor, row) in lower.iter().zip(&rows[..i]) {
+        own.gradient -= factor * row.gradient;
+        for k in 0..CORE {
+            own.cross[k] -= factor * row.cross[k];
+        }
+    }
+    let inverse = if lower[i] > 0.0 { lower[i].recip() } else { 0.0 };
+    rows[i] = Row { cross: own.cross.map(|c| c * inverse), gradient: own.gradient * inverse };
+}
+
+impl Eliminated {
+    /// The steps of the block from that of the core: `L' n = -(w + W c)`.
+    fn back(&self, core: &[f64; CORE]) -> Vec<f64> {
+        let size = self.rows.len();
+        let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
+        let mut steps: Vec<f64> = self.rows.iter().map(|row| -(row.gradient + coupled(row))).collect();
+        for i in (0..size).rev() {
+            let sum: f64 = (i + 1..size).map(|k| self.lower[k * size + i] * steps[k]).sum();
+            let pivot = self.lower[i * size + i];
+            steps[i] = if pivot > 0.0 { (steps[i] - sum) / pivot } else { 0.0 };
+        }
+        steps
     }
 }
 

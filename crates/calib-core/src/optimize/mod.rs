@@ -7,7 +7,7 @@
 //! - `sparse_cholesky`, `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
 //!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
 //! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
-//!   nuisance parameters.
+//!   nuisance parameters in blocks.
 
 mod nelder_mead;
 mod levenberg_marquardt;
@@ -18,9 +18,9 @@ mod schur_complement;
 mod dual;
 mod arrow;
 
-pub(crate) use arrow::{Normal, Uncertainty};
+pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
-pub(crate) use dual::{Dual, Number};
+pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
 pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares};
 #[cfg(test)]
 pub(crate) use levenberg_marquardt::{LevenbergMarquardt, Termination};

@@ -12,6 +12,7 @@ use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line,
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::OPEN_FOCAL;
+use crate::single::nuisances::Nuisances;
 
 /// Relative error of floor lengths above which a result is weak, and above which it is unusable.
 const WEAK: f64 = 0.03;
@@ -159,9 +160,9 @@ impl Candidate {
             match constraint {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
-                    joined.lengths.push(Length { ends, group, source: source(i) });
+                    joined.lengths.push(Length { ends, group, spread: 0.0, source: source(i) });
                 }
-                _ => joined.lines.push(Line { ends, direction, source: source(i) }),
+                _ => joined.lines.push(Line { ends, direction, deviation: None, source: source(i) }),
             }
         }
         // The nuisance parameters of the fit keep their values; those of the drawing are in closed form.
@@ -173,10 +174,13 @@ impl Candidate {
             1e3,
         );
         let mut at = problem.state_at(state.parameters)?;
-        let old = constraints.groups;
-        at.nuisance[..old].copy_from_slice(&state.nuisance[..old]);
-        let lengths = state.nuisance.len() - old;
-        at.nuisance[joined.groups..joined.groups + lengths].copy_from_slice(&state.nuisance[old..]);
+        let (old, new) = (Nuisances::of(constraints), Nuisances::of(&joined));
+        let mut copy = |from: std::ops::Range<usize>, to: usize| {
+            at.nuisance[to..to + from.len()].copy_from_slice(&state.nuisance[from]);
+        };
+        copy(0..old.length(0), 0);
+        copy(old.length(0)..old.deviation(0), new.length(0));
+        copy(old.deviation(0)..old.count(), new.deviation(0));
         Some((joined, at))
     }
 

@@ -6,8 +6,10 @@
 //! (`residual.rs`). They depend on the lens, and are made anew when it changes.
 
 use crate::camera::{Lens, Pixel};
+use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
+use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// The direction of a line in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,44 +25,49 @@ pub enum Direction {
     },
 }
 
-/// An end point of a segment with the covariance of its noise.
+/// An end point of a segment with the covariance of its noise, in numbers `E`: values, or values with their
+/// derivatives by the coefficients of the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Endpoint {
+pub struct Endpoint<E = f64> {
     /// Undistorted pixel relative to the principal point.
-    pub point: [f64; 2],
+    pub point: [E; 2],
     /// Covariance of `point` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
-    pub covariance: [f64; 3],
+    pub covariance: [E; 3],
 }
 
 /// A segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
+pub struct Line<E = f64> {
     /// Its two ends; of a polyline of three points and more, two points of the same first and second moments.
-    pub ends: [Endpoint; 2],
+    pub ends: [Endpoint<E>; 2],
     /// Its direction in space.
     pub direction: Direction,
+    /// How far its direction may be from that: index into [`Constraints::deviations`], if at all.
+    pub deviation: Option<usize>,
     /// The drawing that it comes from.
     pub source: Source,
 }
 
 /// A segment of the floor whose length is known, or equal to that of others.
 #[derive(Clone, Copy, Debug)]
-pub struct Length {
+pub struct Length<E = f64> {
     /// First and last point.
-    pub ends: [Endpoint; 2],
+    pub ends: [Endpoint<E>; 2],
     /// Index into [`Constraints::length_groups`].
     pub group: usize,
+    /// Standard deviation of its log against that of its group.
+    pub spread: f64,
     /// The drawing that it comes from.
     pub source: Source,
 }
 
 /// A vertical object of known height that stands on the floor: a person, a post.
 #[derive(Clone, Copy, Debug)]
-pub struct Upright {
+pub struct Upright<E = f64> {
     /// Its foot, on the floor.
-    pub foot: Endpoint,
+    pub foot: Endpoint<E>,
     /// Its head, vertically above the foot.
-    pub head: Endpoint,
+    pub head: Endpoint<E>,
     /// From foot to head, in metres.
     pub height: Known,
     /// The drawing that it comes from.
@@ -68,18 +75,22 @@ pub struct Upright {
 }
 
 /// The constraints of one camera.
-#[derive(Clone, Debug, Default)]
-pub struct Constraints {
+#[derive(Clone, Debug)]
+pub struct Constraints<E = f64> {
     /// Segments whose direction is constrained.
-    pub lines: Vec<Line>,
+    pub lines: Vec<Line<E>>,
     /// Number of groups of floor directions: each is a nuisance parameter, an angle.
     pub groups: usize,
     /// Segments whose length is constrained.
-    pub lengths: Vec<Length>,
+    pub lengths: Vec<Length<E>>,
     /// Length of every group in metres, where it is known; else it is a nuisance parameter.
     pub length_groups: Vec<Option<f64>>,
     /// Persons and posts.
-    pub uprights: Vec<Upright>,
+    pub uprights: Vec<Upright<E>>,
+    /// How far drawn directions may be from those of their groups, where they may.
+    pub deviations: Vec<Deviation>,
+    /// How far the scene may be from what was drawn.
+    pub scene: SceneErrors,
     /// Segments that give no constraint, and why.
     pub invalid: Vec<(Source, InvalidSegment)>,
 }
@@ -96,104 +107,169 @@ pub enum InvalidSegment {
 /// Least length of a segment that has a direction, in pixels.
 const MIN_LENGTH: f64 = 1e-3;
 
+impl<E> Default for Constraints<E> {
+    fn default() -> Self {
+        Self {
+            lines: Vec::new(),
+            groups: 0,
+            lengths: Vec::new(),
+            length_groups: Vec::new(),
+            uprights: Vec::new(),
+            deviations: Vec::new(),
+            scene: SceneErrors::EXACT,
+            invalid: Vec::new(),
+        }
+    }
+}
+
+impl<E> Constraints<E> {
+    /// Whether there is nothing to fit.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
+    }
+}
+
 impl Constraints {
     /// The constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
-    pub fn new(annotations: &[Annotation], lens: &Lens) -> Self {
-        Self::of(annotations, lens, |annotation| !annotation.off)
+    pub fn new(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
+        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
     }
 
     /// The constraints of the annotations that are switched off: not fitted, but their residuals are
     /// reported.
     #[must_use]
     pub fn switched_off(annotations: &[Annotation], lens: &Lens) -> Self {
-        Self::of(annotations, lens, |annotation| annotation.off)
+        Builder::build(annotations, lens, SceneErrors::EXACT, |annotation| annotation.off)
     }
+}
 
-    fn of(annotations: &[Annotation], lens: &Lens, is_used: impl Fn(&Annotation) -> bool) -> Self {
-        let mut constraints = Self::default();
-        let mut directions: Vec<Option<(usize, bool)>> = vec![None; annotations.len()];
+impl Constraints<ByLens> {
+    /// As [`Constraints::new`], with the derivatives by the coefficients of the lens.
+    pub(crate) fn by_lens(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
+        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
+    }
+}
+
+/// Constraints in the making.
+struct Builder<'a, E> {
+    annotations: &'a [Annotation],
+    lens: &'a Lens,
+    constraints: Constraints<E>,
+    /// Floor directions that are known so far: group, and whether at right angles to it.
+    directions: Vec<Option<(usize, bool)>>,
+}
+
+impl<'a, E: OfLens> Builder<'a, E> {
+    fn build(
+        annotations: &'a [Annotation],
+        lens: &'a Lens,
+        scene: SceneErrors,
+        is_used: impl Fn(&Annotation) -> bool,
+    ) -> Constraints<E> {
+        let directions = vec![None; annotations.len()];
+        let constraints = Constraints { scene, ..Constraints::default() };
+        let mut builder = Self { annotations, lens, constraints, directions };
         for (index, annotation) in annotations.iter().enumerate() {
             if is_used(annotation) {
-                constraints.add(annotations, index, lens, &mut directions);
+                builder.add(index, annotation);
             }
         }
-        constraints
+        builder.constraints
     }
 
-    /// Whether there is nothing to fit.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
-    }
-
-    fn add(
-        &mut self,
-        annotations: &[Annotation],
-        index: usize,
-        lens: &Lens,
-        directions: &mut [Option<(usize, bool)>],
-    ) {
-        let annotation = &annotations[index];
+    fn add(&mut self, index: usize, annotation: &Annotation) {
         let segments = annotation.segments.as_deref().unwrap_or_default();
         match annotation.kind.row().constraint {
             ConstraintKind::StraightEdge => {}
-            ConstraintKind::Vertical => self.add_lines(index, segments, lens, |_| Direction::Vertical),
+            ConstraintKind::Vertical => self.add_lines(index, segments, |_| (Direction::Vertical, None)),
             ConstraintKind::Parallel => {
-                let (group, orthogonal) = direction_of(annotations, index, directions, &mut self.groups);
-                self.add_lines(index, segments, lens, |_| Direction::Floor { group, orthogonal });
+                let groups = &mut self.constraints.groups;
+                let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
+                let azimuth =
+                    if annotation.at_right_angles_to.is_some() { self.constraints.scene.square } else { 0.0 };
+                let deviation = self.deviation(group, orthogonal, azimuth);
+                self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
             }
             ConstraintKind::RightAngle => {
-                let group = self.groups;
-                self.groups += 1;
-                self.add_lines(index, segments, lens, |i| Direction::Floor { group, orthogonal: i > 0 });
+                let group = self.constraints.groups;
+                self.constraints.groups += 1;
+                let square = |i: usize| if i > 0 { self.constraints.scene.square } else { 0.0 };
+                let azimuths: Vec<f64> = (0..segments.len()).map(square).collect();
+                let deviations: Vec<Option<usize>> = azimuths
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &azimuth)| self.deviation(group, i > 0, azimuth))
+                    .collect();
+                self.add_lines(index, segments, |i| {
+                    (Direction::Floor { group, orthogonal: i > 0 }, deviations[i])
+                });
             }
-            ConstraintKind::Length => self.add_lengths(index, annotation, segments, lens),
-            ConstraintKind::Upright => self.add_upright(index, annotation, lens),
+            ConstraintKind::Length => self.add_lengths(index, annotation, segments),
+            ConstraintKind::Upright => self.add_upright(index, annotation),
         }
+    }
+
+    /// A deviation of a drawn direction, if directions deviate.
+    fn deviation(&mut self, group: usize, orthogonal: bool, azimuth: f64) -> Option<usize> {
+        let level = self.constraints.scene.level;
+        (azimuth > 0.0 || level > 0.0).then(|| {
+            self.constraints.deviations.push(Deviation { group, orthogonal, azimuth, level });
+            self.constraints.deviations.len() - 1
+        })
     }
 
     fn add_lines(
         &mut self,
         annotation: usize,
         segments: &[Vec<Pixel>],
-        lens: &Lens,
-        direction: impl Fn(usize) -> Direction,
+        direction: impl Fn(usize) -> (Direction, Option<usize>),
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            match line_ends(points, lens).ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.lines.push(Line { ends, direction: direction(segment), source }),
-                Err(reason) => self.invalid.push((source, reason)),
+            match line_ends(points, self.lens).ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
+                Ok(ends) => {
+                    let (direction, deviation) = direction(segment);
+                    self.constraints.lines.push(Line { ends, direction, deviation, source });
+                }
+                Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
     }
 
-    fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>], lens: &Lens) {
-        let group = self.length_groups.len();
-        self.length_groups.push(annotation.length_m);
+    fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
+        let group = self.constraints.length_groups.len();
+        self.constraints.length_groups.push(annotation.length_m);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
             let ends = points
                 .first()
                 .zip(points.last())
-                .and_then(|(&a, &b)| Some([endpoint(a, lens)?, endpoint(b, lens)?]));
+                .and_then(|(&a, &b)| Some([E::endpoint(a, self.lens)?, E::endpoint(b, self.lens)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.lengths.push(Length { ends, group, source }),
-                Err(reason) => self.invalid.push((source, reason)),
+                Ok(ends) => self.constraints.lengths.push(Length {
+                    ends,
+                    group,
+                    spread: self.constraints.scene.length,
+                    source,
+                }),
+                Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
     }
 
-    fn add_upright(&mut self, index: usize, annotation: &Annotation, lens: &Lens) {
+    fn add_upright(&mut self, index: usize, annotation: &Annotation) {
         let source = Source { annotation: index, segment: 0 };
         let (Some(foot), Some(head), Some(height)) = (annotation.foot, annotation.head, annotation.height_m)
         else {
             return;
         };
-        match (endpoint(foot, lens), endpoint(head, lens)) {
-            (Some(foot), Some(head)) => self.uprights.push(Upright { foot, head, height, source }),
-            _ => self.invalid.push((source, InvalidSegment::OutsideLens)),
+        match (E::endpoint(foot, self.lens), E::endpoint(head, self.lens)) {
+            (Some(foot), Some(head)) => {
+                self.constraints.uprights.push(Upright { foot, head, height, source });
+            }
+            _ => self.constraints.invalid.push((source, InvalidSegment::OutsideLens)),
         }
     }
 }
@@ -235,46 +311,75 @@ fn direction_of(
     directions[index].unwrap_or(direction)
 }
 
-fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
-    let (undistorted, [[a, b], [c, d]]) = lens.undistort_with_jacobian(pixel)?;
-    let Pixel { u: cu, v: cv } = lens.principal_point;
-    Some(Endpoint {
-        point: [undistorted.u - cu, undistorted.v - cv],
-        covariance: [a * a + b * b, a * c + b * d, c * c + d * d],
-    })
+/// What the coordinates of an end point may be.
+trait OfLens: Number {
+    /// Where a raw pixel is undistorted, with the covariance of unit noise there.
+    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint<Self>>;
 }
 
-fn with_length(ends: [Endpoint; 2]) -> Result<[Endpoint; 2], InvalidSegment> {
-    let [a, b] = ends.map(|end| end.point);
+impl OfLens for f64 {
+    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
+        let (undistorted, jacobian) = lens.undistort_with_jacobian(pixel)?;
+        let Pixel { u: cu, v: cv } = lens.principal_point;
+        Some(Endpoint {
+            point: [undistorted.u - cu, undistorted.v - cv],
+            covariance: covariance_of_unit_noise(jacobian),
+        })
+    }
+}
+
+impl OfLens for ByLens {
+    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint<Self>> {
+        let (undistorted, jacobian) = lens.undistort_with_jacobian(pixel)?;
+        let by = lens.undistort_by_coefficients(pixel, undistorted);
+        let Pixel { u: cu, v: cv } = lens.principal_point;
+        let at = [undistorted.u - cu, undistorted.v - cv];
+        let point = [0, 1].map(|axis| Self { value: at[axis], gradient: by.map(|by| by.at[axis]) });
+        let jacobian = [0, 1].map(|row| {
+            [0, 1].map(|column| Self {
+                value: jacobian[row][column],
+                gradient: by.map(|by| by.jacobian[row][column]),
+            })
+        });
+        Some(Endpoint { point, covariance: covariance_of_unit_noise(jacobian) })
+    }
+}
+
+/// `J J'`.
+fn covariance_of_unit_noise<E: Number>([[a, b], [c, d]]: [[E; 2]; 2]) -> [E; 3] {
+    [a * a + b * b, a * c + b * d, c * c + d * d]
+}
+
+fn with_length<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], InvalidSegment> {
+    let [a, b] = ends.map(|end| end.point.map(Number::value));
     if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_LENGTH { Err(InvalidSegment::NoLength) } else { Ok(ends) }
 }
 
 /// Two points that determine the line as all its points do: the centroid plus and minus the standard
 /// deviation along the line, each with half of the weight of them all. Their moments of first and second
 /// order along the line are those of the polyline.
-fn line_ends(points: &[Pixel], lens: &Lens) -> Option<[Endpoint; 2]> {
-    let ends: Vec<Endpoint> = points.iter().map(|&pixel| endpoint(pixel, lens)).collect::<Option<_>>()?;
+fn line_ends<E: OfLens>(points: &[Pixel], lens: &Lens) -> Option<[Endpoint<E>; 2]> {
+    let ends: Vec<Endpoint<E>> =
+        points.iter().map(|&pixel| E::endpoint(pixel, lens)).collect::<Option<_>>()?;
     if let [first, last] = ends[..] {
         return Some([first, last]);
     }
-    let count = ends.len() as f64;
-    let mean = |value: fn(&Endpoint) -> f64| ends.iter().map(value).sum::<f64>() / count;
-    let centre = [mean(|e| e.point[0]), mean(|e| e.point[1])];
-    let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for Endpoint { point: [u, v], .. } in &ends {
-        let (du, dv) = (u - centre[0], v - centre[1]);
-        uu += du * du;
-        uv += du * dv;
-        vv += dv * dv;
-    }
-    let angle = 0.5 * (2.0 * uv).atan2(uu - vv);
-    let (sin, cos) = angle.sin_cos();
-    let moment = (uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin).max(0.0);
-    let deviation = (moment / count).sqrt();
-    let covariance = [mean(|e| e.covariance[0]), mean(|e| e.covariance[1]), mean(|e| e.covariance[2])]
-        .map(|s| s * 2.0 / count);
+    let share = (ends.len() as f64).recip();
+    let sum = |value: &dyn Fn(&Endpoint<E>) -> E| {
+        ends.iter().map(value).fold(E::constant(0.0), |sum, value| sum + value)
+    };
+    let mean = |value: &dyn Fn(&Endpoint<E>) -> E| sum(value) * share;
+    let centre = [0, 1].map(|axis| mean(&|end| end.point[axis]));
+    let moment = |i: usize, j: usize| {
+        sum(&|end: &Endpoint<E>| (end.point[i] - centre[i]) * (end.point[j] - centre[j]))
+    };
+    let (uu, uv, vv) = (moment(0, 0), moment(0, 1), moment(1, 1));
+    let (sin, cos) = ((uv * 2.0).atan2(uu - vv) * 0.5).sin_cos();
+    let moment = (uu * cos * cos + uv * sin * cos * 2.0 + vv * sin * sin).at_least(0.0);
+    let deviation = (moment * share).sqrt();
+    let covariance = [0, 1, 2].map(|k| mean(&|end| end.covariance[k]) * (2.0 * share));
     let at = |sign: f64| Endpoint {
-        point: [centre[0] + sign * deviation * cos, centre[1] + sign * deviation * sin],
+        point: [centre[0] + deviation * cos * sign, centre[1] + deviation * sin * sign],
         covariance,
     };
     Some([at(-1.0), at(1.0)])
@@ -298,7 +403,7 @@ mod tests {
     fn directions_tied_at_right_angles_share_one_group_in_any_order() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let annotations = [parallel("c", Some("b")), parallel("a", None), parallel("b", Some("a"))];
-        let constraints = Constraints::new(&annotations, &lens);
+        let constraints = Constraints::new(&annotations, &lens, SceneErrors::EXACT);
         assert_eq!(constraints.groups, 1);
         let is_orthogonal: Vec<_> = constraints
             .lines
@@ -312,7 +417,7 @@ mod tests {
     fn a_polyline_of_many_points_weighs_as_much_as_its_points() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let points: Vec<Pixel> = (0..9).map(|i| Pixel::new(f64::from(i) * 10.0, 3.0)).collect();
-        let [a, b] = line_ends(&points, &lens).unwrap();
+        let [a, b] = line_ends::<f64>(&points, &lens).unwrap();
         assert!((a.point[1] - 3.0).abs() < 1e-12 && (b.point[0] - a.point[0]) > 40.0);
         assert!((a.covariance[0] - 2.0 / 9.0).abs() < 1e-12);
     }

@@ -11,21 +11,25 @@
 //! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
 //! nuisance of the group or the known length in camera heights (see `residual.rs`).
 
-use crate::optimize::{Dual, LeastSquares, Normal, Number, Uncertainty};
+use crate::optimize::{
+    Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
+};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
 use crate::single::fixed_parameters::FixedParameters;
+use crate::single::nuisances::Nuisances;
 use crate::single::orientation::Orientation;
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,
     floor_length, upright_residuals,
 };
+use crate::single::scene_errors::Deviation;
 use crate::single::vanishing_point::line_through;
 
 /// The fit of one camera: constraints, what is fixed, and priors.
 #[derive(Clone, Debug)]
-pub(crate) struct Problem<'a> {
-    pub(crate) constraints: &'a Constraints,
+pub(crate) struct Problem<'a, E = f64> {
+    pub(crate) constraints: &'a Constraints<E>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
@@ -42,7 +46,7 @@ pub(crate) struct Problem<'a> {
 pub(crate) struct State {
     pub(crate) parameters: Parameters,
     /// Angle of every floor direction in radians, then the log length of every group of lengths
-    /// in units of the camera height.
+    /// in units of the camera height, then the scene's own errors ([`Nuisances`]).
     pub(crate) nuisance: Vec<f64>,
 }
 
@@ -76,6 +80,7 @@ impl<'a> Problem<'a> {
         let mut count = residuals as i64;
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
+        self.constraints.each_scene_prior(|_, _| count += 1);
         let nuisances = self.used().iter().filter(|&&used| used).count();
         let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
         count - unknowns as i64
@@ -83,36 +88,26 @@ impl<'a> Problem<'a> {
 
     /// Which nuisance parameters any residual depends on.
     pub(crate) fn used(&self) -> Vec<bool> {
-        let mut used = vec![false; self.nuisances()];
+        let mut used = vec![false; self.nuisances().count()];
         for line in self.lines() {
             if let Direction::Floor { group, .. } = line.direction {
                 used[group] = true;
             }
         }
         for length in self.lengths().filter(|length| self.constraints.length_groups[length.group].is_none()) {
-            used[self.constraints.groups + length.group] = true;
+            used[self.nuisances().length(length.group)] = true;
         }
+        self.constraints.each_scene_prior(|index, _| used[index] = true);
         used
     }
 
-    fn nuisances(&self) -> usize {
-        self.constraints.groups + self.constraints.length_groups.len()
-    }
-
-    fn in_use(&self, source: Source) -> bool {
-        self.rejected.is_empty() || !self.rejected.contains(&source)
-    }
-
-    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line> + '_ {
-        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
-    }
-
-    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length> + '_ {
-        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
-    }
-
-    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright> + '_ {
-        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
+    /// The same problem of other constraints.
+    pub(crate) fn of<'b, E>(&self, constraints: &'b Constraints<E>) -> Problem<'b, E>
+    where
+        'a: 'b,
+    {
+        let Self { sigma, priors, free, rejected, width, .. } = *self;
+        Problem { constraints, sigma, priors, free, rejected, width }
     }
 
     /// The state with these core parameters and the nuisance parameters in closed form: the mean direction
@@ -120,7 +115,7 @@ impl<'a> Problem<'a> {
     ///
     /// `None` when a length lies above the horizon there.
     pub(crate) fn state_at(&self, parameters: Parameters) -> Option<State> {
-        let mut nuisance = vec![0.0; self.nuisances()];
+        let mut nuisance = vec![0.0; self.nuisances().count()];
         let mut sums = vec![[0.0; 2]; self.constraints.groups];
         let ((sr, cr), (sp, cp), f) =
             (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
@@ -138,11 +133,12 @@ impl<'a> Problem<'a> {
                 sums[group][1] += weight * 2.0 * x * y;
             }
         }
+        // The scene's own errors start from none.
         for (angle, [cos, sin]) in nuisance.iter_mut().zip(&sums) {
             *angle = 0.5 * sin.atan2(*cos);
         }
         let mut totals = vec![(0.0, 0.0); self.constraints.length_groups.len()];
-        let at = CameraTerms::<f64>::new(&parameters);
+        let at = CameraTerms::<f64>::new(&parameters, [0.0; 2]);
         for length in self.lengths() {
             let (log_length, _) = floor_length(&at, &length.ends)?;
             totals[length.group].0 += log_length;
@@ -154,14 +150,71 @@ impl<'a> Problem<'a> {
         Some(State { parameters, nuisance })
     }
 
-    /// Calls `sink` with every residual in sigmas, the index of its nuisance parameter with the derivative by
-    /// it (where derivatives are asked for), and its source.
+    /// The residual of every constraint in pixels (of an upright, both coordinates of its head together).
+    pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
+        let mut residuals: Vec<(Source, f64)> = Vec::new();
+        self.each_residual(state, |residual: f64, _, source| {
+            let Some(source) = source else { return };
+            match residuals.last_mut() {
+                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
+                _ => residuals.push((source, residual * self.sigma)),
+            }
+        })?;
+        Some(residuals)
+    }
+
+    /// Normal equations at a state; `None` where the geometry is impossible.
+    pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
+        let mut normal = Normal::new(self.nuisances().layout(self.constraints));
+        self.each_residual(state, |residual: Dual, nuisance, _| {
+            normal.add(residual.value, &residual.gradient, &nuisance);
+        })?;
+        normal.cost.is_finite().then_some(normal)
+    }
+
+    /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
+    pub(crate) fn cost(&self, state: &State) -> Option<f64> {
+        let mut cost = 0.0;
+        self.each_residual(state, |residual: f64, _, _| cost += residual * residual)?;
+        cost.is_finite().then_some(cost)
+    }
+
+    /// Covariance of the core parameters at a state, the nuisance parameters marginalised.
+    pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
+        Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
+    }
+}
+
+impl<'a, E: Number> Problem<'a, E> {
+    /// Where the nuisance parameters are.
+    pub(crate) fn nuisances(&self) -> Nuisances {
+        Nuisances::of(self.constraints)
+    }
+
+    fn in_use(&self, source: Source) -> bool {
+        self.rejected.is_empty() || !self.rejected.contains(&source)
+    }
+
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line<E>> + '_ {
+        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
+    }
+
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length<E>> + '_ {
+        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
+    }
+
+    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright<E>> + '_ {
+        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
+    }
+
+    /// Calls `sink` with every residual in sigmas, its derivatives by nuisance parameters (where derivatives
+    /// are asked for), and its source.
     ///
     /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
-    pub(crate) fn each_residual<N: Number>(
+    pub(crate) fn each_residual<N: NumberOver<E>>(
         &self,
         state: &State,
-        mut sink: impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+        mut sink: impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         let parameters = &state.parameters;
         let focal = parameters[LOG_FOCAL].exp();
@@ -169,29 +222,40 @@ impl<'a> Problem<'a> {
             return None;
         }
         self.each_line(state, &mut sink);
-        let at = CameraTerms::<N>::new(parameters);
+        let tilt = self.nuisances().tilt();
+        let at = CameraTerms::<N>::new(parameters, [state.nuisance[tilt], state.nuisance[tilt + 1]]);
         self.each_length(state, &at, &mut sink)?;
         for upright in self.uprights() {
             for residual in upright_residuals(&at, upright, self.sigma)? {
-                sink(residual, None, Some(upright.source));
+                let [.., right, ahead] = residual.gradient();
+                let by_tilt = match self.constraints.tilt_sigma() {
+                    Some(_) => NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead),
+                    None => NuisanceJacobian::NONE,
+                };
+                sink(residual, by_tilt, Some(upright.source));
             }
         }
-        self.each_prior(parameters, |residual| sink(residual, None, None));
+        self.each_prior(parameters, |residual| sink(residual, NuisanceJacobian::NONE, None));
+        self.constraints.each_scene_prior(|index, sigma| {
+            let by = NuisanceJacobian::of(index, sigma.recip());
+            sink(N::constant(state.nuisance[index] / sigma), by, None);
+        });
         Some(())
     }
 
     /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
     #[inline]
-    fn each_length<N: Number>(
+    fn each_length<N: NumberOver<E>>(
         &self,
         state: &State,
         at: &CameraTerms<N>,
-        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         let scale = self.sigma.recip();
         for length in self.lengths() {
             let (log_length, noise) = floor_length(at, &length.ends)?;
-            let index = self.constraints.groups + length.group;
+            let noise = with_spread(noise, length.spread * scale);
+            let index = self.nuisances().length(length.group);
             let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
                 Some(metres) => {
                     let log_height = N::unknown(state.parameters[LOG_HEIGHT], LOG_HEIGHT);
@@ -200,7 +264,8 @@ impl<'a> Problem<'a> {
                 None => (N::constant(state.nuisance[index]), true),
             };
             let residual = (log_length - expected) / noise * scale;
-            let nuisance = is_nuisance.then(|| (index, -scale / noise.value()));
+            let by_length = NuisanceJacobian::of(index, -scale / noise.value());
+            let nuisance = if is_nuisance { by_length } else { NuisanceJacobian::NONE };
             sink(residual, nuisance, Some(length.source));
         }
         Some(())
@@ -209,41 +274,29 @@ impl<'a> Problem<'a> {
     /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
     /// direction.
     #[inline]
-    fn each_line<N: Number>(
+    fn each_line<N: NumberOver<E>>(
         &self,
         state: &State,
-        sink: &mut impl FnMut(N, Option<(usize, f64)>, Option<Source>),
+        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) {
         let scale = self.sigma.recip();
-        let angles = Angles::new(&state.parameters);
-        let nadir = angles.nadir();
-        let directions: Vec<[VanishingPoint; 2]> = state.nuisance[..self.constraints.groups]
-            .iter()
-            .map(|&a| [angles.floor(a), angles.floor(a + std::f64::consts::FRAC_PI_2)])
-            .collect();
+        let directions = VanishingPoints::new(self.constraints, state);
         for line in self.lines() {
-            let (vanishing, group) = match line.direction {
-                Direction::Vertical => (&nadir, None),
-                Direction::Floor { group, orthogonal } => {
-                    (&directions[group][usize::from(orthogonal)], Some(group))
-                }
-            };
+            let vanishing = directions.of(line);
             let residual = LineResidual::new(&line.ends, vanishing.at);
-            let value = scale * residual.pixels;
+            let value = N::from(residual.pixels) * scale;
             if !N::HAS_GRADIENT {
-                sink(N::constant(value), None, Some(line.source));
+                sink(value, NuisanceJacobian::NONE, Some(line.source));
                 continue;
             }
             let d_point = residual.d_point();
             let derivative = |change: &[f64; 3]| scale * crate::camera::dot(&d_point, change);
-            let by_core = [
-                derivative(&vanishing.d_roll),
-                derivative(&vanishing.d_pitch),
-                derivative(&vanishing.d_log_focal),
-                0.0,
-            ];
-            let nuisance = group.map(|group| (group, derivative(&vanishing.d_angle)));
-            sink(N::new(value, by_core), nuisance, Some(line.source));
+            let mut gradient: Gradient = [0.0; 6];
+            gradient[ROLL] = derivative(&vanishing.d_roll);
+            gradient[PITCH] = derivative(&vanishing.d_pitch);
+            gradient[LOG_FOCAL] = derivative(&vanishing.d_log_focal);
+            let nuisance = directions.by_nuisances(line, vanishing.d_own.map(|change| derivative(&change)));
+            sink(N::new(value.value(), gradient), nuisance, Some(line.source));
         }
     }
 
@@ -262,39 +315,75 @@ impl<'a> Problem<'a> {
         add(weak_log_focal, unknown(LOG_FOCAL));
         add(height, unknown(LOG_HEIGHT).exp());
     }
+}
 
-    /// The residual of every constraint in pixels (of an upright, both coordinates of its head together).
-    pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
-        let mut residuals: Vec<(Source, f64)> = Vec::new();
-        self.each_residual(state, |residual: f64, _, source| {
-            let Some(source) = source else { return };
-            match residuals.last_mut() {
-                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
-                _ => residuals.push((source, residual * self.sigma)),
-            }
-        })?;
-        Some(residuals)
+/// The noise of a log length with the spread of true lengths.
+#[inline]
+fn with_spread<N: Number>(noise: N, spread: f64) -> N {
+    if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }
+}
+
+/// The vanishing points of all directions at a state.
+struct VanishingPoints<'a, E> {
+    constraints: &'a Constraints<E>,
+    nuisances: Nuisances,
+    nadir: VanishingPoint,
+    /// Of every group, along it and at right angles to it.
+    groups: Vec<[VanishingPoint; 2]>,
+    /// Of every deviation.
+    deviations: Vec<VanishingPoint>,
+    has_tilt: bool,
+}
+
+impl<'a, E> VanishingPoints<'a, E> {
+    fn new(constraints: &'a Constraints<E>, state: &State) -> Self {
+        let nuisances = Nuisances::of(constraints);
+        let tilt = nuisances.tilt();
+        let angles = Angles::new(&state.parameters);
+        let turned = |group: usize, orthogonal: bool| {
+            state.nuisance[group] + if orthogonal { std::f64::consts::FRAC_PI_2 } else { 0.0 }
+        };
+        let exact =
+            |group: usize| [false, true].map(|orthogonal| angles.floor(turned(group, orthogonal), 0.0));
+        let deviating = |(index, deviation): (usize, &Deviation)| {
+            let at = nuisances.deviation(index);
+            let angle = turned(deviation.group, deviation.orthogonal) + state.nuisance[at];
+            angles.floor(angle, state.nuisance[at + 1])
+        };
+        Self {
+            constraints,
+            nuisances,
+            nadir: angles.nadir([state.nuisance[tilt], state.nuisance[tilt + 1]]),
+            groups: (0..constraints.groups).map(exact).collect(),
+            deviations: constraints.deviations.iter().enumerate().map(deviating).collect(),
+            has_tilt: constraints.tilt_sigma().is_some(),
+        }
     }
 
-    /// Normal equations at a state; `None` where the geometry is impossible.
-    pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
-        let mut normal = Normal::new(self.nuisances());
-        self.each_residual(state, |residual: Dual, nuisance, _| {
-            normal.add(residual.value, &residual.gradient, nuisance);
-        })?;
-        normal.cost.is_finite().then_some(normal)
+    /// That of a line.
+    #[inline]
+    fn of(&self, line: &Line<E>) -> &VanishingPoint {
+        match (line.direction, line.deviation) {
+            (Direction::Vertical, _) => &self.nadir,
+            (Direction::Floor { .. }, Some(deviation)) => &self.deviations[deviation],
+            (Direction::Floor { group, orthogonal }, None) => &self.groups[group][usize::from(orthogonal)],
+        }
     }
 
-    /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
-    pub(crate) fn cost(&self, state: &State) -> Option<f64> {
-        let mut cost = 0.0;
-        self.each_residual(state, |residual: f64, _, _| cost += residual * residual)?;
-        cost.is_finite().then_some(cost)
-    }
-
-    /// Covariance of the core parameters at a state, the nuisance parameters marginalised.
-    pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
-        Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
+    /// The derivatives of the residual of a line by nuisance parameters, from those by the two of its vanishing
+    /// point's own.
+    #[inline]
+    fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
+        let Direction::Floor { group, .. } = line.direction else {
+            let tilt = self.nuisances.tilt();
+            let by_tilt = NuisanceJacobian::of(tilt, first).and(tilt + 1, second);
+            return if self.has_tilt { by_tilt } else { NuisanceJacobian::NONE };
+        };
+        let by_group = NuisanceJacobian::of(group, first);
+        let Some(index) = line.deviation else { return by_group };
+        let (at, deviation) = (self.nuisances.deviation(index), &self.constraints.deviations[index]);
+        let with_azimuth = if deviation.azimuth > 0.0 { by_group.and(at, first) } else { by_group };
+        if deviation.level > 0.0 { with_azimuth.and(at + 1, second) } else { with_azimuth }
     }
 }
 
@@ -338,7 +427,7 @@ pub(crate) fn residuals_at(
 /// the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
-    let at = CameraTerms::<f64>::new(parameters);
+    let at = CameraTerms::<f64>::new(parameters, [0.0; 2]);
     constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
     constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
     constraints

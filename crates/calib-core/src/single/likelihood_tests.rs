@@ -2,6 +2,7 @@ use super::*;
 use crate::optimize::{LevenbergMarquardt, Summary, Termination, least_squares};
 use crate::single::annotation::Known;
 use crate::single::constraints::Endpoint;
+use crate::single::scene_errors::{Deviation, SceneErrors};
 use proptest::prelude::*;
 
 fn any_end() -> impl Strategy<Value = Endpoint> {
@@ -31,6 +32,12 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .map(|(i, (ends, group, orthogonal))| Line {
                     ends,
                     direction: direction(group, orthogonal),
+                    // The direction of the first group deviates at right angles, that of the second along it.
+                    deviation: match group {
+                        1 if orthogonal => Some(0),
+                        2 if !orthogonal => Some(1),
+                        _ => None,
+                    },
                     source: source(i),
                 })
                 .collect(),
@@ -38,7 +45,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
             lengths: lengths
                 .into_iter()
                 .enumerate()
-                .map(|(i, (ends, group))| Length { ends, group, source: source(100 + i) })
+                .map(|(i, (ends, group))| Length { ends, group, spread: 0.01, source: source(100 + i) })
                 .collect(),
             length_groups: vec![None, Some(2.0)],
             uprights: uprights
@@ -49,6 +56,11 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                     Upright { foot, head, height, source: source(200 + i) }
                 })
                 .collect(),
+            deviations: vec![
+                Deviation { group: 0, orthogonal: true, azimuth: 0.01, level: 0.005 },
+                Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005 },
+            ],
+            scene: SceneErrors { floor_tilt: 0.02, ..SceneErrors::EXACT },
             invalid: Vec::new(),
         }
     })
@@ -63,11 +75,9 @@ fn any_core() -> impl Strategy<Value = Parameters> {
 fn residuals(problem: &Problem, state: &State) -> Option<Vec<(f64, Vec<f64>)>> {
     let mut rows = Vec::new();
     problem.each_residual(state, |residual: Dual, nuisance, _| {
-        let mut row = residual.gradient.to_vec();
+        let mut row = residual.gradient[..4].to_vec();
         row.resize(4 + state.nuisance.len(), 0.0);
-        if let Some((index, derivative)) = nuisance {
-            row[4 + index] = derivative;
-        }
+        nuisance.entries().iter().for_each(|&(index, derivative)| row[4 + index] += derivative);
         rows.push((residual.value, row));
     })?;
     Some(rows)
@@ -99,11 +109,18 @@ proptest! {
         const STEP: f64 = 1e-6;
         let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
         let state = problem.state_at(parameters);
+let own = problem.nuisances().deviation(0);
+        let state = state.map(|mut state| {
+            let errors = state.nuisance[own..].iter_mut().enumerate();
+            errors.for_each(|(i, value)| *value = 0.003 * (i as f64 - 2.0));
+            state
+        });
         // A state without a finite cost is none: a minimiser never stands there.
         prop_assume!(state.as_ref().is_some_and(|state| problem.normal(state).is_some()));
         let Some(state) = state else { return Ok(()) };
         let rows = residuals(&problem, &state).unwrap_or_default();
-        for index in 0..4 + state.nuisance.len() {
+        let used = problem.used();
+        for index in (0..4 + state.nuisance.len()).filter(|&index| index < 4 || used[index - 4]) {
             let central = |step: f64| {
                 let ahead = residuals(&problem, &nudged(&state, index, step))?;
                 let behind = residuals(&problem, &nudged(&state, index, -step))?;
@@ -150,11 +167,11 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
     let lines = drawn.iter().enumerate().filter_map(|(i, &(a, share, noise))| {
         let (direction, v) = match i % 3 {
-            0 => (Direction::Vertical, angles.nadir().at),
-            1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7).at),
+            0 => (Direction::Vertical, angles.nadir([0.0; 2]).at),
+            1 => (Direction::Floor { group: 0, orthogonal: false }, angles.floor(0.7, 0.0).at),
             _ => (
                 Direction::Floor { group: 0, orthogonal: true },
-                angles.floor(0.7 + std::f64::consts::FRAC_PI_2).at,
+                angles.floor(0.7 + std::f64::consts::FRAC_PI_2, 0.0).at,
             ),
         };
         let way = [v[0] - a[0] * v[2], v[1] - a[1] * v[2]];
@@ -165,7 +182,7 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
         let step = 700.0 * share / length;
         let b =
             [a[0] + step * way[0] - noise * way[1] / length, a[1] + step * way[1] + noise * way[0] / length];
-        Some(Line { ends: [end(a), end(b)], direction, source: source(i) })
+        Some(Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) })
     });
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
@@ -204,7 +221,8 @@ impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn>
 #[test]
 fn the_executor_of_argmin_walks_the_same_way() {
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
-    let line = |a, b, direction, i| Line { ends: [end(a), end(b)], direction, source: source(i) };
+    let line =
+        |a, b, direction, i| Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) };
     let floor = Direction::Floor { group: 0, orthogonal: false };
     let constraints = Constraints {
         lines: vec![

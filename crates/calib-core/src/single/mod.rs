@@ -3,18 +3,20 @@
 //!
 //! Law: one image; no document, no other camera. The files in the order of the data:
 //!
-//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `constraints` the same, undistorted;
+//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `scene_errors` how far the scene may be
+//!   from it; `constraints` the same, undistorted;
 //! - `straightness`, `edge_information`, `fitted`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
+//! - `prior`, `nuisances`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
+mod scene_errors;
 mod constraints;
 mod straightness;
 mod edge_information;
@@ -25,6 +27,7 @@ mod orientation;
 mod fixed_parameters;
 mod abramov;
 mod prior;
+mod nuisances;
 mod residual;
 mod likelihood;
 mod minima;
@@ -43,6 +46,7 @@ pub use fixed_parameters::FixedParameters;
 pub use orientation::Orientation;
 pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
+pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness_rms};
 
 pub(crate) use accuracy::placed_floor_length_rel;

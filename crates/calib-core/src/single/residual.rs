@@ -48,7 +48,7 @@
 //! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
 //! foot, head and height propagated to it, to first order.
 
-use crate::optimize::Number;
+use crate::optimize::{Number, NumberOver};
 use crate::single::constraints::{Endpoint, Upright};
 use crate::single::vanishing_point::line_through;
 
@@ -61,13 +61,20 @@ pub(crate) const PITCH: usize = 1;
 pub(crate) const LOG_FOCAL: usize = 2;
 pub(crate) const LOG_HEIGHT: usize = 3;
 
+/// Lean of the verticals against the normal of the floor: to the right, and away from the camera, in radians.
+pub(crate) type Tilt = [f64; 2];
+
+/// Index of the first tilt among the derivatives of a formula.
+pub(crate) const TILT: usize = 4;
+
 /// A vanishing point relative to the principal point, homogeneous, with its derivatives.
 pub(crate) struct VanishingPoint {
     pub(crate) at: [f64; 3],
     pub(crate) d_roll: [f64; 3],
     pub(crate) d_pitch: [f64; 3],
     pub(crate) d_log_focal: [f64; 3],
-    pub(crate) d_angle: [f64; 3],
+    /// Of a floor direction by its angle and its elevation, of the nadir by the two tilts.
+    pub(crate) d_own: [[f64; 3]; 2],
 }
 
 /// Sines, cosines and focal at some parameters: the vanishing points of directions.
@@ -86,21 +93,27 @@ impl Angles {
         }
     }
 
-    /// The vanishing point of the verticals, toward the nadir: `(f cos p sin r, f cos p cos r, sin p)`.
-    pub(crate) fn nadir(&self) -> VanishingPoint {
+    /// The vanishing point of the verticals, toward the nadir; without tilt
+    /// `(f cos p sin r, f cos p cos r, sin p)`.
+    ///
+    /// In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor `(0, -sin p, cos p)`.
+    pub(crate) fn nadir(&self, [right, ahead]: Tilt) -> VanishingPoint {
         let (sp, cp) = self.pitch;
-        self.vanishing([0.0, cp, sp], [0.0, -sp, cp], [0.0; 3])
+        let (y, w) = (cp + ahead * sp, sp - ahead * cp);
+        self.vanishing([-right, y, w], [0.0, -w, y], [[-1.0, 0.0, 0.0], [0.0, sp, -cp]])
     }
 
-    /// The vanishing point of the floor direction at `angle`, counter-clockwise from the camera's right.
-    pub(crate) fn floor(&self, angle: f64) -> VanishingPoint {
+    /// The vanishing point of a direction at `angle`, counter-clockwise from the camera's right, that rises
+    /// from the floor by `level`, the tangent of its elevation.
+    pub(crate) fn floor(&self, angle: f64, level: f64) -> VanishingPoint {
         let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
-        self.vanishing([ca, -sp * sa, cp * sa], [0.0, -cp * sa, -sp * sa], [-sa, -sp * ca, cp * ca])
+        let (y, w) = (-sp * sa - level * cp, cp * sa - level * sp);
+        self.vanishing([ca, y, w], [0.0, -w, y], [[-sa, -sp * ca, cp * ca], [0.0, -cp, -sp]])
     }
 
-    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and by the
-    /// angle.
-    fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_angle: [f64; 3]) -> VanishingPoint {
+    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and its own
+    /// two parameters.
+    fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_own: [[f64; 3]; 2]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
         let at = image(direction);
@@ -109,7 +122,7 @@ impl Angles {
             d_roll: [at[1], -at[0], 0.0],
             d_pitch: image(d_pitch),
             d_log_focal: [at[0], at[1], 0.0],
-            d_angle: image(d_angle),
+            d_own: d_own.map(image),
         }
     }
 }
@@ -118,40 +131,42 @@ impl Angles {
 /// through them passes through the vanishing point V; signed. The weights are 1 without distortion.
 ///
 /// The terms of the formula are kept for the derivative; the module states it.
-pub(crate) struct LineResidual {
-    pub(crate) pixels: f64,
-    ends: [[f64; 2]; 2],
+pub(crate) struct LineResidual<E = f64> {
+    pub(crate) pixels: E,
+    ends: [[E; 2]; 2],
     v: [f64; 3],
-    line: [f64; 3],
-    weights: [f64; 2],
+    line: [E; 3],
+    weights: [E; 2],
     /// `l . V`.
-    incidence: f64,
+    incidence: E,
     /// `T`.
-    trace: f64,
+    trace: E,
     /// `sqrt(T^2 - 4 D)`.
-    root: f64,
+    root: E,
     /// `T + sqrt(T^2 - 4 D)`.
-    sum: f64,
+    sum: E,
     /// `r / (l . V)`.
-    factor: f64,
+    factor: E,
 }
 
-impl LineResidual {
+impl<E: Number> LineResidual<E> {
     #[inline]
-    pub(crate) fn new(ends: &[Endpoint; 2], v: [f64; 3]) -> Self {
+    pub(crate) fn new(ends: &[Endpoint<E>; 2], v: [f64; 3]) -> Self {
         let [p1, p2] = [ends[0].point, ends[1].point];
         let line = line_through(p1, p2);
         let weights = weights_across(ends, &line);
         let [w1, w2] = weights;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
-        let incidence = crate::camera::dot(&line, &v);
+        let incidence = line[0] * v[0] + line[1] * v[1] + line[2] * v[2];
         let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
         let weight = w1 * w2;
         // q1 x q2 = Vw (l . V).
-        let determinant = weight * (v[2] * incidence).powi(2);
-        let root = (trace * trace - 4.0 * determinant).max(0.0).sqrt();
-        let sum = (trace + root).max(f64::MIN_POSITIVE);
-        let factor = (2.0 * weight / sum).sqrt();
+        let determinant = weight * (incidence * v[2]) * (incidence * v[2]);
+        let discriminant = (trace * trace - determinant * 4.0).at_least(0.0);
+        // The root of 0 has no derivative; 0 is the mean of its two.
+        let root = if discriminant.value() > 0.0 { discriminant.sqrt() } else { discriminant };
+        let sum = (trace + root).at_least(f64::MIN_POSITIVE);
+        let factor = (weight * 2.0 / sum).sqrt();
         Self {
             pixels: factor * incidence,
             ends: [p1, p2],
@@ -169,8 +184,11 @@ impl LineResidual {
     /// Its derivative by V.
     #[inline]
     pub(crate) fn d_point(&self) -> [f64; 3] {
-        let Self { ends: [p1, p2], v, line, weights: [w1, w2], incidence, trace, root, sum, factor, .. } =
-            *self;
+        let v = self.v;
+        let [p1, p2] = self.ends.map(|end| end.map(Number::value));
+        let ([w1, w2], line) = (self.weights.map(Number::value), self.line.map(Number::value));
+        let [incidence, trace, root, sum, factor] =
+            [self.incidence, self.trace, self.root, self.sum, self.factor].map(Number::value);
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
         // Where the eigenvalues are equal the root has a kink; the mean of its two derivatives is 0.
         let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
@@ -191,17 +209,17 @@ impl LineResidual {
 
 /// From the homogeneous point V to a pixel, times Vw.
 #[inline]
-fn direction(p: [f64; 2], v: [f64; 3]) -> [f64; 2] {
+fn direction<E: Number>(p: [E; 2], v: [f64; 3]) -> [E; 2] {
     [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
 }
 
 /// Inverse variances of the two ends across the line.
-fn weights_across(ends: &[Endpoint; 2], line: &[f64; 3]) -> [f64; 2] {
+fn weights_across<E: Number>(ends: &[Endpoint<E>; 2], line: &[E; 3]) -> [E; 2] {
     let [a, b, _] = *line;
-    let square = (a * a + b * b).max(f64::MIN_POSITIVE);
+    let square = (a * a + b * b).at_least(f64::MIN_POSITIVE);
     ends.map(|end| {
         let [uu, uv, vv] = end.covariance;
-        square / (a * a * uu + 2.0 * a * b * uv + b * b * vv)
+        square / (a * a * uu + a * b * uv * 2.0 + b * b * vv)
     })
 }
 
@@ -213,15 +231,17 @@ pub(crate) struct CameraTerms<N> {
     focal: N,
     /// One over the height of the camera.
     per_height: N,
+    tilt: [N; 2],
 }
 
 impl<N: Number> CameraTerms<N> {
-    pub(crate) fn new(parameters: &Parameters) -> Self {
+    pub(crate) fn new(parameters: &Parameters, tilt: Tilt) -> Self {
         Self {
             roll: N::unknown(parameters[ROLL], ROLL).sin_cos(),
             pitch: N::unknown(parameters[PITCH], PITCH).sin_cos(),
             focal: N::unknown(parameters[LOG_FOCAL], LOG_FOCAL).exp(),
             per_height: (-N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+            tilt: [N::unknown(tilt[0], TILT), N::unknown(tilt[1], TILT + 1)],
         }
     }
 }
@@ -232,10 +252,13 @@ impl<N: Number> CameraTerms<N> {
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
 /// `None` when an end is on or above the horizon.
 #[inline]
-pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2]) -> Option<(N, N)> {
+pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
+    at: &CameraTerms<N>,
+    ends: &[Endpoint<E>; 2],
+) -> Option<(N, N)> {
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
-    let on_floor = |end: &Endpoint| {
+    let on_floor = |end: &Endpoint<E>| {
         let [x, y] = end.point;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
@@ -253,14 +276,14 @@ pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2])
     }
     let per_square = one / square;
     // d log length / d (u, v) of one end, turned back into image axes.
-    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint| {
+    let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint<E>| {
         let share = per_square * per_depth;
         let across = dx * share;
         let along = -((dx * u * cp + dy * f) * share * per_depth);
         let by_u = cr * across + sr * along;
         let by_v = cr * along - sr * across;
         let [uu, uv, vv] = end.covariance;
-        by_u * by_u * uu + by_u * by_v * (2.0 * uv) + by_v * by_v * vv
+        by_u * by_u * uu + by_u * by_v * (uv * 2.0) + by_v * by_v * vv
     };
     let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
     Some((square.ln() * 0.5, noise))
@@ -269,40 +292,44 @@ pub(crate) fn floor_length<N: Number>(at: &CameraTerms<N>, ends: &[Endpoint; 2])
 /// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
 /// ends and of the height.
 ///
-/// With the unrolled foot (u, v), `D = cos p v + f sin p` and `k = H D / z0`, the head is at
-/// `f (u, v - k cos p) / (f - k sin p)`. `None` when the foot is above the horizon or the head
+/// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of verticals
+/// `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at
+/// `f (u + k t, v - k c) / (f - k s)`. `None` when the foot is above the horizon or the head
 /// behind the camera.
-pub(crate) fn upright_residuals<N: Number>(
+pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
-    upright: &Upright,
+    upright: &Upright<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
-    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height } = *at;
+    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *at;
+    let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
     let [x, y] = upright.foot.point;
     let (u, v) = (cr * x - sr * y, sr * x + cr * y);
     let depth = cp * v + sp * f;
     let k = depth * per_height * upright.height.value;
-    let divisor = f - k * sp;
+    let divisor = f - k * up_w;
     if depth.value() <= 1e-6 * f.value() || divisor.value() <= 1e-6 * f.value() {
         return None;
     }
-    let (a, b) = (f * u / divisor, f * (v - k * cp) / divisor);
+    let (across, down) = (u + k * right, v - k * up_y);
+    let (a, b) = (f * across / divisor, f * down / divisor);
     // Derivatives of the unrolled head by the unrolled foot and by the height.
     let k_by_v = cp * per_height * upright.height.value;
     let divide = divisor * divisor;
     let a_by_u = f / divisor;
-    let a_by_v = f * u * k_by_v * sp / divide;
-    let b_by_v = f * ((-(k_by_v * cp) + 1.0) * divisor + (v - k * cp) * k_by_v * sp) / divide;
+    let a_by_k = f * (right * divisor + across * up_w) / divide;
+    let b_by_k = f * (down * up_w - up_y * divisor) / divide;
+    let a_by_v = k_by_v * a_by_k;
+    let b_by_v = a_by_u + k_by_v * b_by_k;
     let k_by_h = depth * per_height;
-    let a_by_h = f * u * k_by_h * sp / divide;
-    let b_by_h = f * ((v - k * cp) * sp - cp * divisor) * k_by_h / divide;
-    let turn = |[uu, uv, vv]: [f64; 3]| {
+    let (a_by_h, b_by_h) = (a_by_k * k_by_h, b_by_k * k_by_h);
+    let turn = |[uu, uv, vv]: [E; 3]| {
         // Into unrolled axes.
         let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;
         (
-            cr * cr * uu - cr * sr * (2.0 * uv) + sr * sr * vv,
+            cr * cr * uu - cr * sr * (uv * 2.0) + sr * sr * vv,
             off,
-            sr * sr * uu + cr * sr * (2.0 * uv) + cr * cr * vv,
+            sr * sr * uu + cr * sr * (uv * 2.0) + cr * cr * vv,
         )
     };
     let (fuu, fuv, fvv) = turn(upright.foot.covariance);

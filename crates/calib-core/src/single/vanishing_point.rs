@@ -3,10 +3,11 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use crate::optimize::Number;
 use crate::single::constraints::Line;
 
 /// The homogeneous line through two points: their cross product.
-pub(crate) fn line_through([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> [f64; 3] {
+pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E; 3] {
     [y1 - y2, x2 - x1, x1 * y2 - y1 * x2]
 }
 
@@ -58,6 +59,7 @@ mod tests {
         Line {
             ends: [end(a), end(b)],
             direction: Direction::Vertical,
+            deviation: None,
             source: Source { annotation: 0, segment: 0 },
         }
     }

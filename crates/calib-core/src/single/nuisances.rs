@@ -1,0 +1,79 @@
+//! The nuisance parameters of one camera: where each is in a state, which block of the normal equations it is
+//! in, and its prior.
+
+use crate::optimize::NuisanceLayout;
+use crate::single::constraints::{Constraints, Direction};
+
+/// Where the nuisance parameters of constraints are in a state: the angles of the groups, the log lengths of
+/// the groups of lengths, azimuth and elevation of every deviation, and the two tilts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nuisances {
+    groups: usize,
+    lengths: usize,
+    deviations: usize,
+}
+
+impl Nuisances {
+    pub(crate) fn of<E>(constraints: &Constraints<E>) -> Self {
+        let Constraints { groups, length_groups, deviations, .. } = constraints;
+        Self { groups: *groups, lengths: length_groups.len(), deviations: deviations.len() }
+    }
+
+    /// The log length of a group of lengths.
+    pub(crate) fn length(&self, group: usize) -> usize {
+        self.groups + group
+    }
+
+    /// The azimuth of a deviation; its elevation is the next.
+    pub(crate) fn deviation(&self, deviation: usize) -> usize {
+        self.groups + self.lengths + 2 * deviation
+    }
+
+    /// The lean of the verticals to the right; that away from the camera is the next.
+    pub(crate) fn tilt(&self) -> usize {
+        self.deviation(self.deviations)
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.tilt() + 2
+    }
+
+    /// A block for every group with its deviations, for every length, and for the tilt.
+    pub(crate) fn layout<E>(&self, constraints: &Constraints<E>) -> NuisanceLayout {
+        let mut sizes = vec![1; self.groups + self.lengths];
+        let mut places: Vec<(usize, usize)> = (0..sizes.len()).map(|block| (block, 0)).collect();
+        for deviation in &constraints.deviations {
+            let size = &mut sizes[deviation.group];
+            places.extend([(deviation.group, *size), (deviation.group, *size + 1)]);
+            *size += 2;
+        }
+        places.extend([(sizes.len(), 0), (sizes.len(), 1)]);
+        sizes.push(2);
+        NuisanceLayout { places, sizes }
+    }
+}
+
+impl<E> Constraints<E> {
+    /// Calls `sink` with the index of every nuisance parameter that has a prior, and its sigma.
+    pub(crate) fn each_scene_prior(&self, mut sink: impl FnMut(usize, f64)) {
+        let nuisances = Nuisances::of(self);
+        let deviations = self.deviations.iter().enumerate().flat_map(|(index, deviation)| {
+            let at = nuisances.deviation(index);
+            [(at, deviation.azimuth), (at + 1, deviation.level)]
+        });
+        deviations.filter(|&(_, sigma)| sigma > 0.0).for_each(|(index, sigma)| sink(index, sigma));
+        if let Some(sigma) = self.tilt_sigma() {
+            sink(nuisances.tilt(), sigma);
+            sink(nuisances.tilt() + 1, sigma);
+        }
+    }
+
+    /// The standard deviation of the tilt; none where there is nothing to see it by, or none is allowed.
+    pub(crate) fn tilt_sigma(&self) -> Option<f64> {
+        Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && self.has_verticals())
+    }
+
+    fn has_verticals(&self) -> bool {
+        !self.uprights.is_empty() || self.lines.iter().any(|line| line.direction == Direction::Vertical)
+    }
+}
