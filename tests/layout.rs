@@ -23,13 +23,38 @@ fn code(path: &Path) -> String {
     code.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
 }
 
-/// Whether `code` names the module at `path`, as in `crate::camera::`, `crate::{camera::` or `crate::camera;`.
+/// Whether `code` names a module of `parent`, as in `crate::camera::Lens`, `crate::camera;` or, in a list,
+/// `crate::{camera::Lens, floor}`.
 fn names(code: &str, parent: &str, module: &str) -> bool {
-    let ends = |rest: &str| !rest.starts_with(|next: char| next.is_alphanumeric() || next == '_');
-    ["", "{"].iter().any(|brace| {
-        let path = format!("{parent}::{brace}{module}");
-        code.match_indices(&path).any(|(at, _)| ends(&code[at + path.len()..]))
+    let is_named = |path: &str| {
+        let rest = path.trim_start().strip_prefix(module);
+        rest.is_some_and(|rest| !rest.starts_with(|next: char| next.is_alphanumeric() || next == '_'))
+    };
+    code.split(&format!("{parent}::")).skip(1).any(|path| match path.strip_prefix('{') {
+        Some(list) => items(list).into_iter().any(is_named),
+        None => is_named(path),
     })
+}
+
+/// The items of a list after its brace, those in inner braces with what is before them.
+fn items(list: &str) -> Vec<&str> {
+    let (mut items, mut depth, mut start) = (Vec::new(), 0, 0);
+    for (at, next) in list.char_indices() {
+        match next {
+            '{' => depth += 1,
+            '}' if depth > 0 => depth -= 1,
+            ',' if depth > 0 => {}
+            ',' | '}' => {
+                items.push(&list[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+        if next == '}' && depth == 0 && start == at + 1 {
+            break;
+        }
+    }
+    items
 }
 
 #[test]
@@ -47,9 +72,20 @@ fn a_file_of_the_app_uses_only_files_above_it() {
     uses_only_what_is_above("calib-app");
 }
 
+#[test]
+fn a_file_of_the_demonstration_uses_only_files_above_it() {
+    uses_only_what_is_above("calib-demo");
+}
+
+#[test]
+fn a_development_command_uses_only_files_above_it() {
+    uses_only_what_is_above("xtask");
+}
+
 fn uses_only_what_is_above(package: &str) {
     let source = root().join("crates").join(package).join("src");
-    let order = modules(&source.join("lib.rs"));
+    let table = ["lib.rs", "main.rs"].map(|name| source.join(name)).into_iter().find(|path| path.exists());
+    let order = modules(&table.unwrap());
     assert!(order.len() > 5, "the list is read");
     let mut wrong = Vec::new();
     for (index, folder) in order.iter().enumerate() {

@@ -4,7 +4,7 @@
 
 use calib_core::{
     Annotation, BrownConrady, Code, Distortion, DistortionModel, Edge, Fitted, Kind, Lens, LensCache,
-    LensFit, LensOptions, Options, Pixel, Source, UndistortedPixel,
+    LensFit, LensOptions, Options, Pixel, Site, Source, UndistortedPixel,
 };
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
@@ -376,19 +376,25 @@ fn polylines(data: &Value) -> Vec<Vec<Pixel>> {
 #[test]
 fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_moved() {
     let mut site = demo_site_with(KnownLens::Fitted).site;
-    let options = Options::default();
-    let lenses = site.lenses(&LensCache::default());
-    assert_eq!(site.calibrate_with_lenses(&lenses, &options), site.calibrate(&options));
+    let everyone: Vec<usize> = (0..site.cameras.len()).collect();
+    let whole = |site: &Site| {
+        let report = site.calibrate(&Options { refine: false, ..Options::default() });
+        (report.cameras, report.findings)
+    };
+    let family = |site: &Site, lenses: &LensCache| {
+        let (report, lenses) = site.calibrate_family(&everyone, lenses);
+        ((report.cameras, report.findings), lenses)
+    };
+    let (found, lenses) = family(&site, &LensCache::default());
+    assert_eq!(found, whole(&site), "a family is calibrated as the site is");
+    let (again, _) = family(&site, &lenses);
+    assert_eq!(again, found);
     let mut drawn = site.cameras.iter_mut().flat_map(|camera| &mut camera.annotations);
     let edge = drawn.find(|annotation| annotation.kind == Kind::Straight).unwrap();
     edge.points.as_mut().unwrap()[1].u += 2.0;
-    let alone = site.calibrate(&options);
-    assert_eq!(
-        site.calibrate_with_lenses(&lenses, &options),
-        alone,
-        "the old lens is not that of these edges"
-    );
-    assert_eq!(site.calibrate_with_lenses(&site.lenses(&lenses), &options), alone);
+    let (moved, _) = family(&site, &lenses);
+    assert_ne!(moved, found);
+    assert_eq!(moved, whole(&site), "the old lens is not that of these edges");
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let lines = truth.each_ref().map(drawn);
     let constraints = lines.each_ref().map(|lines| Constraints::new(lines, &options.lens));
     let fits = [Fit::new(&constraints[0], &options)?, Fit::new(&constraints[1], &options)?];
-    let member = |i: usize| BundleCamera::from_fit(i, &fits[i], &constraints[i], &lines[i], &options);
+    let member = |i: usize| BundleCamera::from_fit(&fits[i], &constraints[i], &lines[i], &options);
 
     // The first camera is where the base system begins; that it hangs 4 m high gives the scale.
     let first = BundleCamera { camera: truth[0], initial_pose: InitialPose::Fixed, ..member(0) };

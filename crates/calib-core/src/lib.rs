@@ -142,14 +142,14 @@ pub use floor::{
     with_placement_covariance,
 };
 pub use outcome::{
-    Apart, Code, Drawing, Estimator, Failure, FailureCode, Finding, Parameter, Residual, ResidualOf, Rival,
-    Severity, Source, Subject, Suggestion, Tie, WhyUnused,
+    Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
+    Severity, SharedEvidence, Source, Subject, Suggestion, WhyNotConnected, WhyUnused,
 };
 pub use single::{
     Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, SceneErrors, Shape, Sketch, Upright, closed_form, draw_next,
-    findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, Upright, closed_form,
+    draw_next, findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

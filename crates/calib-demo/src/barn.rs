@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::building::RIDGE;
 use crate::material::{Finish, Material};
 use crate::shape::Shape;
+use crate::stage::Stage;
 use crate::vector::{Vec3, vec3};
-use crate::world::Stage;
 
 /// The aisle between the kerbs: y from, y to, in metres.
 pub(crate) const AISLE: [f32; 2] = [-8.25, -4.25];

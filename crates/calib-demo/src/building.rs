@@ -2,8 +2,8 @@
 
 use crate::material::{Finish, Material};
 use crate::shape::Shape;
+use crate::stage::{Lamp, Stage};
 use crate::vector::vec3;
-use crate::world::{Lamp, Stage};
 
 /// What fills a hole in a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use crate::material::Material;
 use crate::shape::Shape;
+use crate::stage::Stage;
 use crate::vector::{Vec3, vec3};
-use crate::world::Stage;
 
 /// A person that stands or walks.
 #[derive(Clone, Copy, Debug)]

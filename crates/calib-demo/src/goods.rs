@@ -4,7 +4,7 @@ use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 
 use crate::material::{Finish, Material, paint};
-use crate::world::Stage;
+use crate::stage::Stage;
 
 /// The front edge of a shelf that goods stand on, in metres.
 #[derive(Clone, Copy, Debug)]

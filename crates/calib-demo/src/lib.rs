@@ -12,16 +12,15 @@
 //! }
 //! ```
 
-pub mod layout;
+// A module uses only those above it.
 pub mod random;
-
-// A module uses only those above it, but for the parts of the scene, which `world` puts together.
+pub mod layout;
 mod vector;
 mod texture;
 mod material;
 mod shape;
 mod tree;
-mod world;
+mod stage;
 mod building;
 mod goods;
 mod shop;
@@ -29,6 +28,7 @@ mod produce;
 mod store;
 mod barn;
 mod figure;
+mod world;
 mod light;
 mod cameras;
 mod rays;

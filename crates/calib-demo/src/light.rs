@@ -2,9 +2,10 @@
 
 use crate::building::CEILING;
 use crate::shape::Line;
+use crate::stage::Lamp;
 use crate::texture::chance;
 use crate::vector::{Vec3, vec3};
-use crate::world::{Lamp, World};
+use crate::world::World;
 
 /// Part of the scene with light of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

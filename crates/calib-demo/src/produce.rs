@@ -4,7 +4,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use crate::material::{Finish, Material};
-use crate::world::Stage;
+use crate::stage::Stage;
 
 /// Lower left corners of the tables, in metres.
 pub(crate) const TABLES: [[f32; 2]; 4] = [[15.6, 3.6], [18.6, 3.6], [15.6, 6.6], [18.6, 6.6]];

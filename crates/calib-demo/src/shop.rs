@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::goods::{Range, Row, fill};
 use crate::material::{Finish, Material};
-use crate::world::Stage;
+use crate::stage::Stage;
 
 /// Rows of shelves in the middle of the shop: x from, x to, y of their back panel, in metres.
 pub(crate) const GONDOLAS: [[f32; 3]; 2] = [[4.8, 12.0, 3.6], [4.8, 12.0, 6.6]];

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::material::{Finish, Material};
 use crate::shop::pallet;
-use crate::world::Stage;
+use crate::stage::Stage;
 
 /// Racks: x0, y0, x1, y1, in metres.
 pub(crate) const RACKS: [[f32; 4]; 2] = [[24.3, 0.1, 28.5, 1.2], [28.8, 6.0, 29.9, 8.3]];

@@ -142,3 +142,9 @@ impl Mul for Vec3 {
         vec3(self.x * o.x, self.y * o.y, self.z * o.z)
     }
 }
+
+impl From<[f32; 3]> for Vec3 {
+    fn from([x, y, z]: [f32; 3]) -> Self {
+        vec3(x, y, z)
+    }
+}

@@ -1,6 +1,6 @@
 //! Cameras that fit what was drawn as well as the solution does: a second one, or a whole family.
 
-use calib_core::{Camera, Code, Known, LensCache, Site, SiteCamera, Solution};
+use calib_core::{Camera, Code, Known, LensCache, RULED_OUT, Site, SiteCamera, Solution};
 
 /// A camera with a horizontal field of view that was asked for, and how it fits.
 #[derive(Clone, Debug)]
@@ -26,8 +26,6 @@ pub struct Family {
     pub shown: [Fit; 2],
 }
 
-/// How much worse by chi-square still fits as well: what `two-solutions` means.
-const AS_WELL: f64 = 6.0;
 /// Fields of view that are tried, in degrees.
 const VIEWS: std::ops::RangeInclusive<i32> = 2..=15;
 const STEP: f64 = 8.0;
@@ -74,7 +72,7 @@ impl Family {
         let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i), lenses)).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);
         let best = tried.iter().map(chi2).fold(f64::INFINITY, f64::min);
-        let mut fits = tried.iter().filter(|fit| chi2(fit) - best <= AS_WELL);
+        let mut fits = tried.iter().filter(|fit| chi2(fit) - best < RULED_OUT);
         let first = fits.next()?;
         let last = fits.next_back().unwrap_or(first);
         let (low, high) = (first.view, last.view);

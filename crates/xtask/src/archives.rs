@@ -14,7 +14,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::check::root;
+use crate::workspace::root;
 
 const PYTHON: &str = "target/engines-venv/bin/python";
 const ROWS: usize = 5_000_000;

@@ -3,12 +3,15 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Instant;
 
 use anyhow::{Context as _, ensure};
 
-use crate::check::root;
+use crate::workspace::root;
 use crate::{serve, web};
+
+// The page and the benchmarks are measured in one way.
+#[path = "../../calib-core/benches/measure/median.rs"]
+mod median;
 
 /// Where what drives the browser is installed.
 const FOLDER: &str = "target/browser";
@@ -56,7 +59,7 @@ fn native() -> f64 {
     let site = calib_demo::demo_site().site;
     let cameras = site.cameras.first().map(|camera| vec![camera.id.clone()]);
     let options = calib_core::Options { refine: false, cameras, ..calib_core::Options::default() };
-    1e3 * median(RUNS, || {
+    1e3 * median::median(RUNS, || {
         std::hint::black_box(std::hint::black_box(&site).calibrate(&options));
     })
 }
@@ -71,18 +74,4 @@ pub(crate) fn calib() -> anyhow::Result<PathBuf> {
     ensure!(cargo.status()?.success(), "calib-cli does not build");
     let own = std::env::current_exe()?;
     Ok(own.with_file_name("calib"))
-}
-
-/// Median seconds of `work` over some runs, after one to warm up.
-fn median(runs: usize, mut work: impl FnMut()) -> f64 {
-    work();
-    let mut took: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    took.sort_by(f64::total_cmp);
-    took[took.len() / 2]
 }

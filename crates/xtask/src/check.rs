@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 
 use crate::wasm;
+use crate::workspace::root;
 
 /// What a check needs beside Rust, and how to get it.
 pub(crate) struct Tool {
@@ -275,16 +276,6 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs a command of this program built in another way.
-pub(crate) fn rerun(build: &[&str], command: &[String]) -> anyhow::Result<()> {
-    let mut cargo = Command::new("cargo");
-    cargo.args(["run", "--quiet", "--package", "xtask"]).args(build).arg("--").args(command);
-    if !cargo.current_dir(root()).status()?.success() {
-        bail!("{} failed", command.join(" "));
-    }
-    Ok(())
-}
-
 fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
     let (program, arguments) = check.command.split_first().context("a check without a command")?;
     if let Some(folder) = check.empty {
@@ -386,9 +377,4 @@ fn is_made(folder: &str, pins: &str) -> bool {
 /// Whether there is a program of this name, wherever it is installed.
 fn is_on_path(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
-}
-
-/// The folder of the workspace.
-pub(crate) fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
 }

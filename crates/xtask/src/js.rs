@@ -8,7 +8,7 @@ use anyhow::{Context as _, ensure};
 use serde_json::json;
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::check::root;
+use crate::workspace::root;
 use crate::{browser, wasm};
 
 /// Writes the package into `out`.

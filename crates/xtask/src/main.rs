@@ -1,18 +1,20 @@
 //! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `js`, `serve`.
 
+// A module uses only those above it.
+mod workspace;
+mod wasm;
+mod check;
+mod notices;
 mod accuracy;
 mod archives;
 mod bench;
-#[cfg(feature = "web")]
-mod browser;
-mod check;
-#[cfg(feature = "web")]
-mod js;
-mod notices;
 mod serve;
-mod wasm;
 #[cfg(feature = "web")]
 mod web;
+#[cfg(feature = "web")]
+mod browser;
+#[cfg(feature = "web")]
+mod js;
 
 use std::path::PathBuf;
 
@@ -103,23 +105,23 @@ fn main() -> anyhow::Result<()> {
         Command::Bench { json: _, filter } => {
             // An unoptimised number is worse than none.
             if cfg!(debug_assertions) {
-                return check::rerun(&["--release"], &["bench".into(), filter]);
+                return workspace::rerun(&["--release"], &["bench".into(), filter]);
             }
             bench::run(&filter)
         }
         Command::Notices => notices::run(),
         #[cfg(feature = "web")]
-        Command::Web { out, built } => web::run(&check::root().join(out), built.as_deref()),
+        Command::Web { out, built } => web::run(&workspace::root().join(out), built.as_deref()),
         #[cfg(feature = "web")]
         Command::Browser { out, script, pictures, as_is } => browser::run(
-            &check::root().join(out),
+            &workspace::root().join(out),
             &script,
-            pictures.map(|p| check::root().join(p)).as_deref(),
+            pictures.map(|p| workspace::root().join(p)).as_deref(),
             as_is,
         ),
         #[cfg(feature = "web")]
         Command::Js { out, test } => {
-            let out = check::root().join(out);
+            let out = workspace::root().join(out);
             js::run(&out)?;
             if test { js::test(&out) } else { Ok(()) }
         }
@@ -127,10 +129,10 @@ fn main() -> anyhow::Result<()> {
         #[cfg(not(feature = "web"))]
         Command::Web { .. } | Command::Js { .. } | Command::Browser { .. } => {
             let arguments: Vec<String> = std::env::args().skip(1).collect();
-            check::rerun(&["--features", "web"], &arguments)
+            workspace::rerun(&["--features", "web"], &arguments)
         }
         Command::Serve { folder, port } => {
-            let site = serve::Site::new(&check::root().join(folder), port)?;
+            let site = serve::Site::new(&workspace::root().join(folder), port)?;
             println!("http://{}/", site.address()?);
             site.serve();
             Ok(())

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use anyhow::bail;
 
-use crate::check::{self, root};
+use crate::check;
+use crate::workspace::root;
 
 /// A program's crate, and where its notices are.
 const PROGRAMS: [(&str, &str); 3] = [

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, ensure};
 
-use crate::check::root;
+use crate::workspace::root;
 
 const WASM: &str = "wasm32-unknown-unknown";
 

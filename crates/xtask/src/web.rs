@@ -12,6 +12,7 @@ use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::wasm;
+use crate::workspace::root;
 
 /// The most that a browser has to fetch for the program, gzipped, in bytes.
 const MOST: usize = 2_600_000;
@@ -81,7 +82,7 @@ struct Parts {
 impl Parts {
     fn read(glue: &Path) -> anyhow::Result<Self> {
         let text = |path: PathBuf| fs::read_to_string(&path).with_context(|| path.display().to_string());
-        let page = |name: &str| text(crate::check::root().join("crates/calib-app/web").join(name));
+        let page = |name: &str| text(root().join("crates/calib-app/web").join(name));
         Ok(Self {
             wasm: fs::read(glue.join("app_bg.wasm"))?,
             html: page("index.html")?,

@@ -1,21 +1,10 @@
 //! What the benchmarks share: medians of one thread, one JSON object on stdout.
 
-use std::io::Write as _;
-use std::time::Instant;
+mod median;
 
-/// Median seconds of `work` over some runs, after one to warm up.
-pub(crate) fn median(runs: usize, mut work: impl FnMut()) -> f64 {
-    work();
-    let mut took: Vec<f64> = (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    took.sort_by(f64::total_cmp);
-    took[took.len() / 2]
-}
+use std::io::Write as _;
+
+pub(crate) use median::median;
 
 /// Prints `{"key": value, ...}` of the benchmarks whose key contains the first argument that is no flag.
 pub(crate) fn report(benches: &[(&str, &dyn Fn() -> f64)]) {

@@ -53,8 +53,8 @@ use crate::camera::Camera;
 /// });
 ///
 /// let size = [1920.0, 1080.0];
-/// let first = BundleCamera { initial_pose: InitialPose::Fixed, ..BundleCamera::new(0, truth[0], size) };
-/// let second = BundleCamera::new(1, camera(0.0, 0.0, 0.0), size);
+/// let first = BundleCamera { initial_pose: InitialPose::Fixed, ..BundleCamera::new(truth[0], size) };
+/// let second = BundleCamera::new(camera(0.0, 0.0, 0.0), size);
 /// let adjustment =
 ///     BundleAdjustment { cameras: vec![first, second], landmarks: landmarks.to_vec(), distances: Vec::new() };
 /// let summary = adjustment.solve()?;
@@ -187,16 +187,17 @@ impl BundleAdjustment<'_> {
             let camera = &self.cameras[index];
             let gauge = summary.component(index).map(|component| component.gauge(index));
             let start = if gauge.is_some() { &poses[index] } else { &camera.camera };
-            let lens = cluster.binary_search(&camera.lens_of).unwrap_or(0);
-            View::new(camera, start, &self.cameras[camera.lens_of], lens, gauge)
+            let owner = camera.lens_owner(index);
+            let lens = cluster.binary_search(&owner).unwrap_or(0);
+            View::new(camera, start, &self.cameras[owner], lens, gauge)
         };
         cluster.iter().map(view).collect()
     }
 
     fn check(&self) -> Result<(), BundleError> {
         for (index, camera) in self.cameras.iter().enumerate() {
-            let owner = self.cameras.get(camera.lens_of);
-            if owner.is_none_or(|owner| owner.lens_of != camera.lens_of) {
+            let owner = camera.lens_owner(index);
+            if self.cameras.get(owner).is_none_or(|camera| camera.lens_owner(owner) != owner) {
                 return Err(BundleError::LensOf { camera: index });
             }
             if camera.fit.is_none() && !camera.constraints.is_empty() {

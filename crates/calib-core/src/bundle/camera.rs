@@ -47,9 +47,9 @@ pub struct BundleCamera<'a> {
     /// The standard deviations of what was drawn are known: they are not inflated where the residuals are
     /// larger.
     pub noise_is_known: bool,
-    /// Index of the camera whose focal and distortion this one shares; its own index if none. That camera
-    /// must have a lens of its own.
-    pub lens_of: usize,
+    /// Index of the camera whose focal and distortion this one shares, if any. That camera must have a lens of
+    /// its own.
+    pub lens_of: Option<usize>,
     /// Which coefficients of the distortion are estimated; of a shared lens those of its own camera count.
     pub free_coefficients: [bool; Distortion::MOST],
 }
@@ -67,11 +67,11 @@ static NO_CONSTRAINTS: Constraints = Constraints {
 };
 
 impl<'a> BundleCamera<'a> {
-    /// A camera at `index` of known roll, pitch, focal and lens, on which nothing was drawn: position and
+    /// A camera of known roll, pitch, focal and lens, on which nothing was drawn: position and
     /// yaw are estimated from nothing, the height from where it is in `camera`. `size` is that of the
     /// image, in pixels.
     #[must_use]
-    pub fn new(index: usize, camera: Camera, size: [f64; 2]) -> Self {
+    pub fn new(camera: Camera, size: [f64; 2]) -> Self {
         Self {
             camera,
             initial_pose: InitialPose::Unknown,
@@ -87,15 +87,14 @@ impl<'a> BundleCamera<'a> {
             constraints: &NO_CONSTRAINTS,
             fit: None,
             noise_is_known: true,
-            lens_of: index,
+            lens_of: None,
             free_coefficients: [false; Distortion::MOST],
         }
     }
 
-    /// The camera at `index` as the fit of it alone left it, with all that the fit used.
+    /// The camera as the fit of it alone left it, with all that the fit used.
     #[must_use]
     pub fn from_fit(
-        index: usize,
         fit: &'a Fit,
         constraints: &'a Constraints,
         annotations: &'a [Annotation],
@@ -108,7 +107,7 @@ impl<'a> BundleCamera<'a> {
             constraints,
             fit: Some(fit),
             noise_is_known: options.sigma.is_some(),
-            ..Self::new(index, fit.camera, options.size)
+            ..Self::new(fit.camera, options.size)
         }
     }
 
@@ -133,6 +132,11 @@ impl<'a> BundleCamera<'a> {
     /// Its height, where it is fixed.
     pub(crate) fn fixed_height(&self) -> Option<f64> {
         self.fixed.height.filter(|_| self.initial_pose != InitialPose::Fixed)
+    }
+
+    /// Index of the camera whose lens it has, of this one at `index`.
+    pub(crate) fn lens_owner(&self, index: usize) -> usize {
+        self.lens_of.unwrap_or(index)
     }
 
     pub(crate) fn fits_distortion(&self) -> bool {

@@ -182,8 +182,8 @@ pub(crate) fn clusters(
     };
     let mut sets: Vec<BTreeSet<usize>> = components.iter().map(reached).collect();
     for (index, camera) in cameras.iter().enumerate() {
-        if camera.lens_of != index || camera.fits_distortion() {
-            sets.push(BTreeSet::from([index, camera.lens_of]));
+        if camera.lens_of.is_some() || camera.fits_distortion() {
+            sets.push(BTreeSet::from([index, camera.lens_owner(index)]));
         }
     }
     let mut merged: Vec<BTreeSet<usize>> = Vec::new();

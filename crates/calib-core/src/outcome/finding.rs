@@ -6,7 +6,7 @@ use crate::outcome::suggestion::Suggestion;
 
 /// Another local minimum: a camera that the lines fit as well.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rival {
+pub struct OtherMinimum {
     /// In pixels.
     pub focal: f64,
     /// In radians.
@@ -24,7 +24,7 @@ pub enum Estimator {
 
 /// Why cameras are not connected to the rest of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Apart {
+pub enum WhyNotConnected {
     /// They share too few landmarks with the others to be placed by them.
     TooLittle,
     /// They share nothing and keep the placement of the operator.
@@ -46,9 +46,9 @@ pub enum WhyUnused {
     Unfitted,
 }
 
-/// What connects cameras.
+/// Evidence that cameras share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tie {
+pub enum SharedEvidence {
     /// Links.
     Links,
     /// Marks tied to pixels.
@@ -81,7 +81,7 @@ pub enum Finding {
     /// The lines fit other cameras as well.
     TwoSolutions {
         /// The other cameras.
-        others: Vec<Rival>,
+        others: Vec<OtherMinimum>,
         /// The drawing that would decide between them.
         next: Option<Suggestion>,
     },
@@ -246,7 +246,7 @@ pub enum Finding {
         /// Their indices.
         cameras: Vec<usize>,
         /// Why not.
-        apart: Apart,
+        why: WhyNotConnected,
     },
     /// The links of a camera do not determine its position.
     Sliding {
@@ -274,10 +274,10 @@ pub enum Finding {
         /// Why it is not used.
         why: WhyUnused,
     },
-    /// What connects cameras, while every camera is solved by itself.
-    UnusedTies {
+    /// Evidence that cameras share, while every camera is solved by itself.
+    UnusedEvidence {
         /// What.
-        ties: Tie,
+        evidence: SharedEvidence,
         /// How many there are.
         count: usize,
     },
@@ -312,7 +312,7 @@ impl Finding {
             | Self::TooFewControlPoints { .. }
             | Self::TooManyCameras { .. }
             | Self::Unused { .. }
-            | Self::UnusedTies { .. } => Code::UnusedAnnotation,
+            | Self::UnusedEvidence { .. } => Code::UnusedAnnotation,
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
@@ -369,7 +369,7 @@ impl Finding {
             | Self::ScaleUnknown { root: camera, .. }
             | Self::TooManyCameras { first: camera, .. } => Subject::Camera(*camera),
             Self::Unused { what, .. } => what.first().copied().unwrap_or(Subject::Site),
-            Self::JointMisfit { .. } | Self::UnusedTies { .. } => Subject::Site,
+            Self::JointMisfit { .. } | Self::UnusedEvidence { .. } => Subject::Site,
         }
     }
 

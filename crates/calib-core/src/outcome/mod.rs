@@ -18,7 +18,7 @@ mod residual;
 
 pub use code::{Code, Severity};
 pub use failure::{Failure, FailureCode};
-pub use finding::{Apart, Estimator, Finding, Rival, Tie, WhyUnused};
+pub use finding::{Estimator, Finding, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
 pub use residual::{Residual, ResidualOf};
 pub use subject::{Parameter, Source, Subject};
 pub use suggestion::{Drawing, Suggestion};

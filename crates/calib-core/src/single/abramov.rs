@@ -11,31 +11,9 @@
 use crate::optimize::nelder_mead;
 use crate::outcome::Failure;
 use crate::single::constraints::{Constraints, Direction, Line};
+use crate::single::fixed_parameters::FixedParameters;
+use crate::single::orientation::Orientation;
 use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
-
-/// The orientation and focal that stage 1 estimates, by either method.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orientation {
-    /// In radians.
-    pub roll: f64,
-    /// In radians, positive down.
-    pub pitch: f64,
-    /// In pixels.
-    pub focal: f64,
-}
-
-/// Parameters that are not estimated: fixed at the value where there is one.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FixedParameters {
-    /// In radians.
-    pub roll: Option<f64>,
-    /// In radians.
-    pub pitch: Option<f64>,
-    /// In pixels.
-    pub focal: Option<f64>,
-    /// In metres; the paper's method takes it as it is.
-    pub height: Option<f64>,
-}
 
 /// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.
 const PITCHES: [f64; 14] = [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];

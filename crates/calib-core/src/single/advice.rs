@@ -5,7 +5,7 @@
 //! one step.
 
 use crate::optimize::Uncertainty;
-use crate::outcome::{Drawing, Finding, Rival, Suggestion};
+use crate::outcome::{Drawing, Finding, OtherMinimum, Suggestion};
 use crate::single::accuracy::floor_length_rel;
 use crate::single::annotation::{ConstraintKind, Kind};
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
@@ -49,8 +49,10 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
         }
     }
     if fit.two_solutions {
-        let rival =
-            |other: &LocalMinimum| Rival { focal: other.orientation.focal, pitch: other.orientation.pitch };
+        let rival = |other: &LocalMinimum| OtherMinimum {
+            focal: other.orientation.focal,
+            pitch: other.orientation.pitch,
+        };
         findings.push(Finding::TwoSolutions { others: fit.alternatives.iter().map(rival).collect(), next });
     }
     findings.extend(floor_finding(fit.floor_length_rel, next));
@@ -166,7 +168,7 @@ impl Candidate {
         // The nuisance parameters of the fit keep their values; those of the drawing are in closed form.
         let problem = Problem::new(
             &joined,
-            crate::single::abramov::FixedParameters::default(),
+            crate::single::fixed_parameters::FixedParameters::default(),
             crate::single::prior::Priors::default(),
             1.0,
             1e3,

@@ -15,11 +15,12 @@ use nalgebra::Matrix4;
 use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use crate::floor::{STAGE_1_HEIGHT, default_efov};
 use crate::outcome::{Failure, Parameter};
-use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
+use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State, predictable};
 use crate::single::minima::{Minimum, Solutions, weak_prior};
+use crate::single::orientation::Orientation;
 use crate::single::outliers::{OutlierSearch, inflation, is_misfit, solve_without_outliers};
 use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
@@ -97,8 +98,8 @@ pub struct Fit {
     pub(crate) core_covariance: Matrix4<f64>,
 }
 
-/// Chi-square by which a second minimum must be worse to be ruled out.
-const RULED_OUT: f64 = 6.0;
+/// Chi-square by which another camera must fit worse to be ruled out.
+pub const RULED_OUT: f64 = 6.0;
 
 impl Fit {
     /// The maximum-likelihood fit.

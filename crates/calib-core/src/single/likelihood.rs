@@ -14,9 +14,10 @@
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
 };
-use crate::single::abramov::{FixedParameters, Orientation};
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::fixed_parameters::FixedParameters;
 use crate::single::nuisances::Nuisances;
+use crate::single::orientation::Orientation;
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,

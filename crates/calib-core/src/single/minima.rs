@@ -3,8 +3,8 @@
 
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares};
-use crate::single::abramov::FixedParameters;
 use crate::single::constraints::Direction;
+use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
 use crate::single::prior::Prior;
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};

@@ -7,6 +7,7 @@
 //!   from it; `constraints` the same, undistorted;
 //! - `straightness`, `edge_information`, `fitted`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
+//! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
 //! - `prior`, `nuisances`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
@@ -22,6 +23,8 @@ mod edge_information;
 mod fitted;
 mod plumb_line;
 mod vanishing_point;
+mod orientation;
+mod fixed_parameters;
 mod abramov;
 mod prior;
 mod nuisances;
@@ -33,12 +36,14 @@ mod accuracy;
 mod fit;
 mod advice;
 
-pub use abramov::{FixedParameters, Orientation, closed_form, minimum as paper_minimum};
+pub use abramov::{closed_form, minimum as paper_minimum};
 pub use advice::{Sketch, draw_next, findings};
 pub use annotation::{Annotation, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, line_name};
 pub use constraints::{Constraints, Direction, Endpoint, InvalidSegment, Length, Line, Upright};
-pub use fit::{Fit, FitOptions, LocalMinimum};
+pub use fit::{Fit, FitOptions, LocalMinimum, RULED_OUT};
 pub use fitted::Fitted;
+pub use fixed_parameters::FixedParameters;
+pub use orientation::Orientation;
 pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use scene_errors::{Deviation, SceneErrors};

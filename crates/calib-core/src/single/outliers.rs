@@ -10,8 +10,8 @@
 //! best is rejected. A large residual is no substitute for that: an outlier pulls the fit toward itself,
 //! and with few lines its residual may be the smallest.
 
-use crate::single::abramov::FixedParameters;
 use crate::single::constraints::Source;
+use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::Problem;
 use crate::single::minima::{Minimum, Solutions, chi2_near, solve};
 

@@ -99,46 +99,61 @@ impl BundleResult {
 }
 
 impl Site {
-    /// The bundle adjustment of all cameras; without landmarks it refines lenses together with stage 1.
-    pub(crate) fn join(
-        &self,
-        single_fits: &[Result<SingleFit, Failure>],
-        with_landmarks: bool,
-    ) -> BundleResult {
-        let entries = self.cameras.iter().zip(single_fits);
-        let members: Vec<Option<Member>> =
-            entries.map(|(entry, single)| Member::new(entry, single.as_ref().ok()?)).collect();
-        let is_there = |camera: usize| members[camera].is_some();
-        let Shared { landmarks, measurements, unused } =
-            if with_landmarks { self.shared(single_fits, &is_there) } else { Shared::default() };
-        let (sources, landmarks) = landmarks.into_iter().unzip();
-        let (indices, distances) = measurements.into_iter().unzip();
-        let cameras = self.bundle_cameras(&members);
-        let mut summary = BundleAdjustment { cameras, landmarks, distances }.solve_checked();
-        for (estimate, member) in summary.cameras.iter_mut().zip(&members) {
-            if let (Some(estimate), Some(member)) = (estimate, member)
-                && !estimate.is_connected
-            {
-                estimate.camera = member.unplaced(&estimate.camera);
-            }
+    /// The bundle adjustment of all cameras with all that they share.
+    pub(crate) fn join(&self, single_fits: &[Result<SingleFit, Failure>]) -> BundleResult {
+        let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
+        let members = members(&entries, single_fits);
+        let shared = self.shared(single_fits, &|camera| members[camera].is_some());
+        adjust(&entries, &members, shared)
+    }
+}
+
+/// Lenses refined together with stage 1, of cameras among which are those whose lens others share: the
+/// bundle adjustment without landmarks.
+pub(crate) fn refine_lenses(
+    entries: &[&SiteCamera],
+    single_fits: &[Result<SingleFit, Failure>],
+) -> BundleResult {
+    adjust(entries, &members(entries, single_fits), Shared::default())
+}
+
+fn members<'a>(
+    entries: &[&'a SiteCamera],
+    single_fits: &'a [Result<SingleFit, Failure>],
+) -> Vec<Option<Member<'a>>> {
+    let each = entries.iter().zip(single_fits);
+    each.map(|(entry, single)| Member::new(entry, single.as_ref().ok()?)).collect()
+}
+
+fn adjust(entries: &[&SiteCamera], members: &[Option<Member>], shared: Shared) -> BundleResult {
+    let Shared { landmarks, measurements, unused } = shared;
+    let (sources, landmarks) = landmarks.into_iter().unzip();
+    let (indices, distances) = measurements.into_iter().unzip();
+    let cameras = bundle_cameras(entries, members);
+    let mut summary = BundleAdjustment { cameras, landmarks, distances }.solve_checked();
+    for (estimate, member) in summary.cameras.iter_mut().zip(members) {
+        if let (Some(estimate), Some(member)) = (estimate, member)
+            && !estimate.is_connected
+        {
+            estimate.camera = member.unplaced(&estimate.camera);
         }
-        BundleResult::new(summary, sources, indices, unused)
     }
+    BundleResult::new(summary, sources, indices, unused)
+}
 
-    fn bundle_cameras<'a>(&self, members: &[Option<Member<'a>>]) -> Vec<BundleCamera<'a>> {
-        let camera = |(index, member): (usize, &Option<Member<'a>>)| match member {
-            Some(member) => member.bundle_camera(self.lens_owner(index, members).unwrap_or(index)),
-            None => BundleCamera::new(index, ABSENT, self.cameras[index].size()),
-        };
-        members.iter().enumerate().map(camera).collect()
-    }
+fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -> Vec<BundleCamera<'a>> {
+    let camera = |(entry, member): (&&SiteCamera, &Option<Member<'a>>)| match member {
+        Some(member) => member.bundle_camera(lens_owner(entry, entries, members)),
+        None => BundleCamera::new(ABSENT, entry.size()),
+    };
+    entries.iter().zip(members).map(camera).collect()
+}
 
-    /// The camera whose lens this one shares, if both take part.
-    fn lens_owner(&self, camera: usize, members: &[Option<Member>]) -> Option<usize> {
-        let like = self.cameras[camera].lens.as_ref().and_then(|lens| lens.like.as_ref())?;
-        let owner = self.cameras.iter().position(|other| other.id == *like)?;
-        members[owner].is_some().then_some(owner)
-    }
+/// The camera whose lens this one shares, if both take part.
+fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Member>]) -> Option<usize> {
+    let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref())?;
+    let owner = entries.iter().position(|other| other.id == *like)?;
+    members[owner].is_some().then_some(owner)
 }
 
 impl<'a> Member<'a> {
@@ -153,7 +168,7 @@ impl<'a> Member<'a> {
         takes_part.then_some(Self { entry, single, own })
     }
 
-    fn bundle_camera(&self, lens_of: usize) -> BundleCamera<'a> {
+    fn bundle_camera(&self, lens_of: Option<usize>) -> BundleCamera<'a> {
         let Self { entry, single, own } = *self;
         let given = FixedParameters {
             roll: Some(own.roll),

@@ -1,5 +1,6 @@
 //! Cameras that share one lens: what one of them shows tells of it for all, so they are calibrated together.
 
+use crate::site::bundle_step::refine_lenses;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
@@ -25,15 +26,25 @@ impl Site {
     }
 
     /// Calibrates the cameras of a family (see [`Self::lens_families`]) as [`Self::calibrate`] does where it
-    /// does not refine: their report in their order, and the lenses that need not be fitted again.
+    /// does not refine: their report, which says nothing of the site as a whole, and the lenses that need not
+    /// be fitted again.
     ///
     /// It costs no more in a site of many cameras: the others are not looked at.
     #[must_use]
     pub fn calibrate_family(&self, family: &[usize], before: &LensCache) -> (Report, LensCache) {
-        let cameras = family.iter().filter_map(|&index| self.cameras.get(index)).cloned().collect();
-        let alone = Self { cameras, plan: self.plan.clone(), ..Self::new() };
-        let lenses = alone.lenses(before);
-        let report = alone.calibrate_with_lenses(&lenses, &Options { refine: false, ..Options::default() });
+        let options = Options { refine: false, ..Options::default() };
+        let entries: Vec<&SiteCamera> = family.iter().filter_map(|&index| self.cameras.get(index)).collect();
+        let lenses = self.lenses(&entries, before);
+        let single_fits = self.single_fits(&entries, &lenses, &options);
+        let refined = refine_lenses(&entries, &single_fits).cameras;
+        let mut report = Report::default();
+        for (position, (&index, entry)) in family.iter().zip(&entries).enumerate() {
+            let refined = refined.get(position).and_then(Option::as_ref);
+            let result = self.finish(entry, &single_fits[position], refined, options.method);
+            let (solution, findings) = self.to_document(index, result);
+            report.cameras.push((index, solution));
+            report.findings.push(findings);
+        }
         (report, lenses)
     }
 }

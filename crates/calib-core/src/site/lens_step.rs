@@ -87,14 +87,13 @@ impl Site {
         Some((self.edges_of(entry), options))
     }
 
-    /// The fits of all lenses, those that `before` knows taken from there: for whoever calibrates again
-    /// and again while an operator draws.
-    #[must_use]
-    pub fn lenses(&self, before: &LensCache) -> LensCache {
+    /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
+    /// calibrates again and again while an operator draws.
+    pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
         let mut lenses = LensCache::default();
         // A shared lens is fitted with its owner.
-        let is_own = |entry: &&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
-        let problems = self.cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry));
+        let is_own = |entry: &&&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
+        let problems = cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry));
         for (edges, options) in problems {
             lenses.keep(edges, options, before);
         }

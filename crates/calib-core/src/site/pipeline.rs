@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::floor::{default_efov, efov_on_floor};
-use crate::outcome::{Code, Failure, Finding, ResidualOf, Tie};
+use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL};
 use crate::site::bounds::At;
-use crate::site::bundle_step::BundleResult;
+use crate::site::bundle_step::{BundleResult, refine_lenses};
 use crate::site::camera_result::CameraResult;
 use crate::site::check_solution::check_solution;
 use crate::site::document::{Site, SiteCamera};
@@ -20,7 +20,7 @@ use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 
 /// What calibrating a site found out.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// For every camera that was asked for: its index in the site, and the result.
     pub cameras: Vec<(usize, Result<Solution, FailureEntry>)>,
@@ -71,29 +71,28 @@ impl Site {
     /// the others from it.
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
-        self.calibrate_with_lenses(&LensCache::default(), options)
-    }
-
-    /// As [`Self::calibrate`], with lenses that need not be fitted again; see [`Self::lenses`].
-    #[must_use]
-    pub fn calibrate_with_lenses(&self, lenses: &LensCache, options: &Options) -> Report {
-        let single_fits = self.single_fits(lenses, options);
+        let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
+        let single_fits = self.single_fits(&entries, &LensCache::default(), options);
         let is_joint = options.refine && options.method != Method::Paper;
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
-            Method::MaximumLikelihood | Method::Given => self.join(&single_fits, options.refine),
+            Method::MaximumLikelihood | Method::Given if is_joint => self.join(&single_fits),
+            Method::MaximumLikelihood | Method::Given => refine_lenses(&entries, &single_fits),
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
             .filter(|&index| asked(&self.cameras[index]))
-            .map(|index| (index, self.finish(index, &single_fits[index], &bundle, options.method)))
+            .map(|index| {
+                let joined = bundle.cameras.get(index).and_then(Option::as_ref);
+                (index, self.finish(entries[index], &single_fits[index], joined, options.method))
+            })
             .collect();
         let triangulated = bundle.triangulated();
         self.add_shared_residuals(&bundle, &triangulated, &mut results);
         let [links, marks] = self.elements(&bundle, &triangulated);
         let (mut site, mut site_findings) = self.quality(&bundle, &triangulated, &results);
         if !is_joint {
-            site_findings.extend(self.unused_ties());
+            site_findings.extend(self.unused_evidence());
         }
         site.warnings = self.words(None, &site_findings);
         let entry = |(index, result)| {
@@ -104,14 +103,19 @@ impl Site {
         Report { cameras, findings, links, marks, site, site_findings }
     }
 
-    /// Stage 1 of every camera; where the lens is fitted, once more under the lens that it gives itself.
-    fn single_fits(&self, known: &LensCache, options: &Options) -> Vec<Result<SingleFit, Failure>> {
-        let like = |camera: &SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
+    /// Stage 1 of cameras among which are those whose lens others share; where the lens is fitted, once more
+    /// under the lens that it gives itself.
+    pub(crate) fn single_fits(
+        &self,
+        entries: &[&SiteCamera],
+        known: &LensCache,
+        options: &Options,
+    ) -> Vec<Result<SingleFit, Failure>> {
+        let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
         let none = LensOwners::new();
         let alone = Lenses { owners: &none, known };
-        let owners: LensOwners = self
-            .cameras
+        let owners: LensOwners = entries
             .iter()
             .filter_map(like)
             .collect::<BTreeSet<String>>()
@@ -122,46 +126,49 @@ impl Site {
             })
             .collect();
         let lenses = Lenses { owners: &owners, known };
-        let first = |camera: &SiteCamera| match owners.get(&camera.id) {
+        let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
             _ => self.fit_single(camera, options, None, lenses),
         };
-        let mut single_fits: Vec<Result<SingleFit, Failure>> = self.cameras.iter().map(first).collect();
+        let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
         let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
         if !has_draft || options.method == Method::Paper {
             return single_fits;
         }
-        let drafts = self.join(&single_fits, false);
+        let drafts = refine_lenses(entries, &single_fits);
         for (index, draft) in drafts.cameras.iter().enumerate() {
             let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.lens_estimate, draft.camera.lens);
-                single_fits[index] = self.fit_single(&self.cameras[index], options, Some(better), lenses);
+                single_fits[index] = self.fit_single(entries[index], options, Some(better), lenses);
             }
         }
         single_fits
     }
 
-    /// What ties cameras together is not used while every camera is solved by itself.
-    fn unused_ties(&self) -> impl Iterator<Item = Finding> {
+    /// Evidence that cameras share is not used while every camera is solved by itself.
+    fn unused_evidence(&self) -> impl Iterator<Item = Finding> {
         let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
         let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
         let distances = self.distances.iter().filter(|distance| !distance.off).count();
-        [(Tie::Links, links), (Tie::Marks, marks), (Tie::Distances, distances)]
-            .into_iter()
-            .filter(|(_, count)| *count > 0)
-            .map(|(ties, count)| Finding::UnusedTies { ties, count })
+        [
+            (SharedEvidence::Links, links),
+            (SharedEvidence::Marks, marks),
+            (SharedEvidence::Distances, distances),
+        ]
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(evidence, count)| Finding::UnusedEvidence { evidence, count })
     }
 
     /// What is written of a camera: stage 1, improved with the others or placed by itself.
-    fn finish(
+    pub(crate) fn finish(
         &self,
-        index: usize,
+        entry: &SiteCamera,
         first: &Result<SingleFit, Failure>,
-        bundle: &BundleResult,
+        joined: Option<&CameraEstimate>,
         method: Method,
     ) -> Result<CameraResult, Failure> {
-        let entry = &self.cameras[index];
         let first = first.as_ref().map_err(Clone::clone)?;
         let mut result = first.result.clone();
         if entry.is_given() {
@@ -170,7 +177,6 @@ impl Site {
             return check_finite(result);
         }
         let Some(own) = result.solution.camera() else { return check_finite(result) };
-        let joined = bundle.cameras.get(index).and_then(Option::as_ref);
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
             Some(joined) if joined.is_connected => {

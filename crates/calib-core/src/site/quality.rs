@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::bundle::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate};
 use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
-use crate::outcome::{Apart, Failure, Finding, Residual, ResidualOf, Subject, WhyUnused};
+use crate::outcome::{Failure, Finding, Residual, ResidualOf, Subject, WhyNotConnected, WhyUnused};
 use crate::site::bundle_step::BundleResult;
 use crate::site::camera_result::CameraResult;
 use crate::site::document::Site;
@@ -225,12 +225,12 @@ impl Site {
             .map(|views| {
                 let unreached = views.iter().all(|view| bundle.unreached.contains(view));
                 let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
-                let apart = match (unreached, by_hand) {
-                    (true, _) => Apart::TooLittle,
-                    (false, true) => Apart::Placed,
-                    (false, false) => Apart::Alone,
+                let why = match (unreached, by_hand) {
+                    (true, _) => WhyNotConnected::TooLittle,
+                    (false, true) => WhyNotConnected::Placed,
+                    (false, false) => WhyNotConnected::Alone,
                 };
-                Finding::NotConnected { cameras: views.clone(), apart }
+                Finding::NotConnected { cameras: views.clone(), why }
             })
             .collect();
         // Connected, but its position is not determined: a line along its view, a point behind another.

@@ -3,8 +3,8 @@
 use crate::outcome::{Finding, Suggestion, WhyUnused};
 use crate::site::document::Site;
 use crate::site::english::phrase::{
-    English, Names, bent, corners, efov, estimator, field, floor, from_prior, joint_misfit, open_focal,
-    rivals, scale_conflict, tied,
+    English, Names, bent, corners, efov, estimator, evidence, field, floor, from_prior, joint_misfit,
+    open_focal, other_minima, scale_conflict,
 };
 use crate::site::english::suggestion::what_to_draw;
 use crate::site::solution::Warning;
@@ -27,7 +27,7 @@ impl English<'_> {
                 open_focal(*sigma, good_floor.filter(|_| *looks_down))
             }
             F::PriorDominates { focal, sigma } => from_prior(*focal, *sigma),
-            F::TwoSolutions { others, .. } => rivals(others),
+            F::TwoSolutions { others, .. } => other_minima(others),
             F::Weak { floor_length_rel, .. } | F::Unusable { floor_length_rel, .. } => {
                 floor(*floor_length_rel)
             }
@@ -64,13 +64,13 @@ impl English<'_> {
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::DistanceOutlier { distance } => self.distance_outlier(*distance),
-            F::NotConnected { cameras, apart } => self.not_connected(cameras, *apart),
+            F::NotConnected { cameras, why } => self.not_connected(cameras, *why),
             F::Sliding { camera } => format!("The links of {} leave open where it stands.", self.id(*camera)),
             F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
             F::TooManyCameras { count, first } => self.too_many(*count, *first),
             F::Unused { what, why } => self.unused(what, *why),
-            F::UnusedTies { ties, count } => {
-                format!("{count} {} are not used: every camera is solved by itself.", tied(*ties))
+            F::UnusedEvidence { evidence: shared, count } => {
+                format!("{count} {} are not used: every camera is solved by itself.", evidence(*shared))
             }
         }
     }
@@ -144,7 +144,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::Sliding { .. } => "Link points far apart from each other.",
         F::ScaleUnknown { .. } => "Enter one known distance, height or length, or two points of the plan.",
         F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
-        F::UnusedTies { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
+        F::UnusedEvidence { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
         F::FocalUnobservable { .. }
         | F::TwoSolutions { .. }
         | F::Weak { .. }

@@ -1,6 +1,8 @@
 //! What sentences are made of: names of what they speak about, and the longer phrases.
 
-use crate::outcome::{Apart, Estimator, Parameter, Rival, Source, Subject, Tie, WhyUnused};
+use crate::outcome::{
+    Estimator, OtherMinimum, Parameter, SharedEvidence, Source, Subject, WhyNotConnected, WhyUnused,
+};
 use crate::single::{Annotation, line_name};
 use crate::site::document::{Site, SiteCamera};
 
@@ -156,14 +158,16 @@ impl English<'_> {
         format!("The {} contradicts the rest and was set aside.", self.distance(distance))
     }
 
-    pub(super) fn not_connected(&self, cameras: &[usize], apart: Apart) -> String {
+    pub(super) fn not_connected(&self, cameras: &[usize], why: WhyNotConnected) -> String {
         let ids = self.ids(cameras);
-        match apart {
-            Apart::TooLittle => format!("What {ids} shares with other cameras is too little to place it."),
-            Apart::Placed => {
+        match why {
+            WhyNotConnected::TooLittle => {
+                format!("What {ids} shares with other cameras is too little to place it.")
+            }
+            WhyNotConnected::Placed => {
                 format!("Nothing ties {ids} to the rest of the site: it stands where it was placed.")
             }
-            Apart::Alone => format!("Nothing ties {ids} to the rest of the site."),
+            WhyNotConnected::Alone => format!("Nothing ties {ids} to the rest of the site."),
         }
     }
 
@@ -226,10 +230,10 @@ pub(super) fn from_prior(focal: f64, sigma: f64) -> String {
     )
 }
 
-pub(super) fn rivals(others: &[Rival]) -> String {
+pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
     let list: Vec<String> = others
         .iter()
-        .map(|rival| format!("focal {:.0} px with pitch {:.1}\u{b0}", rival.focal, rival.pitch.to_degrees()))
+        .map(|other| format!("focal {:.0} px with pitch {:.1}\u{b0}", other.focal, other.pitch.to_degrees()))
         .collect();
     format!("The lines fit another camera as well: {}.", list.join("; "))
 }
@@ -286,10 +290,10 @@ pub(super) const fn efov(is_whole: bool) -> &'static str {
     }
 }
 
-pub(super) const fn tied(ties: Tie) -> &'static str {
-    match ties {
-        Tie::Links => "links",
-        Tie::Marks => "marks tied to pixels",
-        Tie::Distances => "distances",
+pub(super) const fn evidence(shared: SharedEvidence) -> &'static str {
+    match shared {
+        SharedEvidence::Links => "links",
+        SharedEvidence::Marks => "marks tied to pixels",
+        SharedEvidence::Distances => "distances",
     }
 }

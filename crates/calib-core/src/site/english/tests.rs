@@ -5,8 +5,8 @@
 use super::*;
 use crate::camera::Pixel;
 use crate::outcome::{
-    Apart, Code, Drawing, Estimator, Failure, FailureCode, Finding, Parameter, Rival, Severity, Source,
-    Subject, Suggestion, Tie, WhyUnused,
+    Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Severity,
+    SharedEvidence, Source, Subject, Suggestion, WhyNotConnected, WhyUnused,
 };
 use crate::single::{Annotation, Kind};
 use crate::site::document::{Site, SiteCamera};
@@ -51,7 +51,7 @@ fn number(finding: &Finding) -> usize {
         F::ScaleUnknown { .. } => 29,
         F::TooManyCameras { .. } => 30,
         F::Unused { .. } => 31,
-        F::UnusedTies { .. } => 32,
+        F::UnusedEvidence { .. } => 32,
     }
 }
 
@@ -66,7 +66,10 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
             Subject::Parameter(Parameter::Focal),
         ),
         (F::PriorDominates { focal: 1400.0, sigma: 0.2 }, Subject::Parameter(Parameter::Focal)),
-        (F::TwoSolutions { others: vec![Rival { focal: 900.0, pitch: 0.4 }], next }, Subject::Orientation),
+        (
+            F::TwoSolutions { others: vec![OtherMinimum { focal: 900.0, pitch: 0.4 }], next },
+            Subject::Orientation,
+        ),
         (F::Weak { floor_length_rel: 0.05, next }, Subject::Floor),
         (F::Unusable { floor_length_rel: 0.2, next: None }, Subject::Floor),
         (F::NoFloor, Subject::Floor),
@@ -99,12 +102,12 @@ fn of_the_site() -> Vec<(Finding, Subject)> {
     vec![
         (F::ElementOutlier { element: Subject::Link(0), worst: Some((0, 30.0)) }, Subject::Link(0)),
         (F::DistanceOutlier { distance: 0 }, distance),
-        (F::NotConnected { cameras: vec![0], apart: Apart::Placed }, Subject::Camera(0)),
+        (F::NotConnected { cameras: vec![0], why: WhyNotConnected::Placed }, Subject::Camera(0)),
         (F::Sliding { camera: 0 }, Subject::Camera(0)),
         (F::ScaleUnknown { cameras: vec![0], root: 0 }, Subject::Camera(0)),
         (F::TooManyCameras { count: 900, first: 0 }, Subject::Camera(0)),
         (F::Unused { what: vec![distance], why: WhyUnused::Unmeasured }, distance),
-        (F::UnusedTies { ties: Tie::Marks, count: 3 }, Subject::Site),
+        (F::UnusedEvidence { evidence: SharedEvidence::Marks, count: 3 }, Subject::Site),
     ]
 }
 

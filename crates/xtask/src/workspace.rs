@@ -1,0 +1,21 @@
+//! The workspace, and this program in it.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::bail;
+
+/// The folder of the workspace.
+pub(crate) fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
+}
+
+/// Runs a command of this program built in another way.
+pub(crate) fn rerun(build: &[&str], command: &[String]) -> anyhow::Result<()> {
+    let mut cargo = Command::new("cargo");
+    cargo.args(["run", "--quiet", "--package", "xtask"]).args(build).arg("--").args(command);
+    if !cargo.current_dir(root()).status()?.success() {
+        bail!("{} failed", command.join(" "));
+    }
+    Ok(())
+}
