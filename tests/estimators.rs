@@ -4,7 +4,8 @@
 
 use calib_core::{
     Annotation, Camera, Code, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, Lens, LensEntry,
-    Method, Options, Pixel, PlacementEntry, Priors, Site, SiteCamera, Solution, WorldPoint, paper_minimum,
+    Method, Options, Pixel, PlacementEntry, Priors, SceneErrors, Site, SiteCamera, Solution, WorldPoint,
+    paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
@@ -20,7 +21,7 @@ fn scenes(drawn: Drawn, count: usize, seed: u64) -> Vec<RandomScene> {
 }
 
 fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> Fit {
-    let evidence = Constraints::new(annotations, &lens());
+    let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let options = FitOptions {
         lens: lens(),
         size: SIZE,
@@ -38,7 +39,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
 fn the_papers_method_finds_exact_scenes() {
     for drawn in [Drawn::Directions, Drawn::Lengths] {
         for scene in scenes(drawn, 40, 21) {
-            let evidence = Constraints::new(&scene.annotations, &lens());
+            let evidence = Constraints::new(&scene.annotations, &lens(), SceneErrors::EXACT);
             let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).unwrap();
             assert!(
                 (at.focal / scene.camera.focal - 1.0).abs() < 1e-3,

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use calib_core::{
     Annotation, BrownConrady, Camera, Constraints, Covariance, Distortion, FixedParameters, Kind, Lens,
-    Pixel, WorldPoint, paper_minimum,
+    Pixel, SceneErrors, WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use calib_tests::{peers_python, root, shared};
@@ -133,8 +133,12 @@ fn the_papers_method_is_as_good_as_in_scipy() {
         let lens = Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]));
         let error = |focal: f64, scene: &RandomScene| (focal / scene.camera.focal - 1.0).abs();
         let ours = scenes.iter().map(|(scene, noisy)| {
-            let (at, _) =
-                paper_minimum(&Constraints::new(noisy, &lens), FixedParameters::default(), SIZE[0]).unwrap();
+            let (at, _) = paper_minimum(
+                &Constraints::new(noisy, &lens, SceneErrors::EXACT),
+                FixedParameters::default(),
+                SIZE[0],
+            )
+            .unwrap();
             error(at.focal, scene)
         });
         let (ours, theirs) = (

@@ -4,7 +4,7 @@ mod measure;
 
 use std::hint::black_box;
 
-use calib_core::{Annotation, Constraints, Fit, FitOptions, Lens, Pixel};
+use calib_core::{Annotation, Constraints, Fit, FitOptions, Lens, Pixel, SceneErrors};
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use measure::{median, report};
 use rand::SeedableRng as _;
@@ -12,7 +12,7 @@ use rand::SeedableRng as _;
 fn fit(annotations: &[Annotation], scene: &RandomScene) -> Option<Fit> {
     let lens = Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]));
     let options = FitOptions { efov: &scene.efov, sigma: Some(1.0), ..FitOptions::new(lens, SIZE) };
-    Fit::new(&Constraints::new(annotations, &lens), &options).ok()
+    Fit::new(&Constraints::new(annotations, &lens, SceneErrors::EXACT), &options).ok()
 }
 
 /// Microseconds a solve.

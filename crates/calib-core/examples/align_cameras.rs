@@ -7,7 +7,7 @@
 
 use calib_core::{
     Annotation, BundleAdjustment, BundleCamera, Camera, Constraints, Covariance, Fit, FitOptions,
-    InitialPose, Kind, Landmark, LandmarkModel, Lens, Observation, Pixel, WorldPoint,
+    InitialPose, Kind, Landmark, LandmarkModel, Lens, Observation, Pixel, SceneErrors, WorldPoint,
 };
 
 const SIZE: [f64; 2] = [1920.0, 1080.0];
@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = [camera(0.0, 0.0, 0.0), camera(2.0, 0.5, 0.2)];
     let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(truth[0].lens, SIZE) };
     let lines = truth.each_ref().map(drawn);
-    let constraints = lines.each_ref().map(|lines| Constraints::new(lines, &options.lens));
+    let constraints =
+        lines.each_ref().map(|lines| Constraints::new(lines, &options.lens, SceneErrors::EXACT));
     let fits = [Fit::new(&constraints[0], &options)?, Fit::new(&constraints[1], &options)?];
     let member = |i: usize| BundleCamera::from_fit(&fits[i], &constraints[i], &lines[i], &options);
 

@@ -4,7 +4,7 @@
 //! cargo run --release -p calib-core --example fit_camera
 //! ```
 
-use calib_core::{Annotation, Constraints, Covariance, Fit, FitOptions, Kind, Lens, Pixel};
+use calib_core::{Annotation, Constraints, Covariance, Fit, FitOptions, Kind, Lens, Pixel, SceneErrors};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let line = |[a, b]: [(f64, f64); 2]| vec![Pixel::from(<[f64; 2]>::from(a)), <[f64; 2]>::from(b).into()];
@@ -31,7 +31,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         drawn(Kind::Perpendicular, &[[(837.1, 691.7), (1076.8, 582.4)], [(1140.2, 631.0), (916.2, 517.0)]]),
     ];
     let lens = Lens::pinhole(Pixel::new(960.0, 540.0));
-    let fit = Fit::new(&Constraints::new(&annotations, &lens), &FitOptions::new(lens, [1920.0, 1080.0]))?;
+    let fit = Fit::new(
+        &Constraints::new(&annotations, &lens, SceneErrors::default()),
+        &FitOptions::new(lens, [1920.0, 1080.0]),
+    )?;
     let camera = fit.camera;
     let sigma = |index| camera.covariance.sigma(index).unwrap_or(f64::NAN);
     let degrees =

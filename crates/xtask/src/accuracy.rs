@@ -2,7 +2,7 @@
 
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Fit, FitOptions, FixedParameters, Lens, Orientation, Pixel,
-    paper_minimum,
+    SceneErrors, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;
@@ -124,7 +124,7 @@ fn lens() -> Lens {
 
 /// The whole default solve of one camera.
 pub(crate) fn likelihood(annotations: &[Annotation], scene: &RandomScene, noise: f64) -> Option<Camera> {
-    let evidence = Constraints::new(annotations, &lens());
+    let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let options = FitOptions { efov: &scene.efov, sigma: Some(noise), ..FitOptions::new(lens(), SIZE) };
     Some(Fit::new(&evidence, &options).ok()?.camera)
 }
@@ -135,14 +135,14 @@ fn camera_at(at: Orientation, scene: &RandomScene) -> Camera {
 
 /// The paper's criterion, minimised by Nelder-Mead.
 pub(crate) fn paper(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
-    let evidence = Constraints::new(annotations, &lens());
+    let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).ok()?;
     Some(camera_at(at, scene))
 }
 
 /// Two vanishing points: `f^2 = -v . h` of the nadir and the first parallel group.
 fn closed_form(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
-    let evidence = Constraints::new(annotations, &lens());
+    let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let at = calib_core::closed_form(&evidence)?;
     Some(camera_at(at, scene))
 }

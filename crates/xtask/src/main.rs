@@ -4,6 +4,7 @@
 mod workspace;
 mod wasm;
 mod check;
+mod coverage;
 mod notices;
 mod accuracy;
 mod archives;
@@ -96,6 +97,9 @@ enum Command {
         /// Draws of noise per scene
         #[arg(long, default_value_t = 60)]
         draws: usize,
+        /// On real data in place of simulated: errors beside their sigmas, and the share inside intervals
+        #[arg(long)]
+        real: bool,
     },
 }
 
@@ -137,7 +141,8 @@ fn main() -> anyhow::Result<()> {
             site.serve();
             Ok(())
         }
-        Command::Accuracy { scenes, draws } => {
+        Command::Accuracy { real: true, .. } => coverage::run(),
+        Command::Accuracy { scenes, draws, real: false } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())
         }

@@ -14,7 +14,7 @@
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
-//! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
+//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod usual_sizes;
@@ -36,6 +36,7 @@ mod minima;
 mod outliers;
 mod accuracy;
 mod fit;
+mod scene_likelihood;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};

@@ -12,7 +12,7 @@
 //! # Where the numbers come from
 //!
 //! Restricted maximum likelihood over 639 photographs of rooms with lines that people drew (NYU-VP, Kluger et
-//! al. 2020), the sum of [`Fit::reml`](crate::Fit::reml) with the drawing's noise free: noise 0.82 px, right
+//! al. 2020), the sum of [`Fit::restricted_log_likelihood`](crate::Fit::restricted_log_likelihood) with the drawing's noise free: noise 0.82 px, right
 //! angle 0.9 degrees, and 0.45 degrees for floor tilt and level together, which rooms do not tell apart (0.3
 //! and 0.3 is as likely). Falls are usual outdoors: 1 to 2 % for drainage, 2.5 % across roads; two measured
 //! motorways fell by 1.4 and 1.2 degrees. 0.7 degrees stands for both kinds of places; who knows the place
