@@ -7,6 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
+use crate::picture;
 use crate::stop::Stop;
 use crate::table_parquet;
 
@@ -104,7 +105,7 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
     let of_path = extension(&args.output).filter(|found| is_type(format, found));
     let plan = if format.shows_plan { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
-        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: files::png(&image)? })
+        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: picture::png(&image)? })
     });
     Ok(ExportOptions {
         rectified: args.rectified,

@@ -1,7 +1,5 @@
 //! `calib import`: cameras of another program as a site.
 
-use std::fs::File as OnDisk;
-use std::io::Read as _;
 use std::path::Path;
 
 use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
@@ -52,14 +50,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 }
 
 fn read(path: &Path, name: String) -> Result<File, Stop> {
-    let wrong = |error: std::io::Error| Stop::invalid(path.display(), error);
-    let mut bytes = Vec::new();
-    OnDisk::open(path).map_err(wrong)?.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(wrong)?;
-    if bytes.len() > MAX_BYTES {
-        let most = MAX_BYTES >> 20;
-        return Err(Stop::invalid(path.display(), format!("larger than {most} MiB, the most that is read")));
-    }
-    Ok(File { name, bytes })
+    let read = calib_input::read(path, MAX_BYTES as u64);
+    Ok(File { name, bytes: read.map_err(|error| Stop::invalid(path.display(), error))? })
 }
 
 /// Of a model in several files one brings the others.

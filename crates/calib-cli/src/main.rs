@@ -15,6 +15,7 @@ mod lens;
 mod mapping;
 mod overlay;
 mod part;
+mod picture;
 mod plan_quality;
 mod plan_view;
 mod progress;
@@ -22,6 +23,7 @@ mod project;
 mod render;
 mod report;
 mod sigma_map;
+mod site_file;
 mod site_section;
 mod site_summary;
 mod solve;
@@ -99,7 +101,7 @@ fn main() -> ExitCode {
         Err(stop) => {
             if let Some(message) = stop.message() {
                 // A closed stderr leaves nobody to tell.
-                let _ = writeln!(std::io::stderr(), "calib: {message}");
+                let _ = writeln!(std::io::stderr(), "calib: {}", words::visible(&message));
             }
             ExitCode::from(stop.code())
         }

@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         pass(Box::new(BufWriter::new(std::io::stdout())))?;
     } else {
         let path = Path::new(&args.output);
-        files::write_through(path, |file| pass(Box::new(BufWriter::with_capacity(1 << 20, file))))?;
+        files::write_through(path, args.force, |file| pass(Box::new(BufWriter::with_capacity(1 << 20, file))))?;
     }
     drop(progress);
     calibrations.tell_lost();
