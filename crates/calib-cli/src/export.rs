@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
@@ -86,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let targets = targets(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder)?;
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
         files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
     }

@@ -64,7 +64,8 @@ pub(crate) fn write_through(
 ) -> Result<(), Stop> {
     let writing = || format!("writing {}", path.display());
     if is_stream(path) {
-        return fill(&File::options().write(true).open(path).with_context(writing)?);
+        let stream = File::options().write(true).open(path).with_context(writing)?;
+        return fill(&stream).map_err(|stop| stop.while_doing(writing));
     }
     let target = target(path, force)?;
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
-use crate::archive::{FORMATS, Format, Input, Output, Sink, Source};
+use crate::archive::{FORMATS, Format, Input, Output, Packing, Sink, Source};
 use crate::args::SiteArgs;
 use crate::calibrations::{ByCamera, Calibrations};
 use crate::files;
@@ -57,6 +57,9 @@ pub(crate) struct Args {
     /// Format of the output; by default that of its name, or that of the input
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     format: Option<String>,
+    /// Write every cell of CSV as it is, even one that a spreadsheet would take for a formula
+    #[arg(long)]
+    verbatim: bool,
     /// Overwrite the output file
     #[arg(long)]
     force: bool,
@@ -93,9 +96,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         (None, None) => from,
     };
     let (bytes, read) = (input.bytes, input.counter());
-    let mut table = Table { name: input.name.clone(), source: from.open(input, to)?, mapping: mapping(args) };
+    let mut table = Table { name: input.name.clone(), source: from.open(input, to)?, mapping: mapping(args), is_verbatim: args.verbatim };
     let mut progress = Progress::new(table.source.rows(), bytes, read);
-    let mut pass = |output: Output<'_>| table.pass(&mut calibrations, to, output, &mut progress);
+    let packed = to.packed(&args.output)?;
+    let mut pass = |output: Output<'_>| {
+        let output = match packed {
+            Some(packed) => packed.pack(output)?,
+            None => output,
+        };
+        table.pass(&mut calibrations, to, output, &mut progress)
+    };
     if args.output == "-" {
         pass(Box::new(BufWriter::new(std::io::stdout())))?;
     } else {
@@ -133,6 +143,7 @@ struct Table {
     name: String,
     source: Box<dyn Source>,
     mapping: Mapping,
+    is_verbatim: bool,
 }
 
 impl Table {
@@ -149,7 +160,7 @@ impl Table {
             let batch = batch?;
             let mapped = self.map(&batch, calibrations)?;
             if let Some(output) = output.take() {
-                sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+                sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
             }
             if let Some(sink) = &mut sink {
                 sink.write(&mapped)?;
@@ -160,9 +171,16 @@ impl Table {
             // No row: a header, where there is one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
             let mapped = self.map(&arrow::array::RecordBatch::new_empty(schema), calibrations)?;
-            sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+            sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
         }
         sink.map_or(Ok(()), Sink::finish)
+    }
+
+    /// How it is written: as it was packed, if it was.
+    fn packing(&self) -> Packing {
+        let mut packing = self.source.packing();
+        packing.is_verbatim = self.is_verbatim;
+        packing
     }
 
     fn map(

@@ -9,6 +9,7 @@ use image::RgbImage;
 use sha2::{Digest as _, Sha256};
 
 use crate::files::say;
+use crate::progress::Pulse;
 use crate::stop::Stop;
 use crate::words::few;
 
@@ -86,7 +87,9 @@ impl SiteFile {
             self.site.cameras.iter().filter(|c| is_fresh(c)).map(|c| c.id.clone()).collect();
         if !fresh.is_empty() {
             let options = Options { cameras: Some(fresh), ..Options::default() };
+            let pulse = Pulse::new("solving");
             let mut report = self.site.calibrate(&options);
+            drop(pulse);
             report.cameras.retain(|(index, _)| is_fresh(&self.site.cameras[*index]));
             self.site = report.write_into(&self.site);
         }

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::args::ImageArgs;
 use crate::files::{self, SiteFile};
+use crate::progress::Pulse;
 use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
@@ -89,7 +90,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         prior: !args.no_prior,
         cameras: (!args.camera.is_empty()).then(|| args.camera.clone()),
     };
+    let pulse = Pulse::new("solving");
     let report = file.site.calibrate(&options);
+    drop(pulse);
     let solved = report.write_into(&file.site);
     if let Some(output) = &args.output {
         files::write(output, solved.to_json().as_bytes(), args.force)?;

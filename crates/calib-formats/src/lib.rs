@@ -46,6 +46,7 @@ pub use error::{FormatError, Problem};
 pub use export::{Export, Loss};
 pub use file::{File, MAX_BYTES, MAX_FILES};
 pub use given::Imported;
+pub use table::runs_in_spreadsheets;
 pub use view::{ExportOptions, PlanPicture};
 
 type Write = fn(&Scene, &mut Export);

@@ -10,10 +10,13 @@ use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, Sche
 use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, Writer};
 
+use calib_formats::runs_in_spreadsheets;
+
 use super::utc::in_utc;
 use super::{
     BATCH_ROWS, CELL_BYTES, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Sink, Source,
 };
+use crate::files::say;
 use crate::stop::Stop;
 
 /// Text that a batch may have before it is handed on.
@@ -109,16 +112,36 @@ impl Source for Csv {
     }
 }
 
-struct CsvSink<'a>(Writer<Output<'a>>);
+struct CsvSink<'a> {
+    writer: Writer<Output<'a>>,
+    is_verbatim: bool,
+    /// Cells that got an apostrophe.
+    quoted: u64,
+}
 
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: Packing,
+    packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
-    let mut writer = Writer::from_writer(output);
-    writer.write_record(schema.fields().iter().map(|field| field.name()))?;
-    Ok(Box::new(CsvSink(writer)))
+    let writer = Writer::from_writer(output);
+    let mut sink = CsvSink { writer, is_verbatim: packing.is_verbatim, quoted: 0 };
+    for field in schema.fields() {
+        sink.write_text(field.name().as_bytes())?;
+    }
+    sink.writer.write_record(None::<&[u8]>)?;
+    Ok(Box::new(sink))
+}
+
+impl CsvSink<'_> {
+    /// Writes a cell that a spreadsheet would run with an apostrophe before it, which makes it text there.
+    fn write_text(&mut self, text: &[u8]) -> Result<(), Stop> {
+        if self.is_verbatim || !runs_in_spreadsheets(text) {
+            return Ok(self.writer.write_field(text)?);
+        }
+        self.quoted += 1;
+        Ok(self.writer.write_field([b"'", text].concat())?)
+    }
 }
 
 impl Sink for CsvSink<'_> {
@@ -132,15 +155,22 @@ impl Sink for CsvSink<'_> {
             for cell in &cells {
                 text.clear();
                 cell.print(row, &mut text)?;
-                self.0.write_field(&text)?;
+                self.write_text(&text)?;
             }
-            self.0.write_record(None::<&[u8]>)?;
+            self.writer.write_record(None::<&[u8]>)?;
         }
         Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Stop> {
-        Ok(self.0.flush()?)
+        if self.quoted > 0 {
+            say(format_args!(
+                "calib: {} cells that a spreadsheet would take for a formula begin with an apostrophe; --verbatim \
+                 writes them as they are",
+                self.quoted
+            ));
+        }
+        Ok(self.writer.flush()?)
     }
 }
 

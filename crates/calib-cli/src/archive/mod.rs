@@ -6,8 +6,11 @@ mod guard;
 mod input;
 mod json_text;
 mod ndjson;
+mod packed;
+mod page_guard;
 mod parquet;
 mod utc;
+mod zstd_bound;
 
 use std::io::Write;
 use std::path::Path;
@@ -17,6 +20,7 @@ use ::arrow::datatypes::{Schema, SchemaRef};
 
 pub(crate) use input::Input;
 pub(crate) use json_text::{is_json, plain};
+pub(crate) use packed::Packed;
 pub(crate) use parquet::Packing;
 
 use crate::stop::Stop;
@@ -79,6 +83,8 @@ pub(crate) struct Format {
     magic: &'static [&'static [u8]],
     /// Whether values have types; where they have none, all are text.
     is_typed: bool,
+    /// Whether it is text, which is packed as a whole or not at all.
+    is_text: bool,
     open: Open,
     pub(crate) create: Create,
 }
@@ -91,6 +97,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["csv"],
         magic: &[],
         is_typed: false,
+        is_text: true,
         open: csv::open,
         create: csv::create,
     },
@@ -100,6 +107,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["ndjson", "jsonl"],
         magic: &[b"{"],
         is_typed: true,
+        is_text: true,
         open: ndjson::open,
         create: ndjson::create,
     },
@@ -109,6 +117,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["arrows"],
         magic: &[&[0xff, 0xff, 0xff, 0xff]],
         is_typed: true,
+        is_text: false,
         open: arrow::open,
         create: arrow::create_stream,
     },
@@ -118,6 +127,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["arrow", "feather", "ipc"],
         magic: &[b"ARROW1"],
         is_typed: true,
+        is_text: false,
         open: arrow::open,
         create: arrow::create_file,
     },
@@ -127,6 +137,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["parquet", "pq"],
         magic: &[b"PAR1"],
         is_typed: true,
+        is_text: false,
         open: parquet::open,
         create: parquet::create,
     },
@@ -144,10 +155,21 @@ impl Format {
         found.ok_or_else(|| Stop::Usage(format!("{name}: no such format of tables")))
     }
 
-    /// The format that the name of a file asks for.
+    /// The format that the name of a file asks for, however that is packed.
     pub(crate) fn of_path(path: &str) -> Option<&'static Self> {
+        let path = Packed::of_path(path).map_or(path, |(_, inner)| inner);
         let extension = Path::new(path).extension()?.to_string_lossy().to_lowercase();
         FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+    }
+
+    /// How the name of a file asks a table of this format to be packed as a whole.
+    pub(crate) fn packed(&self, path: &str) -> Result<Option<Packed>, Stop> {
+        let Some((packed, inner)) = Packed::of_path(path) else { return Ok(None) };
+        if self.is_text {
+            return Ok(Some(packed));
+        }
+        let what = format!("--output {path}: {} is packed inside; name it {inner}", self.name);
+        Err(Stop::Usage(what))
     }
 
     /// The format of a table that begins with these bytes.

@@ -110,6 +110,15 @@ pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
     Ok(())
 }
 
+/// A name by which something is referred to: it stands in tables, in names of files and on terminals.
+pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
+    name(at, text)?;
+    let Some(control) = text.into_iter().flat_map(|text| text.chars()).find(|c| c.is_control()) else {
+        return Ok(());
+    };
+    at.expected(format!("the control character {}", control.escape_unicode()), "an id of visible characters")
+}
+
 pub(crate) fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {
     value.map_or(Ok(()), |value| bounds.check(at, value))
 }

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::single::{Annotation, Belongs};
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
+use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
@@ -123,7 +123,7 @@ fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
 }
 
 fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
-    name(&at.key("id"), Some(&camera.id))?;
+    id(&at.key("id"), Some(&camera.id))?;
     name(&at.key("name"), camera.name.as_ref())?;
     for (i, &side) in camera.size_px.iter().enumerate() {
         if side == 0 || side > MAX_SIDE {
@@ -197,7 +197,7 @@ fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
 }
 
 fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
-    name(&at.key("id"), annotation.id.as_ref())?;
+    id(&at.key("id"), annotation.id.as_ref())?;
     name(&at.key("name"), annotation.name.as_ref())?;
     let row = annotation.kind.row();
     for (key, is_there, belongs) in annotation.fields() {
@@ -260,7 +260,7 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
 }
 
 fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
-    name(&at.key("id"), point.id.as_ref())?;
+    id(&at.key("id"), point.id.as_ref())?;
     name(&at.key("name"), point.name.as_ref())?;
     Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
     match (point.world_m, point.plan_px) {
