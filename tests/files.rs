@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 
 use arrow::array::{Float64Array, RecordBatch, StringArray};
 use arrow::datatypes::{DataType, Field, Schema};
-use calib_core::{Camera, Covariance, Lens, Method, Pixel, Plan, Site, SiteCamera, Solution, Stage, WorldPoint};
+use calib_core::{
+    Camera, Covariance, Lens, Method, Pixel, Plan, Site, SiteCamera, Solution, Stage, WorldPoint,
+};
 use calib_tests::{Ended, Scratch, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions};
@@ -85,7 +87,8 @@ fn png(side: u32) -> Vec<u8> {
         [&(data.len() as u32).to_be_bytes()[..], kind, data, &(!crc).to_be_bytes()].concat()
     };
     let head = [&side.to_be_bytes()[..], &side.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
-    [b"\x89PNG\r\n\x1a\n", &chunk(b"IHDR", &head)[..], &chunk(b"IDAT", &[0; 40]), &chunk(b"IEND", &[])].concat()
+    [b"\x89PNG\r\n\x1a\n", &chunk(b"IHDR", &head)[..], &chunk(b"IDAT", &[0; 40]), &chunk(b"IEND", &[])]
+        .concat()
 }
 
 const DRAWING: [&[&str]; 4] = [
@@ -113,8 +116,10 @@ fn a_picture_that_promises_more_than_it_holds_takes_no_memory() {
         let plan = Plan { image, metres_per_px: 0.1, origin_px, x_axis_deg: 0.0, georeference: None };
         let site = Site { plan: Some(plan), cameras: vec![entry("a", name, [side; 2])], ..Site::new() };
         scratch.write("plan.json", site.to_json());
-        for args in [&["render", "plan.json", "--plan", "-o", "out2.png"][..], &["export", "svg", "plan.json", "-o", "."]]
-        {
+        for args in [
+            &["render", "plan.json", "--plan", "-o", "out2.png"][..],
+            &["export", "svg", "plan.json", "-o", "."],
+        ] {
             let run = within_limits(&scratch, args);
             assert_eq!(run.code, 3, "{args:?} {run:?}");
             assert!(run.stderr.contains("the plan"), "{run:?}");
@@ -235,7 +240,8 @@ const TABLE: [&str; 6] = ["project", "site.json", "--camera", "a", "--to", "floo
 /// The file with the metadata of its first column changed.
 fn forged(bytes: &[u8], change: impl Fn(ColumnChunkMetaData) -> ColumnChunkMetaData) -> Vec<u8> {
     let whole = bytes::Bytes::copy_from_slice(bytes);
-    let about = ArrowReaderMetadata::load(&whole, ArrowReaderOptions::new()).unwrap().metadata().as_ref().clone();
+    let about =
+        ArrowReaderMetadata::load(&whole, ArrowReaderOptions::new()).unwrap().metadata().as_ref().clone();
     let mut groups = about.row_groups().to_vec();
     let mut columns = groups[0].columns().to_vec();
     columns[0] = change(columns[0].clone());
@@ -261,7 +267,8 @@ fn with_page(whole: &[u8], promised: usize, packed: &[u8]) -> Vec<u8> {
     };
     // A data page, its unpacked and its packed size, then its values and encodings (plain, RLE, RLE).
     let sizes = [&[0x15, 0x00, 0x15][..], &varint(promised), &[0x15], &varint(packed.len())].concat();
-    let values = [&[0x2C, 0x15][..], &varint(3000), &[0x15, 0x00, 0x15, 0x06, 0x15, 0x06, 0x00, 0x00]].concat();
+    let values =
+        [&[0x2C, 0x15][..], &varint(3000), &[0x15, 0x00, 0x15, 0x06, 0x15, 0x06, 0x00, 0x00]].concat();
     let page = [&sizes, &values, packed].concat();
     let length = u32::from_le_bytes(*whole[..whole.len() - 4].last_chunk().unwrap()) as usize;
     let (pages, end) = whole.split_at(whole.len() - 8 - length);

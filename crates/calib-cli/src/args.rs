@@ -6,6 +6,16 @@ use crate::files::{self, SiteFile};
 use crate::picture;
 use crate::stop::Stop;
 
+/// Longest side of a stream that is asked for, in pixels.
+const MAX_SIDE: u32 = 16_384;
+
+/// Width and height of a stream, as in 1280x720.
+pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
+}
+
 /// The site that a command reads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SiteArgs {

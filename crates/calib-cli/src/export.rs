@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
-use crate::args::SiteArgs;
+use crate::args::{SiteArgs, size};
 use crate::files::{self, SiteFile};
 use crate::picture;
 use crate::stop::Stop;
@@ -14,8 +14,6 @@ use crate::table_parquet;
 
 /// A type of the table that the formats leave to this program: it has what writes it.
 const PARQUET: &str = "parquet";
-/// Longest side of a stream that is asked for, in pixels.
-const MAX_SIDE: u32 = 16_384;
 
 /// Arguments of `calib export`.
 #[derive(Debug, clap::Args)]
@@ -57,12 +55,6 @@ pub(crate) fn formats(which: fn(&Format) -> bool) -> PossibleValuesParser {
 /// A format by a name that was checked already.
 pub(crate) fn named(name: &str) -> Result<&'static Format, Stop> {
     calib_formats::format(name).ok_or_else(|| Stop::Usage(format!("{name}: no such format")))
-}
-
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
-    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
 }
 
 /// Writes the files of a format, once nothing is lost or that is agreed to.

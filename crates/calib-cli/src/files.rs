@@ -1,8 +1,10 @@
 //! Writing files whole or not at all, and what is said to the operator.
 
 use std::fs::File;
-use std::io::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context as _;
 
@@ -38,7 +40,8 @@ fn target(path: &Path, force: bool) -> Result<PathBuf, Stop> {
         Ok(_) if !force => Err(taken(path)),
         Ok(real) if is_link => Ok(real),
         Err(_) if is_link => {
-            let what = format!("{} is a link that leads nowhere; remove it, or name another file", path.display());
+            let what =
+                format!("{} is a link that leads nowhere; remove it, or name another file", path.display());
             Err(Stop::Failed(anyhow::anyhow!(what)))
         }
         _ => Ok(path.to_owned()),
@@ -76,6 +79,33 @@ pub(crate) fn write_through(
         std::io::ErrorKind::AlreadyExists if !force => taken(path),
         _ => Stop::from(anyhow::Error::from(error).context(writing())),
     })
+}
+
+/// stdout, for writers that wrap its errors in their own: it remembers that its reader has gone.
+#[derive(Clone, Default)]
+pub(crate) struct Stdout(Arc<AtomicBool>);
+
+impl Stdout {
+    /// How work on it ended: the reader's going is no failure.
+    pub(crate) fn ended(&self, work: Result<(), Stop>) -> Result<(), Stop> {
+        if self.0.load(Ordering::Relaxed) { Err(Stop::ReaderGone) } else { work }
+    }
+
+    fn watched<T>(&self, done: std::io::Result<T>) -> std::io::Result<T> {
+        done.inspect_err(|error| {
+            self.0.fetch_or(error.kind() == std::io::ErrorKind::BrokenPipe, Ordering::Relaxed);
+        })
+    }
+}
+
+impl Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.watched(std::io::stdout().write(bytes))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.watched(std::io::stdout().flush())
+    }
 }
 
 /// Prints data to stdout.

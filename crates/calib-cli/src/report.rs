@@ -16,7 +16,8 @@ use crate::stop::Stop;
 use crate::svg::{Svg, escape};
 
 /// The page brings all that it shows, and runs nothing.
-const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]

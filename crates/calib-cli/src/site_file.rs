@@ -29,7 +29,8 @@ impl SiteFile {
     pub(crate) fn read(path: &str) -> Result<Self, Stop> {
         let most = MAX_BYTES as u64;
         let bytes = if path == "-" {
-            calib_input::read_from(std::io::stdin().lock(), most).map_err(|why| Stop::invalid("stdin", why))?
+            calib_input::read_from(std::io::stdin().lock(), most)
+                .map_err(|why| Stop::invalid("stdin", why))?
         } else {
             calib_input::read(Path::new(path), most).map_err(|why| Stop::invalid(path, pipe_advice(why)))?
         };
@@ -123,8 +124,10 @@ impl SiteFile {
         let Ok(real) = self.folder.join(image).canonicalize() else {
             return Some(format!("is not there; images are looked for beside {}", self.path));
         };
-        let is_inside = self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
-        let outside = || format!("is outside the folder of {}; --allow-outside reads it all the same", self.path);
+        let is_inside =
+            self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
+        let outside =
+            || format!("is outside the folder of {}; --allow-outside reads it all the same", self.path);
         (!is_inside).then(outside)
     }
 
@@ -133,12 +136,14 @@ impl SiteFile {
         for camera in &self.site.cameras {
             let Some(name) = camera.image.as_deref() else { continue };
             if let Some(why) = self.out_of_reach(name) {
-                say(format_args!("calib: camera \"{}\": its image {name} {why}; solved without it", camera.id));
+                say(format_args!(
+                    "calib: camera \"{}\": its image {name} {why}; solved without it",
+                    camera.id
+                ));
                 continue;
             }
-            let found = size_of(&self.image_bytes(name)?).map_err(|error| {
-                Stop::invalid(shown(name), format!("camera \"{}\": {error}", camera.id))
-            })?;
+            let found = size_of(&self.image_bytes(name)?)
+                .map_err(|error| Stop::invalid(shown(name), format!("camera \"{}\": {error}", camera.id)))?;
             self.check_size(camera, name, found)?;
         }
         Ok(())

@@ -75,7 +75,9 @@ fn quoted(text: &str) -> String {
 pub fn runs_in_spreadsheets(cell: &[u8]) -> bool {
     match cell {
         [b'=' | b'@' | b'\t' | b'\r', ..] => true,
-        [b'+' | b'-', _, ..] => std::str::from_utf8(cell).map_or(true, |text| text.trim().parse::<f64>().is_err()),
+        [b'+' | b'-', _, ..] => {
+            std::str::from_utf8(cell).map_or(true, |text| text.trim().parse::<f64>().is_err())
+        }
         _ => false,
     }
 }

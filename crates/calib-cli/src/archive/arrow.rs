@@ -10,7 +10,7 @@ use ::arrow::ipc::reader::StreamDecoder;
 use ::arrow::ipc::root_as_message;
 use ::arrow::ipc::writer::{FileWriter, StreamWriter};
 
-use super::{Format, Input, Output, Packing, Sink, Source};
+use super::{Input, Output, Packing, Purpose, Sink, Source};
 use crate::stop::Stop;
 
 /// An IPC file begins and ends with this; between is a stream, after some zeros, and the list of its parts.
@@ -44,7 +44,7 @@ struct Stream {
     rows: usize,
 }
 
-pub(super) fn open(mut input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(mut input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
     let is_file = input.format()?.name == "arrow-file";
     let (decoder, chunk) = (StreamDecoder::new(), Buffer::from(Vec::<u8>::new()));

@@ -9,6 +9,7 @@ mod ndjson;
 mod packed;
 mod page_guard;
 mod parquet;
+mod text_types;
 mod utc;
 mod zstd_bound;
 
@@ -33,6 +34,8 @@ const MAX_ROW_BYTES: u64 = 64 << 20;
 
 /// Most columns of a table of text: what has more is a bag of anything.
 const MAX_COLUMNS: usize = 10_000;
+/// Rows of a table of text that tell the types of its columns.
+const FIRST_ROWS: usize = 1 << 16;
 /// What a cell of a table of text takes beside its text, in bytes: empty cells count, too.
 const CELL_BYTES: usize = 8;
 
@@ -66,10 +69,19 @@ pub(crate) trait Sink {
     fn finish(self: Box<Self>) -> Result<(), Stop>;
 }
 
+/// What a table is read for.
+#[derive(Clone, Copy)]
+pub(crate) struct Purpose<'a> {
+    /// In which it is to be written.
+    pub(crate) to: &'static Format,
+    /// Columns that stay text, whatever their cells look like.
+    pub(crate) as_text: &'a [String],
+}
+
 /// Where a table is written to.
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;
 
-type Open = fn(Input, &'static Format) -> Result<Box<dyn Source>, Stop>;
+type Open = fn(Input, Purpose<'_>) -> Result<Box<dyn Source>, Stop>;
 type Create = for<'a> fn(Output<'a>, &Schema, Packing) -> Result<Box<dyn Sink + 'a>, Stop>;
 
 /// A format of tables.
@@ -144,9 +156,9 @@ pub(crate) const FORMATS: &[Format] = &[
 ];
 
 impl Format {
-    /// Opens a table that is to be written in a format.
-    pub(crate) fn open(&self, input: Input, to: &'static Self) -> Result<Box<dyn Source>, Stop> {
-        guard::open(self, input, to)
+    /// Opens a table.
+    pub(crate) fn open(&self, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+        guard::open(self, input, purpose)
     }
 
     /// The format of a name that was checked already.

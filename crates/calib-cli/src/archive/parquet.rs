@@ -14,7 +14,7 @@ use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use ::parquet::schema::types::ColumnPath;
 
 use super::page_guard::PageGuard;
-use super::{BATCH_ROWS, Format, Input, Output, Sink, Source};
+use super::{BATCH_ROWS, Input, Output, Purpose, Sink, Source};
 use crate::stop::Stop;
 
 /// Rows of a group that is written: it is in memory, encoded, until it is whole.
@@ -39,7 +39,11 @@ impl Packing {
         };
         let plain = group.columns().iter().filter(|column| !has_dictionary(column));
         let plain = plain.map(|column| column.column_path().clone()).collect();
-        Self { is_verbatim: false, codec: group.columns().first().map(ColumnChunkMetaData::compression), plain }
+        Self {
+            is_verbatim: false,
+            codec: group.columns().first().map(ColumnChunkMetaData::compression),
+            plain,
+        }
     }
 }
 
@@ -54,7 +58,7 @@ struct Pages {
     rows: usize,
 }
 
-pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
     let broken = |error| Stop::invalid(&name, format!("not a whole Parquet file: {error}"));
     let file = input.into_file()?;
@@ -97,6 +101,8 @@ impl Source for Pages {
         let batch = self.reader.next()?;
         self.before += self.rows;
         self.rows = batch.as_ref().map_or(0, RecordBatch::num_rows);
+        // The library's batches say nothing of what the file says of itself.
+        let batch = batch.and_then(|batch| batch.with_schema(Arc::clone(&self.schema)));
         Some(batch.map_err(|error| {
             let place = self.place(0);
             Stop::invalid(&self.name, format!("{place} or soon after: not a whole Parquet file: {error}"))

@@ -3,7 +3,9 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::single::{Annotation, Belongs};
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels, pointer_of};
+use crate::site::bounds::{
+    At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels, pointer_of,
+};
 use crate::site::check_elements::check_elements;
 use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
