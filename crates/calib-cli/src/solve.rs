@@ -71,9 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let file = SiteFile::read(&args.site)?.allowing_outside(args.images.allow_outside);
     file.check_images()?;
     for id in &args.camera {
-        if file.site.camera(id).is_none() {
-            file.camera(id)?;
-        }
+        file.has_camera(id)?;
     }
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;

@@ -43,6 +43,7 @@ pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
+pub use period::NoCamera;
 pub use pipeline::Report;
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use site_solution::{ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
