@@ -106,7 +106,14 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
         extension: args.file_type.clone().or(of_path),
         camera: args.camera.clone(),
         plan: plan.transpose()?,
+        embeds: is_one_file(args, format),
     })
+}
+
+/// Whether PATH is a file's name, or stdout, and no folder.
+fn is_one_file(args: &Args, format: &Format) -> bool {
+    let is_named = extension(&args.output).is_some_and(|found| is_type(format, &found));
+    args.output == "-" || is_named && !Path::new(&args.output).is_dir()
 }
 
 /// Whether a format is written as files that end so.
@@ -135,8 +142,7 @@ fn agree(args: &Args, format: &Format, export: &Export) -> Result<(), Stop> {
 /// Where every file goes: PATH itself, if it is a file's name, else into the folder PATH.
 fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, Stop> {
     let path = Path::new(&args.output);
-    let is_file = extension(&args.output).is_some_and(|found| is_type(format, &found));
-    if args.output == "-" || is_file && !path.is_dir() {
+    if is_one_file(args, format) {
         if let [_] = export.files[..] {
             return Ok(vec![path.to_owned()]);
         }

@@ -14,6 +14,7 @@ mod files;
 mod import;
 mod lens;
 mod mapping;
+mod merge;
 mod overlay;
 mod part;
 mod picture;
