@@ -569,6 +569,36 @@ fn scratch_of(site: &Site) -> Scratch {
     scratch
 }
 
+/// The registry as a table for reading.
+fn table() -> String {
+    let mut text = String::from(
+        "| format | out | in | pixels from the | units | axes | holds | has no place for | an import leaves |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for format in FORMATS {
+        let yes = |is: bool| if is { "yes" } else { "" };
+        let cells = [
+            &format!("`{}`", format.name),
+            yes(format.exports()),
+            yes(format.imports()),
+            format.pixels,
+            format.units,
+            format.axes,
+            format.holds,
+            format.lacks,
+            format.drops,
+        ];
+        text += &format!("| {} |\n", cells.join(" | "));
+    }
+    text
+}
+
+#[test]
+fn the_table_of_formats_is_the_registry() {
+    let readme = std::fs::read_to_string(calib_tests::root().join("crates/calib-formats/README.md")).unwrap();
+    assert!(readme.contains(&table()), "the table should be\n{}", table());
+}
+
 #[test]
 fn a_stretched_stream_is_agreed_to() {
     let scratch = scratch_of(&site(&straight()));
