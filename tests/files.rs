@@ -215,6 +215,56 @@ fn pictures_outside_the_folder_are_read_when_that_is_wanted() {
     }
 }
 
+#[test]
+fn a_site_with_lists_without_end_takes_little_memory() {
+    let scratch = Scratch::new();
+    let site = |inner: &str| format!("{{\"format\":\"calib-site\",\"version\":1,{inner}}}");
+    let list = |item: &str, count: usize| vec![item; count].join(",");
+    let camera = |inner: &str| site(&format!("\"cameras\":[{{\"id\":\"a\",\"size_px\":[10,10],{inner}}}]"));
+    let vertical = "{\"kind\":\"vertical\",\"segments\":[]}";
+    for (name, text, pointer) in [
+        ("links", site(&format!("\"links\":[{}]", list("{\"seen\":[]}", 1_200_000))), "/links"),
+        (
+            "annotations",
+            camera(&format!("\"annotations\":[{}]", list(vertical, 900_000))),
+            "/cameras/0/annotations",
+        ),
+        (
+            "points",
+            camera(&format!(
+                "\"annotations\":[{{\"kind\":\"straight\",\"points\":[{}]}}]",
+                list("[1,2]", 1_300_000)
+            )),
+            "/cameras/0/annotations/0/points",
+        ),
+        (
+            "cameras",
+            site(&format!("\"cameras\":[{}]", list("{\"id\":\"a\",\"size_px\":[1,1]}", 700_000))),
+            "/cameras",
+        ),
+        ("nothing", " ".repeat(700 << 20), "memory"),
+    ] {
+        scratch.write("site.json", text);
+        let run = within_limits(&scratch, &["solve", "site.json"]).expect_code(3);
+        assert!(run.stderr.contains(pointer) && run.stderr.len() < 500, "{name}: {run:?}");
+    }
+}
+
+#[test]
+fn more_lines_than_anybody_draws_are_refused() {
+    let scratch = Scratch::new();
+    let segments = vec!["[[10,20],[10,300]]"; 200_000].join(",");
+    scratch.write(
+        "site.json",
+        format!(
+            "{{\"format\":\"calib-site\",\"version\":1,\"cameras\":[{{\"id\":\"a\",\"size_px\":[640,480],\
+             \"annotations\":[{{\"kind\":\"vertical\",\"segments\":[{segments}]}}]}}]}}"
+        ),
+    );
+    let run = within_limits(&scratch, &["solve", "site.json"]).expect_code(3);
+    assert!(run.stderr.contains("200000 segments") && run.stderr.contains("at most 20000"), "{run:?}");
+}
+
 fn points() -> RecordBatch {
     let numbers = |at: f64| Arc::new(Float64Array::from_iter_values((0..3000).map(|_| at))) as _;
     let schema = Schema::new(vec![

@@ -3,10 +3,9 @@
 use std::fmt;
 
 use crate::single::Known;
+use crate::site::bounded_list::MAX_ITEMS;
 use crate::site::site_error::{Fault, SiteError};
 
-/// Most annotations, control points, links, marks or points in one list.
-pub const MAX_ITEMS: usize = 100_000;
 /// Longest id or name, in bytes.
 const MAX_NAME: usize = 256;
 /// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.

@@ -2,7 +2,8 @@
 
 use std::collections::HashSet;
 
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels};
+use crate::site::bounded_list::MAX_ITEMS;
+use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels};
 use crate::site::document::Site;
 use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::site_error::quoted;
