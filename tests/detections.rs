@@ -296,7 +296,9 @@ fn the_detections_of_the_demonstration_work_as_they_are() {
     for more in [&["--camera-column", "camera"][..], &["--camera-column", "camera", "--at-column", "at_s"]] {
         let run = scratch.calib(&[&project[..], more, &["--sigma-px", "1"]].concat()).expect_code(0);
         let rows = rows(&run.stdout);
-        let mapped = rows.iter().filter(|row| matches!(row["status"], "ok" | "outside-efov")).count();
+        // The noise of a detection carries one beyond the edge.
+        let is_mapped = |status: &str| matches!(status, "ok" | "outside-efov" | "outside-image");
+        let mapped = rows.iter().filter(|row| is_mapped(row["status"])).count();
         assert!(rows.len() > 100 && mapped == rows.len(), "{mapped} of {}: {}", rows.len(), run.stderr);
         assert!(run.stderr.is_empty(), "{}", run.stderr);
     }
