@@ -109,7 +109,7 @@ fn every_format_carries_the_same_rows() {
     for name in
         ["t.parquet", "t.arrow", "t.arrows", "t.ndjson", "t2.parquet", "t3.ndjson", "t4.arrows", "t5.csv"]
     {
-        run(&["--camera", "a", "-i", &from, "-o", name]);
+        run(&["--camera", "a", "--replace", "-i", &from, "-o", name]);
         from = name.to_owned();
     }
     assert_eq!(std::fs::read_to_string(scratch.path("t5.csv")).unwrap(), direct);
@@ -384,7 +384,7 @@ fn pipes_carry_every_format() {
     write_parquet(&scratch.path("in.parquet"), &batch);
     for format in ["csv", "ndjson", "arrow", "arrow-file", "parquet"] {
         let shell = format!(
-            "cat in.parquet | {0} project site.json --to floor --camera-column camera_id --format {format} | {0} project site.json --to floor --camera-column camera_id --format parquet > {format}.parquet",
+            "cat in.parquet | {0} project site.json --to floor --camera-column camera_id --format {format} | {0} project site.json --to floor --camera-column camera_id --replace --format parquet > {format}.parquet",
             program().display()
         );
         let ended = Command::new("sh").args(["-c", &shell]).current_dir(scratch.path("")).output().unwrap();

@@ -482,6 +482,13 @@ fn an_fspy_project_gives_its_camera_back() {
     let site = import(format("fspy").unwrap(), &[file]).unwrap().site;
     let expected = Camera { lens: Lens { focal: camera.focal, ..camera.lens }, ..camera };
     assert!(camera_difference(&site.cameras[0].camera().unwrap(), &expected) < 1e-9);
+    // The camera parameters as it exports them, and the state itself.
+    let whole: Value = serde_json::from_str(&state).unwrap();
+    for (name, json) in [("parameters.json", &whole["cameraParameters"]), ("state.json", &whole)] {
+        let file = File { name: name.into(), bytes: json.to_string().into_bytes() };
+        let site = import(format("fspy").unwrap(), &[file]).unwrap().site;
+        assert!(camera_difference(&site.cameras[0].camera().unwrap(), &expected) < 1e-9, "{name}");
+    }
 }
 
 #[test]
@@ -553,6 +560,159 @@ fn every_export_is_refused_or_written_as_its_losses_say() {
         let export = exported(name, &site(&bent()), format(name).unwrap().extensions[0]);
         assert!(!export.losses.is_empty(), "{name} holds no distortion");
     }
+}
+
+/// A site file of one straight camera in a folder of its own.
+fn scratch_of(site: &Site) -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    scratch
+}
+
+/// The registry as a table for reading.
+fn table() -> String {
+    let mut text = String::from(
+        "| format | out | in | pixels from the | units | axes | holds | has no place for | an import leaves |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for format in FORMATS {
+        let yes = |is: bool| if is { "yes" } else { "" };
+        let cells = [
+            &format!("`{}`", format.name),
+            yes(format.exports()),
+            yes(format.imports()),
+            format.pixels,
+            format.units,
+            format.axes,
+            format.holds,
+            format.lacks,
+            format.drops,
+        ];
+        text += &format!("| {} |\n", cells.join(" | "));
+    }
+    text
+}
+
+#[test]
+fn the_table_of_formats_is_the_registry() {
+    let readme = std::fs::read_to_string(calib_tests::root().join("crates/calib-formats/README.md")).unwrap();
+    assert!(readme.contains(&table()), "the table should be\n{}", table());
+}
+
+#[test]
+fn a_stretched_stream_is_agreed_to() {
+    let scratch = scratch_of(&site(&straight()));
+    for format in FORMATS.iter().filter(|format| format.exports()) {
+        let folder = format!("out-{}", format.name);
+        let args = ["export", format.name, "site.json", "-o", &folder, "--rescale", "640x640"];
+        let run = scratch.calib(&args).expect_code(5);
+        assert!(run.stderr.contains("1920 x 1080") && run.stderr.contains("640 x 640"), "{}", run.stderr);
+        scratch.calib(&[&args[..], &["--allow-lossy"]].concat()).expect_code(0);
+        // Rounded to whole pixels, the proportion is the same.
+        let same = format!("same-{}", format.name);
+        scratch
+            .calib(&["export", format.name, "site.json", "-o", &same, "--rescale", "1000x562"])
+            .expect_code(0);
+    }
+}
+
+#[test]
+fn what_sql_says_of_its_error_is_not_less_than_it_is() {
+    let scratch = scratch_of(&site(&bent()));
+    let export = exported("sql", &site(&bent()), "sql");
+    let text = text_of(&export, "floor.sql");
+    let said = text.lines().find_map(|line| line.split_once("at most ")).unwrap().1;
+    let pixels: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    assert!(pixels > 0.0, "{said}");
+    // The comment in the file and the refusal say the same number.
+    let run = scratch.calib(&["export", "sql", "site.json", "-o", "out"]);
+    assert!(run.stderr.contains(&format!("at most {pixels:.3} px")), "{}", run.stderr);
+}
+
+#[test]
+fn nvidia_finds_a_camera_by_its_id_or_there_is_no_export() {
+    let mut site = site(&straight());
+    site.cameras[0].id = "hall/2".into();
+    let scratch = scratch_of(&site);
+    let run = scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(2);
+    assert!(run.stderr.contains("hall/2") && !scratch.path("out").exists(), "{run:?}");
+    site.cameras[0].id = "hall-2".into();
+    scratch.write("site.json", site.to_json());
+    scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(0);
+    assert!(scratch.path("out/camInfo/hall-2.yml").exists());
+}
+
+#[test]
+fn a_drawing_is_one_file_if_that_is_what_is_named() {
+    let mut site = site(&straight());
+    site.plan = Some(calib_core::Plan {
+        image: Some("plan.png".into()),
+        metres_per_px: 0.1,
+        origin_px: Default::default(),
+        x_axis_deg: 0.0,
+        georeference: None,
+    });
+    let scratch = scratch_of(&site);
+    image::RgbImage::new(40, 30).save(scratch.path("plan.png")).unwrap();
+    scratch.calib(&["export", "svg", "site.json", "-o", "one.svg"]).expect_code(0);
+    let drawing = std::fs::read_to_string(scratch.path("one.svg")).unwrap();
+    assert!(drawing.contains("href=\"data:image/png;base64,") && !drawing.contains("plan.png"));
+    scratch.calib(&["export", "svg", "site.json", "-o", "folder"]).expect_code(0);
+    assert!(scratch.path("folder/plan.png").exists());
+    let drawing = std::fs::read_to_string(scratch.path("folder/site.svg")).unwrap();
+    assert!(drawing.contains("href=\"plan.png\""));
+}
+
+#[test]
+fn geojson_says_what_its_numbers_are() {
+    let mut site = site(&straight());
+    let document = json_of(&exported("geojson", &site, "geojson"), "site.local.geojson");
+    let said = document["fields"]["heading_deg"].as_str().unwrap();
+    assert!(said.contains("counter-clockwise from +x"), "{said}");
+    site.georeference =
+        Some(calib_core::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+    let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
+    assert!(document["fields"]["azimuth_deg"].as_str().unwrap().contains("clockwise from north"));
+}
+
+#[test]
+fn an_import_says_what_it_leaves_and_merges_into_a_site() {
+    let scratch = scratch_of(&site(&straight()));
+    scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(0);
+    let run = scratch.calib(&["import", "nvidia", "out/calibration.json"]).expect_code(0);
+    assert!(run.stderr.contains("not taken from nvidia: regions, tripwires"), "{}", run.stderr);
+    assert!(run.stderr.contains("--into"), "{}", run.stderr);
+    // A site that has lines for this camera, and another one.
+    let mut drawn = site(&straight());
+    drawn.cameras[0].solution = None;
+    drawn.cameras[0].annotations =
+        serde_json::from_value(json!([{"kind": "vertical", "segments": [[[1, 2], [1, 90]]]}])).unwrap();
+    drawn.cameras.push(SiteCamera::new("gate", [640, 480]));
+    scratch.write("drawn.json", drawn.to_json());
+    let merge = ["import", "nvidia", "out/calibration.json", "--into", "drawn.json"];
+    let run = scratch.calib(&merge).expect_code(3);
+    assert!(run.stderr.contains("\"yard\" already") && run.stderr.contains("--replace"), "{}", run.stderr);
+    let run = scratch.calib(&[&merge[..], &["--replace"]].concat()).expect_code(0);
+    let merged = Site::from_json(&run.stdout).unwrap();
+    let ids: Vec<&str> = merged.cameras.iter().map(|camera| camera.id.as_str()).collect();
+    assert_eq!(ids, ["yard", "gate"]);
+    assert_eq!(merged.cameras[0].annotations.len(), 1, "what is drawn stays");
+    assert!(camera_difference(&merged.cameras[0].camera().unwrap(), &straight()) < 1e-6);
+    // Into a site without it, it is added; on a still of another size lines would not fit.
+    let gate = Site { cameras: vec![drawn.cameras[1].clone()], ..Site::new() };
+    scratch.write("drawn.json", gate.to_json());
+    let run = scratch.calib(&merge).expect_code(0);
+    assert_eq!(Site::from_json(&run.stdout).unwrap().cameras.len(), 2);
+    drawn.cameras[0].size_px = [640, 480];
+    drawn.cameras[0].annotations.clear();
+    scratch.write("drawn.json", drawn.to_json());
+    let run = scratch.calib(&[&merge[..], &["--replace"]].concat()).expect_code(3);
+    assert!(run.stderr.contains("640 x 480"), "{}", run.stderr);
+    // A plan, too.
+    scratch.write("hall.pgw", "0.05\n0\n0\n-0.05\n0\n0\n");
+    let run = scratch.calib(&["import", "worldfile", "hall.pgw", "--into", "site.json"]).expect_code(0);
+    let merged = Site::from_json(&run.stdout).unwrap();
+    assert_eq!((merged.cameras.len(), merged.plan.unwrap().metres_per_px), (1, 0.05));
 }
 
 #[test]

@@ -3,7 +3,18 @@
 use image::RgbImage;
 
 use crate::files::{self, SiteFile};
+use crate::picture;
 use crate::stop::Stop;
+
+/// Longest side of a stream that is asked for, in pixels.
+const MAX_SIDE: u32 = 16_384;
+
+/// Width and height of a stream, as in 1280x720.
+pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
+}
 
 /// The site that a command reads.
 #[derive(Debug, clap::Args)]
@@ -13,12 +24,23 @@ pub(crate) struct SiteArgs {
     /// Calibrations that hold at this time (RFC 3339)
     #[arg(long, value_name = "TIME")]
     at: Option<String>,
+    #[command(flatten)]
+    images: ImageArgs,
+}
+
+/// Which images of a site are read.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct ImageArgs {
+    /// Read images that stand outside the folder of the site, too
+    #[arg(long)]
+    pub(crate) allow_outside: bool,
 }
 
 impl SiteArgs {
     /// Reads, checks and solves the site; cameras that do not hold at the time are left out.
     pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
-        SiteFile::read_solved(&self.site, self.at.as_deref())
+        let file = SiteFile::read_solved(&self.site, self.at.as_deref())?;
+        Ok(file.allowing_outside(self.images.allow_outside))
     }
 
     /// Whether the site comes from stdin.
@@ -51,6 +73,6 @@ impl OutputArgs {
 
     /// Writes an image in the format that the file's name asks for.
     pub(crate) fn write_image(&self, image: &RgbImage) -> Result<(), Stop> {
-        self.write(&files::encoded(image, &self.output)?)
+        self.write(&picture::encoded(image, &self.output)?)
     }
 }

@@ -4,18 +4,22 @@ use std::collections::{BTreeMap, HashMap};
 
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
-use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
-use arrow::datatypes::{DataType, Schema, TimeUnit, TimestampNanosecondType};
+use arrow::datatypes::{DataType, Schema};
 use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
 use serde_json::json;
 
-use crate::archive::{is_json, plain};
+use crate::columns::{AtColumn, BadCells, Place, column, names};
 use crate::files::{SiteFile, say};
 use crate::stop::Stop;
+use crate::stream::{Stream, StreamSize};
 
 /// One calibrated camera, for the time that it holds.
 pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
+    /// In which detections are made.
+    pub(crate) stream: Stream,
+    /// Whether anything is known of how uncertain it is.
+    pub(crate) is_uncertain: bool,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
     entry: Entry,
@@ -36,7 +40,7 @@ pub(crate) struct Calibrations {
     /// Indices of every camera's.
     of_camera: HashMap<String, Vec<u32>>,
     camera: ByCamera,
-    at_column: Option<String>,
+    at: Option<AtColumn>,
     /// SHA-256 of the site file.
     sha256: String,
     /// Rows without a calibration, by camera: of so many cameras as one would look through.
@@ -56,6 +60,15 @@ pub(crate) enum ByCamera {
     Column(String),
 }
 
+/// Which calibrations are wanted, and for what.
+pub(crate) struct Wanted {
+    pub(crate) camera: ByCamera,
+    pub(crate) at: Option<AtColumn>,
+    /// Of the plane, in metres.
+    pub(crate) height: f64,
+    pub(crate) stream: Option<StreamSize>,
+}
+
 /// Which calibration every row has; the number of calibrations is none of them.
 pub(crate) enum Choice {
     All(u32),
@@ -63,16 +76,19 @@ pub(crate) enum Choice {
 }
 
 impl Calibration {
-    fn of(entry: &SiteCamera, height: f64) -> Result<Self, Stop> {
+    fn of(entry: &SiteCamera, wanted: &Wanted) -> Result<Self, Stop> {
         let camera = entry.camera().ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
             Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
         let period = entry.period_ns().map_err(|error| Stop::Invalid(error.to_string()))?;
+        let stream = wanted.stream.map(|stream| Stream::of(stream, entry.size(), &entry.id)).transpose()?;
         let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
         Ok(Self {
-            projector: FloorProjector::new(&camera, height),
+            projector: FloorProjector::new(&camera, wanted.height),
+            stream: stream.unwrap_or(Stream::STILL),
+            is_uncertain: entry.solution.as_ref().is_some_and(|solution| solution.covariance.is_some()),
             size: entry.size(),
             efov: entry.floor_polygon(),
             entry: Entry { camera: entry.id.clone(), from, to, period },
@@ -85,20 +101,15 @@ impl Calibration {
 }
 
 impl Calibrations {
-    /// The calibrations of one camera or of all; a camera that is not calibrated among them is told.
-    pub(crate) fn of(
-        file: &SiteFile,
-        camera: ByCamera,
-        at_column: Option<String>,
-        height: f64,
-    ) -> Result<Self, Stop> {
-        let wanted = |entry: &&SiteCamera| match &camera {
+    /// The calibrations that are wanted; a camera that is not calibrated among them is told.
+    pub(crate) fn of(file: &SiteFile, wanted: Wanted) -> Result<Self, Stop> {
+        let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
             ByCamera::Only(id) => entry.id == *id,
             ByCamera::Column(_) => true,
         };
         if file.site.cameras.iter().any(SiteCamera::is_placed) {
             let loose =
-                file.site.cameras.iter().filter(wanted).filter(|c| c.camera().is_some() && !c.is_placed());
+                file.site.cameras.iter().filter(is_wanted).filter(|c| c.camera().is_some() && !c.is_placed());
             for entry in loose {
                 say(format_args!(
                     "calib: camera \"{}\" is not placed: its metres are from its own foot, not of the site",
@@ -107,8 +118,8 @@ impl Calibrations {
             }
         }
         let (mut list, mut refused) = (Vec::new(), None);
-        for entry in file.site.cameras.iter().filter(wanted) {
-            match Calibration::of(entry, height) {
+        for entry in file.site.cameras.iter().filter(is_wanted) {
+            match Calibration::of(entry, &wanted) {
                 Ok(calibration) => list.push(calibration),
                 Err(Stop::Unsolved(why)) => {
                     if let Some(why) = refused.replace(why) {
@@ -128,7 +139,7 @@ impl Calibrations {
         for (index, calibration) in (0..).zip(&list) {
             of_camera.entry(calibration.entry.camera.clone()).or_default().push(index);
         }
-        if at_column.is_none()
+        if wanted.at.is_none()
             && let Some((id, _)) = of_camera.iter().find(|(_, periods)| periods.len() > 1)
         {
             let what = format!(
@@ -137,7 +148,8 @@ impl Calibrations {
             return Err(Stop::Usage(what));
         }
         let sha256 = file.sha256.clone();
-        Ok(Self { list, of_camera, camera, at_column, sha256, lost: BTreeMap::new(), lost_more: 0 })
+        let Wanted { camera, at, .. } = wanted;
+        Ok(Self { list, of_camera, camera, at, sha256, lost: BTreeMap::new(), lost_more: 0 })
     }
 
     /// What the output says of them, beside what the input said.
@@ -162,18 +174,16 @@ impl Calibrations {
     pub(crate) fn choose(
         &mut self,
         batch: &RecordBatch,
-        place: &dyn Fn(usize) -> String,
+        place: Place<'_>,
+        bad: &BadCells,
     ) -> Result<Choice, Stop> {
-        let times = match &self.at_column {
-            Some(name) => Some(times(&column(batch, name, "--at-column")?, name, place)?),
-            None => None,
-        };
+        let times = self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()?;
         if let (ByCamera::Only(_), None) = (&self.camera, &times) {
             return Ok(Choice::All(0));
         }
         let ids = match &self.camera {
             ByCamera::Only(_) => None,
-            ByCamera::Column(name) => Some(text(&column(batch, name, "--camera-column")?, name)?),
+            ByCamera::Column(name) => Some(ids(batch, name)?),
         };
         let only = match &self.camera {
             ByCamera::Only(id) => id.clone(),
@@ -233,52 +243,12 @@ impl Calibrations {
     }
 }
 
-fn column(batch: &RecordBatch, name: &str, asked: &str) -> Result<ArrayRef, Stop> {
-    let schema = batch.schema();
-    let Some((index, field)) = schema.column_with_name(name) else {
-        let found: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
-        let what = format!("{asked} {name}: the table has the columns \"{}\"", found.join(","));
-        return Err(Stop::Invalid(what));
-    };
-    let column = batch.column(index);
-    Ok(if is_json(field) { plain(column) } else { column.clone() })
-}
-
-/// A column as text: ids are text, numbers, or a dictionary of either.
-fn text(column: &ArrayRef, name: &str) -> Result<ArrayRef, Stop> {
-    cast(column, &DataType::Utf8).map_err(|error| {
+/// The ids in a column: text, numbers, or a dictionary of either.
+fn ids(batch: &RecordBatch, name: &str) -> Result<ArrayRef, Stop> {
+    let found = column(batch, name).ok_or_else(|| {
+        Stop::Invalid(format!("--camera-column {name}: the table has the columns \"{}\"", names(batch)))
+    })?;
+    cast(&found, &DataType::Utf8).map_err(|error| {
         Stop::Invalid(format!("--camera-column {name}: expected ids as text or numbers: {error}"))
     })
-}
-
-/// A column of times as nanoseconds since 1970; times without an offset count as UTC.
-fn times(column: &ArrayRef, name: &str, place: &dyn Fn(usize) -> String) -> Result<Vec<Option<i64>>, Stop> {
-    let exact = match column.data_type() {
-        DataType::Timestamp(_, zone) => {
-            cast(column, &DataType::Timestamp(TimeUnit::Nanosecond, zone.clone()))?
-        }
-        DataType::Date32 | DataType::Date64 => {
-            cast(column, &DataType::Timestamp(TimeUnit::Nanosecond, None))?
-        }
-        DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..) => {
-            let texts = text(column, name)?;
-            let texts = texts.as_string::<i32>();
-            let parsed = texts.iter().enumerate().map(|(row, text)| match text.map(str::trim) {
-                None | Some("") => Ok(None),
-                Some(text) => string_to_timestamp_nanos(text).map(Some).map_err(|_| {
-                    let place = place(row);
-                    Stop::Invalid(format!(
-                        "{place}, column {name}: found \"{text}\", expected a time such as 2026-05-01T08:00:00Z"
-                    ))
-                }),
-            });
-            return parsed.collect();
-        }
-        other => {
-            return Err(Stop::Invalid(format!(
-                "--at-column {name}: found {other}, expected timestamps, or text such as 2026-05-01T08:00:00Z"
-            )));
-        }
-    };
-    Ok(exact.as_primitive::<TimestampNanosecondType>().iter().collect())
 }

@@ -9,6 +9,7 @@ use calib_demo::{DemoSite, Walk};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};
+use crate::picture;
 use crate::plan_view::plan_view;
 use crate::render::{Extras, camera_view};
 use crate::solve::Format;
@@ -48,12 +49,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         progress.set_message(format!("rendering {id}"));
         let image = calib_demo::render(truth, camera.size_px);
         let name = camera.image.as_deref().unwrap_or("image.png");
-        files::write_atomically(&folder.join(name), &files::encoded(&image, name)?)?;
+        files::write_atomically(&folder.join(name), &picture::encoded(&image, name)?)?;
         progress.inc(1);
     }
     let stale = folder.join("plan.png");
     match demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) {
-        Some(plan) => files::write_atomically(&folder.join(plan), &files::png(&demo.plan)?)?,
+        Some(plan) => files::write_atomically(&folder.join(plan), &picture::png(&demo.plan)?)?,
         // Left by a run with a plan, it would look as if it belonged to this one.
         None if stale.exists() => {
             std::fs::remove_file(&stale).context("removing the plan of an earlier run")?;
@@ -118,12 +119,12 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
             }
             let (image, svg) = camera_view(&file, camera, Extras { sigma, ..Extras::default() })?;
             let path = folder.join(format!("{prefix}-{}.png", camera.id));
-            files::write_atomically(&path, &files::png(&svg.draw_on(&image)?)?)?;
+            files::write_atomically(&path, &picture::png(&svg.draw_on(&image)?)?)?;
         }
         progress.inc(1);
     }
     let (ground, svg) = plan_view(&file.site, file.plan_image()?);
-    files::write_atomically(&folder.join("overlay-plan.png"), &files::png(&svg.draw_on(&ground)?)?)?;
+    files::write_atomically(&folder.join("overlay-plan.png"), &picture::png(&svg.draw_on(&ground)?)?)?;
     progress.inc(1);
     Ok(())
 }

@@ -2,18 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
-use crate::args::SiteArgs;
+use crate::args::{SiteArgs, size};
 use crate::files::{self, SiteFile};
+use crate::picture;
 use crate::stop::Stop;
 use crate::table_parquet;
 
 /// A type of the table that the formats leave to this program: it has what writes it.
 const PARQUET: &str = "parquet";
-/// Longest side of a stream that is asked for, in pixels.
-const MAX_SIDE: u32 = 16_384;
 
 /// Arguments of `calib export`.
 #[derive(Debug, clap::Args)]
@@ -57,12 +57,6 @@ pub(crate) fn named(name: &str) -> Result<&'static Format, Stop> {
     calib_formats::format(name).ok_or_else(|| Stop::Usage(format!("{name}: no such format")))
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
-    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
-}
-
 /// Writes the files of a format, once nothing is lost or that is agreed to.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let format = named(&args.format)?;
@@ -85,7 +79,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let targets = targets(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder)?;
+            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         }
         files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
     }
@@ -104,7 +98,7 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
     let of_path = extension(&args.output).filter(|found| is_type(format, found));
     let plan = if format.shows_plan { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
-        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: files::png(&image)? })
+        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: picture::png(&image)? })
     });
     Ok(ExportOptions {
         rectified: args.rectified,
@@ -112,7 +106,14 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
         extension: args.file_type.clone().or(of_path),
         camera: args.camera.clone(),
         plan: plan.transpose()?,
+        embeds: is_one_file(args, format),
     })
+}
+
+/// Whether PATH is a file's name, or stdout, and no folder.
+fn is_one_file(args: &Args, format: &Format) -> bool {
+    let is_named = extension(&args.output).is_some_and(|found| is_type(format, &found));
+    args.output == "-" || is_named && !Path::new(&args.output).is_dir()
 }
 
 /// Whether a format is written as files that end so.
@@ -141,8 +142,7 @@ fn agree(args: &Args, format: &Format, export: &Export) -> Result<(), Stop> {
 /// Where every file goes: PATH itself, if it is a file's name, else into the folder PATH.
 fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, Stop> {
     let path = Path::new(&args.output);
-    let is_file = extension(&args.output).is_some_and(|found| is_type(format, &found));
-    if args.output == "-" || is_file && !path.is_dir() {
+    if is_one_file(args, format) {
         if let [_] = export.files[..] {
             return Ok(vec![path.to_owned()]);
         }

@@ -1,13 +1,12 @@
 //! `calib import`: cameras of another program as a site.
 
-use std::fs::File as OnDisk;
-use std::io::Read as _;
 use std::path::Path;
 
 use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
 
 use crate::export::{formats, named};
-use crate::files;
+use crate::files::{self, SiteFile};
+use crate::merge::merged;
 use crate::stop::Stop;
 
 /// Most bytes that a folder may have in the files of a format.
@@ -23,6 +22,12 @@ pub(crate) struct Args {
     format: String,
     /// File, or a folder with the files of the format
     file: String,
+    /// Site that the cameras are merged into, or the plan; what is drawn there stays
+    #[arg(long, value_name = "SITE")]
+    into: Option<String>,
+    /// With --into: take lens and pose, or the plan, in place of those that are there
+    #[arg(long, requires = "into")]
+    replace: bool,
     /// Site file to write; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
@@ -48,18 +53,19 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     for note in &imported.notes {
         files::say(note);
     }
-    files::write(&args.output, imported.site.to_json().as_bytes(), args.force)
+    let site = match &args.into {
+        None => {
+            files::say("to merge this with a site, name it: --into SITE");
+            imported.site
+        }
+        Some(into) => merged(SiteFile::read(into)?, imported.site, args.replace)?,
+    };
+    files::write(&args.output, site.to_json().as_bytes(), args.force)
 }
 
 fn read(path: &Path, name: String) -> Result<File, Stop> {
-    let wrong = |error: std::io::Error| Stop::invalid(path.display(), error);
-    let mut bytes = Vec::new();
-    OnDisk::open(path).map_err(wrong)?.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(wrong)?;
-    if bytes.len() > MAX_BYTES {
-        let most = MAX_BYTES >> 20;
-        return Err(Stop::invalid(path.display(), format!("larger than {most} MiB, the most that is read")));
-    }
-    Ok(File { name, bytes })
+    let read = calib_input::read(path, MAX_BYTES as u64);
+    Ok(File { name, bytes: read.map_err(|error| Stop::invalid(path.display(), error))? })
 }
 
 /// Of a model in several files one brings the others.

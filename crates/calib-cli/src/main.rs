@@ -7,14 +7,17 @@ mod archive;
 mod args;
 mod calibrations;
 mod check;
+mod columns;
 mod demo;
 mod export;
 mod files;
 mod import;
 mod lens;
 mod mapping;
+mod merge;
 mod overlay;
 mod part;
+mod picture;
 mod plan_quality;
 mod plan_view;
 mod progress;
@@ -22,10 +25,13 @@ mod project;
 mod render;
 mod report;
 mod sigma_map;
+mod sigmas;
+mod site_file;
 mod site_section;
 mod site_summary;
 mod solve;
 mod stop;
+mod stream;
 mod style;
 mod svg;
 mod table_parquet;
@@ -99,7 +105,7 @@ fn main() -> ExitCode {
         Err(stop) => {
             if let Some(message) = stop.message() {
                 // A closed stderr leaves nobody to tell.
-                let _ = writeln!(std::io::stderr(), "calib: {message}");
+                let _ = writeln!(std::io::stderr(), "calib: {}", words::visible(&message));
             }
             ExitCode::from(stop.code())
         }

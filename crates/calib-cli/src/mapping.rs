@@ -1,18 +1,17 @@
-//! The columns that a table is mapped by, and those that it gets.
+//! How a table is mapped, and the columns that it gets.
 
 use std::sync::Arc;
 
-use arrow::array::{
-    Array as _, ArrayRef, AsArray as _, Float64Array, RecordBatch, RecordBatchOptions, StringBuilder,
-};
-use arrow::compute::cast;
-use arrow::datatypes::{DataType, Field, Float64Type, Schema};
+use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions, StringBuilder};
+use arrow::datatypes::{Field, Schema};
 use calib_core::{Pixel, Status, WorldPoint};
 use clap::ValueEnum;
 
-use crate::archive::{is_json, plain};
 use crate::calibrations::{Calibration, Calibrations, Choice};
+use crate::columns::{BadCells, Place, names, numbers};
+use crate::sigmas::Sigmas;
 use crate::stop::Stop;
+use crate::stream::Stream;
 
 /// Which way to map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -44,20 +43,22 @@ pub(crate) enum PixelOrigin {
 }
 
 /// How a table is mapped.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct Mapping {
     pub(crate) to: To,
     pub(crate) columns: Columns,
     pub(crate) origin: PixelOrigin,
     /// Of the plane, in metres, where the table does not say.
     pub(crate) height: f64,
+    /// Standard deviation of a detection, in pixels of its stream; with it, points have theirs.
+    pub(crate) sigma: Option<f64>,
+    /// Whether columns that are there are written anew.
+    pub(crate) replaces: bool,
+    pub(crate) bad: BadCells,
 }
 
-/// Says which row of a batch is meant.
-type Place<'a> = &'a dyn Fn(usize) -> String;
-
 impl Mapping {
-    /// The batch with the columns that were mapped; one that is there already is written anew in its place.
+    /// The batch with the columns that were mapped.
     pub(crate) fn map(
         &self,
         batch: &RecordBatch,
@@ -65,18 +66,15 @@ impl Mapping {
         place: Place<'_>,
     ) -> Result<RecordBatch, Stop> {
         let points = self.points(batch, place)?;
-        let choice = calibrations.choose(batch, place)?;
+        let choice = calibrations.choose(batch, place, &self.bad)?;
         let mapped = points.mapped(self, calibrations, &choice);
-        let names = match self.to {
-            To::Floor => ["x_m", "y_m", "status"],
-            To::Pixel => ["u", "v", "status"],
-        };
         let schema = batch.schema();
         let mut fields: Vec<Arc<Field>> = schema.fields().iter().cloned().collect();
         let mut columns = batch.columns().to_vec();
-        for (name, column) in names.into_iter().zip(mapped) {
+        for (name, column) in mapped.columns(self.to) {
             let field = Arc::new(Field::new(name, column.data_type().clone(), true));
             match schema.index_of(name) {
+                Ok(_) if !self.replaces => return Err(self.taken(batch, name)),
                 Ok(index) => (fields[index], columns[index]) = (field, column),
                 Err(_) => {
                     fields.push(field);
@@ -89,42 +87,50 @@ impl Mapping {
         Ok(RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)?)
     }
 
-    /// What is to be mapped: pixels counted from the corner, or points of space.
+    fn taken(&self, batch: &RecordBatch, name: &str) -> Stop {
+        Stop::Invalid(format!(
+            "the table has a column {name} already, among \"{}\"; --replace writes it anew, or rename it",
+            names(batch)
+        ))
+    }
+
+    /// What is to be mapped: pixels of the stream counted from the corner, or points of space.
     fn points(&self, batch: &RecordBatch, place: Place<'_>) -> Result<Points, Stop> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
-        let half = if self.origin == PixelOrigin::Centre { 0.5 } else { 0.0 };
-        let boxes = match (self.to, self.columns) {
-            (To::Pixel, _) => {
-                let [a, b] = numbers(batch, ["x_m", "y_m"], "x_m,y_m,z_m", place)?;
-                let c = if has("z_m") {
-                    let [c] = numbers(batch, ["z_m"], "z_m", place)?;
-                    c
-                } else {
-                    vec![self.height; a.len()]
-                };
-                return Ok(Points { a, b, c });
-            }
-            (_, Columns::Auto) => !(has("u") && has("v")) && has("w") && has("h"),
-            (_, columns) => columns == Columns::Boxes,
+        if self.to == To::Pixel {
+            let [a, b] = numbers(batch, ["x_m", "y_m"], "x_m,y_m,z_m", place, &self.bad)?;
+            let c = if has("z_m") {
+                let [c] = numbers(batch, ["z_m"], "z_m", place, &self.bad)?;
+                c
+            } else {
+                vec![self.height; a.len()]
+            };
+            return Ok(Points { a, b, c });
+        }
+        let boxes = match self.columns {
+            Columns::Auto => !(has("u") && has("v")) && has("w") && has("h"),
+            columns => columns == Columns::Boxes,
         };
-        let [mut a, mut b] = if boxes {
-            let [mut x, mut y, w, h] = numbers(batch, ["x", "y", "w", "h"], "x,y,w,h", place)?;
-            x.iter_mut().zip(w).for_each(|(x, w)| *x += 0.5 * w);
-            y.iter_mut().zip(h).for_each(|(y, h)| *y += h);
-            [x, y]
-        } else {
-            numbers(
-                batch,
-                ["u", "v"],
-                if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" },
-                place,
-            )?
-        };
-        if half != 0.0 {
-            a.iter_mut().chain(&mut b).for_each(|value| *value += half);
+        let [mut a, mut b] = if boxes { self.feet(batch, place)? } else { self.pixels(batch, place)? };
+        if self.origin == PixelOrigin::Centre {
+            a.iter_mut().chain(&mut b).for_each(|value| *value += 0.5);
         }
         Ok(Points { a, b, c: Vec::new() })
+    }
+
+    fn pixels(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], Stop> {
+        let expected = if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" };
+        numbers(batch, ["u", "v"], expected, place, &self.bad)
+    }
+
+    /// The middles of the lower edges of boxes.
+    fn feet(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], Stop> {
+        let names = ["x", "y", "w", "h"];
+        let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", place, &self.bad)?;
+        x.iter_mut().zip(w).for_each(|(x, w)| *x += 0.5 * w);
+        y.iter_mut().zip(h).for_each(|(y, h)| *y += h);
+        Ok([x, y])
     }
 }
 
@@ -136,39 +142,30 @@ struct Points {
     c: Vec<f64>,
 }
 
+/// What was mapped, column by column.
+struct Mapped {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    status: Vec<Status>,
+    sigmas: Option<Sigmas>,
+}
+
 impl Points {
-    fn mapped(&self, mapping: &Mapping, calibrations: &Calibrations, choice: &Choice) -> [ArrayRef; 3] {
-        let rows = self.a.len();
-        let (mut x, mut y) = (vec![f64::NAN; rows], vec![f64::NAN; rows]);
-        let mut status = vec![Status::NoCalibration; rows];
-        match choice {
-            Choice::All(index) => {
-                let calibration = &calibrations.list[*index as usize];
-                self.map(mapping, calibration, [&mut x, &mut y], &mut status);
-            }
-            Choice::Rows(chosen) => {
-                let mut of_each = vec![Vec::new(); calibrations.list.len() + 1];
-                for (row, &index) in chosen.iter().enumerate() {
-                    of_each[index as usize].push(row);
-                }
-                for (calibration, rows) in calibrations.list.iter().zip(&of_each) {
-                    if rows.is_empty() {
-                        continue;
-                    }
-                    let some = self.some(rows);
-                    let (mut some_x, mut some_y) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
-                    let mut some_status = vec![Status::Ok; rows.len()];
-                    some.map(mapping, calibration, [&mut some_x, &mut some_y], &mut some_status);
-                    for (i, &row) in rows.iter().enumerate() {
-                        (x[row], y[row], status[row]) = (some_x[i], some_y[i], some_status[i]);
-                    }
-                }
-            }
+    fn mapped(&self, mapping: &Mapping, calibrations: &Calibrations, choice: &Choice) -> Mapped {
+        let chosen = match choice {
+            Choice::All(index) => return self.map(mapping, &calibrations.list[*index as usize]),
+            Choice::Rows(chosen) => chosen,
+        };
+        let mut all = Mapped::nowhere(self.a.len(), mapping.sigma.is_some());
+        let mut of_each = vec![Vec::new(); calibrations.list.len() + 1];
+        for (row, &index) in chosen.iter().enumerate() {
+            of_each[index as usize].push(row);
         }
-        if mapping.to == To::Pixel && mapping.origin == PixelOrigin::Centre {
-            x.iter_mut().chain(&mut y).for_each(|value| *value -= 0.5);
+        let used = calibrations.list.iter().zip(&of_each).filter(|(_, rows)| !rows.is_empty());
+        for (calibration, rows) in used {
+            all.put(rows, &self.some(rows).map(mapping, calibration));
         }
-        [known(x), known(y), names(&status)]
+        all
     }
 
     fn some(&self, rows: &[usize]) -> Self {
@@ -179,24 +176,41 @@ impl Points {
         Self { a: pick(&self.a), b: pick(&self.b), c: pick(&self.c) }
     }
 
-    fn map(
-        &self,
-        mapping: &Mapping,
-        calibration: &Calibration,
-        [x, y]: [&mut [f64]; 2],
-        status: &mut [Status],
-    ) {
-        if mapping.to == To::Floor {
-            let pixels = [&self.a[..], &self.b[..]];
-            calibration.projector.pixels_to_floor_within(&calibration.extent(), pixels, [x, y], status);
-            return;
+    /// All of them with one calibration.
+    fn map(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
+        match mapping.to {
+            To::Floor => self.to_floor(mapping, calibration),
+            To::Pixel => self.to_pixels(mapping, calibration),
         }
+    }
+
+    fn to_floor(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
+        let mut mapped = Mapped::nowhere(self.a.len(), false);
+        let stream = calibration.stream;
+        let in_still = |axis, values: &[f64]| -> Vec<f64> {
+            values.iter().map(|&value| stream.in_still(axis, value)).collect()
+        };
+        let scaled = (stream != Stream::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
+        let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
+        let Mapped { x, y, status, .. } = &mut mapped;
+        calibration.projector.pixels_to_floor_within(&calibration.extent(), [u, v], [x, y], status);
+        mapped.sigmas = mapping.sigma.map(|sigma| Sigmas::of(calibration, [u, v], sigma, mapping.height));
+        mapped
+    }
+
+    fn to_pixels(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
+        let mut mapped = Mapped::nowhere(self.a.len(), false);
+        let half = if mapping.origin == PixelOrigin::Centre { 0.5 } else { 0.0 };
         for i in 0..self.a.len() {
             let point = WorldPoint { x: self.a[i], y: self.b[i], z: self.c[i] };
-            let (pixel, what) = to_pixel(calibration, point);
-            (x[i], y[i]) = pixel.map_or((f64::NAN, f64::NAN), |pixel| (pixel.u, pixel.v));
-            status[i] = what;
+            let (pixel, status) = to_pixel(calibration, point);
+            mapped.status[i] = status;
+            if let Some(Pixel { u, v }) = pixel {
+                mapped.x[i] = calibration.stream.in_stream(0, u) - half;
+                mapped.y[i] = calibration.stream.in_stream(1, v) - half;
+            }
         }
+        mapped
     }
 }
 
@@ -213,59 +227,34 @@ fn to_pixel(calibration: &Calibration, point: WorldPoint) -> (Option<Pixel>, Sta
     }
 }
 
-/// Columns of numbers, NaN where there is none.
-fn numbers<const N: usize>(
-    batch: &RecordBatch,
-    names: [&str; N],
-    expected: &str,
-    place: Place<'_>,
-) -> Result<[Vec<f64>; N], Stop> {
-    let schema = batch.schema();
-    let mut found = [const { Vec::new() }; N];
-    for (values, name) in found.iter_mut().zip(names) {
-        let Some((index, field)) = schema.column_with_name(name) else {
-            let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
-            // The columns of CSV are in its header; JSON has them line by line.
-            let is_csv = batch.num_rows() == 0
-                || place(0).starts_with("line") && !schema.fields().iter().any(|f| is_json(f));
-            let place = if is_csv { "line 1".into() } else { place(0) };
-            let what = format!("{place}: found the columns \"{}\", expected {expected}", columns.join(","));
-            return Err(Stop::Invalid(what));
-        };
-        let column = batch.column(index);
-        let column = if is_json(field) { plain(column) } else { column.clone() };
-        *values = doubles(&column, name, place)?;
+impl Mapped {
+    /// Rows that no calibration maps.
+    fn nowhere(rows: usize, with_sigmas: bool) -> Self {
+        let nothing = || vec![f64::NAN; rows];
+        let sigmas = with_sigmas.then(|| Sigmas::unknown(rows));
+        Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas }
     }
-    Ok(found)
-}
 
-fn doubles(column: &ArrayRef, name: &str, place: Place<'_>) -> Result<Vec<f64>, Stop> {
-    let refused = || {
-        Stop::Invalid(format!("column {name}: found values of type {}, expected numbers", column.data_type()))
-    };
-    match column.data_type() {
-        kind if kind.is_numeric() => {
-            let exact = cast(column, &DataType::Float64).map_err(|_| refused())?;
-            let exact = exact.as_primitive::<Float64Type>();
-            Ok(match exact.nulls() {
-                None => exact.values().to_vec(),
-                Some(_) => exact.iter().map(|value| value.unwrap_or(f64::NAN)).collect(),
-            })
+    /// Puts what was mapped of some rows in its places.
+    fn put(&mut self, rows: &[usize], some: &Self) {
+        for (i, &row) in rows.iter().enumerate() {
+            (self.x[row], self.y[row], self.status[row]) = (some.x[i], some.y[i], some.status[i]);
         }
-        DataType::Null => Ok(vec![f64::NAN; column.len()]),
-        DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..) => {
-            let texts = cast(column, &DataType::Utf8).map_err(|_| refused())?;
-            let texts = texts.as_string::<i32>().iter().enumerate();
-            let parsed = texts.map(|(row, text)| match text.map(str::trim) {
-                None | Some("") => Ok(f64::NAN),
-                Some(text) => text.parse().map_err(|_| {
-                    let place = place(row);
-                    Stop::Invalid(format!("{place}, column {name}: found \"{text}\", expected a number"))
-                }),
-            });
-            parsed.collect()
+        if let (Some(all), Some(some)) = (&mut self.sigmas, &some.sigmas) {
+            all.put(rows, some);
         }
-        _ => Err(refused()),
+    }
+
+    /// The columns by their names.
+    fn columns(self, to: To) -> Vec<(&'static str, ArrayRef)> {
+        let [x, y] = match to {
+            To::Floor => ["x_m", "y_m"],
+            To::Pixel => ["u", "v"],
+        };
+        let status = ("status", status_names(&self.status));
+        let sigmas = self.sigmas.into_iter().flat_map(Sigmas::columns);
+        let sigmas = sigmas.map(|(name, values)| (name, known(values)));
+        [(x, known(self.x)), (y, known(self.y)), status].into_iter().chain(sigmas).collect()
     }
 }
 
@@ -277,7 +266,7 @@ fn known(values: Vec<f64>) -> ArrayRef {
     Arc::new(values.into_iter().map(|value| (!value.is_nan()).then_some(value)).collect::<Float64Array>())
 }
 
-fn names(status: &[Status]) -> ArrayRef {
+fn status_names(status: &[Status]) -> ArrayRef {
     let mut names = StringBuilder::with_capacity(status.len(), 4 * status.len());
     status.iter().for_each(|status| names.append_value(status.name()));
     Arc::new(names.finish())

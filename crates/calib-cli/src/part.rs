@@ -36,14 +36,21 @@ impl Part {
         }
     }
 
-    /// Puts the whole file in its place, over what may be there.
-    pub(crate) fn persist(self, path: &Path) -> std::io::Result<()> {
+    /// Puts the whole file in its place: over what is there and with its mode, if that is wanted, else only
+    /// where nothing is.
+    pub(crate) fn persist(self, path: &Path, over: bool) -> std::io::Result<()> {
+        let mode = path.metadata().ok().filter(|_| over).map(|about| about.permissions());
         match self {
             #[cfg(target_os = "linux")]
-            Self::Nameless(file) => name(&file, path),
+            Self::Nameless(file) => {
+                mode.map_or(Ok(()), |mode| file.set_permissions(mode))?;
+                name(&file, path, over)
+            }
             Self::Named(file) => {
                 open_to_others(file.path());
-                Ok(file.persist(path).map(drop)?)
+                mode.map_or(Ok(()), |mode| file.as_file().set_permissions(mode))?;
+                let placed = if over { file.persist(path) } else { file.persist_noclobber(path) };
+                Ok(placed.map(drop)?)
             }
         }
     }
@@ -51,15 +58,16 @@ impl Part {
 
 /// Gives a file without a name one.
 #[cfg(target_os = "linux")]
-fn name(file: &File, path: &Path) -> std::io::Result<()> {
+fn name(file: &File, path: &Path, over: bool) -> std::io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
     use std::os::fd::AsRawFd as _;
     let nameless = format!("/proc/self/fd/{}", file.as_raw_fd());
     let link = |to: &Path| linkat(CWD, nameless.as_str(), CWD, to, AtFlags::SYMLINK_FOLLOW);
-    if link(path).is_ok() {
-        return Ok(());
+    match link(path) {
+        Err(error) if over && error == rustix::io::Errno::EXIST => {}
+        done => return Ok(done?),
     }
-    // Something is there: a link cannot replace it, a name beside it can.
+    // A link cannot replace what is there, a name beside it can.
     let mut beside = path.file_name().unwrap_or_default().to_owned();
     beside.push(format!(".{}", std::process::id()));
     let beside = path.with_file_name(beside);

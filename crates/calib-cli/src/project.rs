@@ -5,13 +5,15 @@ use std::path::Path;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
-use crate::archive::{FORMATS, Format, Input, Output, Sink, Source};
-use crate::args::SiteArgs;
-use crate::calibrations::{ByCamera, Calibrations};
+use crate::archive::{FORMATS, Format, Input, Output, Packing, Purpose, Sink, Source};
+use crate::args::{SiteArgs, size};
+use crate::calibrations::{ByCamera, Calibrations, Wanted};
+use crate::columns::{AtColumn, AtUnit, BadCells, BadRows};
 use crate::files;
 use crate::mapping::{Columns, Mapping, PixelOrigin, To};
 use crate::progress::Progress;
 use crate::stop::Stop;
+use crate::stream::{Fit, StreamSize};
 
 /// What the help says last.
 const METADATA: &str = "Parquet and Arrow say in their metadata what they were mapped with: calib.site_sha256 (of \
@@ -33,6 +35,9 @@ pub(crate) struct Args {
     /// Column of times (timestamps, or RFC 3339 text; without an offset they count as UTC): every row is mapped by the calibration that held then
     #[arg(long, value_name = "NAME", conflicts_with = "at")]
     at_column: Option<String>,
+    /// What numbers of that column count from 1970; by default what its name ends with (_s, _ms, _us, _ns)
+    #[arg(long, value_enum, value_name = "UNIT", requires = "at_column")]
+    at_unit: Option<AtUnit>,
     /// Which way to map
     #[arg(long, value_enum)]
     to: To,
@@ -45,6 +50,21 @@ pub(crate) struct Args {
     /// Height of the plane above the floor, in metres; with --to pixel, where there is no `z_m`
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
+    /// Width and height of the stream that the pixels are of, where it is not the still's
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    stream_size: Option<[u32; 2]>,
+    /// How the image was fitted into that stream; needed where their sides are in different proportions
+    #[arg(long, value_enum, requires = "stream_size")]
+    stream_fit: Option<Fit>,
+    /// Standard deviation of a detection, in pixels of its stream: adds `sigma_x_m,sigma_y_m,rho` of the pixel's part and the same of the calibration's, `calibration_sigma_x_m` and so on, empty where nothing is known of it
+    #[arg(long, value_name = "P")]
+    sigma_px: Option<f64>,
+    /// Rows with a cell that is no number or no time
+    #[arg(long, value_enum, default_value_t = BadRows::Fail)]
+    bad_rows: BadRows,
+    /// Write columns anew that the table has already
+    #[arg(long)]
+    replace: bool,
     /// Input table; - is stdin
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     input: String,
@@ -57,6 +77,12 @@ pub(crate) struct Args {
     /// Format of the output; by default that of its name, or that of the input
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     format: Option<String>,
+    /// Keep this column of CSV as text, though its first cells look like numbers (repeat for more)
+    #[arg(long, value_name = "NAME")]
+    as_text: Vec<String>,
+    /// Write every cell of CSV as it is, even one that a spreadsheet would take for a formula
+    #[arg(long)]
+    verbatim: bool,
     /// Overwrite the output file
     #[arg(long)]
     force: bool,
@@ -68,20 +94,62 @@ fn formats() -> PossibleValuesParser {
 
 /// Maps every row of a table.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    if !args.height_m.is_finite() {
-        return Err(Stop::Usage("--height-m: expected a number of metres".into()));
-    }
-    if args.to == To::Pixel && args.columns == Columns::Boxes {
-        return Err(Stop::Usage("--columns boxes: goes with --to floor".into()));
-    }
-    if args.site.is_stdin() && args.input == "-" {
-        return Err(Stop::Usage(
-            "the site and the table cannot both come from stdin; give --input FILE".into(),
-        ));
-    }
+    check(args)?;
     files::check_free(&args.output, args.force)?;
     let mut calibrations = calibrations(args)?;
     let mut input = Input::open(&args.input)?;
+    let [from, to] = formats_of(args, &mut input)?;
+    let packed = to.packed(&args.output)?;
+    let (bytes, read) = (input.bytes, input.counter());
+    let name = input.name.clone();
+    let source = from.open(input, Purpose { to, as_text: &args.as_text })?;
+    let mut table = Table { name, source, mapping: mapping(args), is_verbatim: args.verbatim };
+    let mut progress = Progress::new(table.source.rows(), bytes, read);
+    let mut pass = |output: Output<'_>| {
+        let output = match packed {
+            Some(packed) => packed.pack(output)?,
+            None => output,
+        };
+        table.pass(&mut calibrations, to, output, &mut progress)
+    };
+    if args.output == "-" {
+        let stdout = files::Stdout::default();
+        stdout.ended(pass(Box::new(BufWriter::with_capacity(1 << 16, stdout.clone()))))?;
+    } else {
+        let path = Path::new(&args.output);
+        files::write_through(path, args.force, |file| {
+            pass(Box::new(BufWriter::with_capacity(1 << 20, file)))
+        })?;
+    }
+    drop(progress);
+    table.mapping.bad.tell();
+    calibrations.tell_lost();
+    Ok(())
+}
+
+/// Refuses what does not go together.
+fn check(args: &Args) -> Result<(), Stop> {
+    let refused = |what: &str| Err(Stop::Usage(what.into()));
+    if !args.height_m.is_finite() {
+        return refused("--height-m: expected a number of metres");
+    }
+    if args.to == To::Pixel && args.columns == Columns::Boxes {
+        return refused("--columns boxes: goes with --to floor");
+    }
+    if args.to == To::Pixel && args.sigma_px.is_some() {
+        return refused("--sigma-px: goes with --to floor");
+    }
+    if args.sigma_px.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
+        return refused("--sigma-px: expected a number of pixels, 0 or more");
+    }
+    if args.site.is_stdin() && args.input == "-" {
+        return refused("the site and the table cannot both come from stdin; give --input FILE");
+    }
+    Ok(())
+}
+
+/// The format that is read, and the one that is written.
+fn formats_of(args: &Args, input: &mut Input) -> Result<[&'static Format; 2], Stop> {
     let from = match (&args.from, Format::of_path(&args.input)) {
         (Some(name), _) => Format::named(name)?,
         (None, Some(format)) => format,
@@ -92,28 +160,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         (None, Some(format)) => format,
         (None, None) => from,
     };
-    let (bytes, read) = (input.bytes, input.counter());
-    let mut table = Table { name: input.name.clone(), source: from.open(input, to)?, mapping: mapping(args) };
-    let mut progress = Progress::new(table.source.rows(), bytes, read);
-    let mut pass = |output: Output<'_>| table.pass(&mut calibrations, to, output, &mut progress);
-    if args.output == "-" {
-        pass(Box::new(BufWriter::new(std::io::stdout())))?;
-    } else {
-        let path = Path::new(&args.output);
-        files::write_through(path, |file| pass(Box::new(BufWriter::with_capacity(1 << 20, file))))?;
-    }
-    drop(progress);
-    calibrations.tell_lost();
-    Ok(())
+    Ok([from, to])
 }
 
 fn mapping(args: &Args) -> Mapping {
-    Mapping { to: args.to, columns: args.columns, origin: args.pixel_origin, height: args.height_m }
+    Mapping {
+        to: args.to,
+        columns: args.columns,
+        origin: args.pixel_origin,
+        height: args.height_m,
+        sigma: args.sigma_px,
+        replaces: args.replace,
+        bad: BadCells::new(args.bad_rows),
+    }
 }
 
 fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
     let file = args.site.read()?;
-    let by = match (&args.camera, &args.camera_column) {
+    let camera = match (&args.camera, &args.camera_column) {
         (Some(id), _) => {
             if args.at_column.is_some() {
                 file.has_camera(id)?;
@@ -124,7 +188,9 @@ fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
         }
         (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
     };
-    Calibrations::of(&file, by, args.at_column.clone(), args.height_m)
+    let at = args.at_column.clone().map(|name| AtColumn::new(name, args.at_unit));
+    let stream = args.stream_size.map(|size| StreamSize { size, fit: args.stream_fit });
+    Calibrations::of(&file, Wanted { camera, at, height: args.height_m, stream })
 }
 
 /// A table on its way from one format to another.
@@ -133,6 +199,7 @@ struct Table {
     name: String,
     source: Box<dyn Source>,
     mapping: Mapping,
+    is_verbatim: bool,
 }
 
 impl Table {
@@ -149,7 +216,7 @@ impl Table {
             let batch = batch?;
             let mapped = self.map(&batch, calibrations)?;
             if let Some(output) = output.take() {
-                sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+                sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
             }
             if let Some(sink) = &mut sink {
                 sink.write(&mapped)?;
@@ -160,9 +227,16 @@ impl Table {
             // No row: a header, where there is one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
             let mapped = self.map(&arrow::array::RecordBatch::new_empty(schema), calibrations)?;
-            sink = Some((to.create)(output, &mapped.schema(), self.source.packing())?);
+            sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
         }
         sink.map_or(Ok(()), Sink::finish)
+    }
+
+    /// How it is written: as it was packed, if it was.
+    fn packing(&self) -> Packing {
+        let mut packing = self.source.packing();
+        packing.is_verbatim = self.is_verbatim;
+        packing
     }
 
     fn map(

@@ -7,12 +7,17 @@ use calib_core::{Residual, ResidualOf, SiteCamera, Solution, Stage, line_name};
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
-use crate::files::{self, SiteFile};
+use crate::files::{SiteFile, say};
+use crate::picture;
 use crate::plan_view::plan_view;
 use crate::render::{Extras, camera_view};
 use crate::site_section::site_section;
 use crate::stop::Stop;
 use crate::svg::{Svg, escape};
+
+/// The page brings all that it shows, and runs nothing.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]
@@ -38,6 +43,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
     let title = escape(file.site.name.as_deref().unwrap_or("Camera calibration"));
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
          <title>{title}</title><style>{}</style></head><body><main><h1>{title}</h1>\n",
         include_str!("report.css")
     );
@@ -46,6 +52,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
     let picture = match file.plan_image() {
         Ok(picture) => picture,
         Err(Stop::Invalid(message)) => {
+            say(format_args!("calib: {message}"));
             let _ = write!(html, "<p class=\"note bad\">{}</p>", escape(&message));
             None
         }
@@ -64,7 +71,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
 
 /// A drawing over its picture, both in the page.
 fn figure(ground: &RgbImage, svg: &Svg) -> Result<String, Stop> {
-    let data = base64::engine::general_purpose::STANDARD.encode(files::jpeg(ground)?);
+    let data = base64::engine::general_purpose::STANDARD.encode(picture::jpeg(ground)?);
     let (w, h) = ground.dimensions();
     let beneath = format!(r#"<image href="data:image/jpeg;base64,{data}" width="{w}" height="{h}"/>"#);
     Ok(svg.finish(&beneath))
@@ -135,6 +142,7 @@ fn section(html: &mut String, file: &SiteFile, camera: &SiteCamera) -> Result<()
             }
             // A page without one picture is better than no page.
             Err(Stop::Invalid(message)) => {
+                say(format_args!("calib: {message}"));
                 let _ = write!(html, "<p class=\"note bad\">{}</p>", escape(&message));
             }
             Err(stop) => return Err(stop),

@@ -7,10 +7,13 @@ use calib_core::{
 };
 use clap::ValueEnum;
 
+use crate::args::ImageArgs;
 use crate::files::{self, SiteFile};
+use crate::progress::Pulse;
+use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
-use crate::words::few;
+use crate::words::{few, visible};
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -35,6 +38,8 @@ pub(crate) enum Format {
 pub(crate) struct Args {
     /// Site file, or - for stdin
     site: String,
+    #[command(flatten)]
+    images: ImageArgs,
     /// Write the solved site here (- is stdout)
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
@@ -63,18 +68,16 @@ pub(crate) struct Args {
 
 /// Solves a site and reports.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    let file = SiteFile::read(&args.site)?;
+    let file = SiteFile::read(&args.site)?.allowing_outside(args.images.allow_outside);
     file.check_images()?;
     for id in &args.camera {
-        if file.site.camera(id).is_none() {
-            file.camera(id)?;
-        }
+        file.has_camera(id)?;
     }
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
     if let Some(camera) = file.site.cameras.first() {
-        files::holds_at(camera, args.at.as_deref())?;
+        site_file::holds_at(camera, args.at.as_deref())?;
     }
     let options = Options {
         method: match args.method {
@@ -85,7 +88,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         prior: !args.no_prior,
         cameras: (!args.camera.is_empty()).then(|| args.camera.clone()),
     };
+    let pulse = Pulse::new("solving");
     let report = file.site.calibrate(&options);
+    drop(pulse);
     let solved = report.write_into(&file.site);
     if let Some(output) = &args.output {
         files::write(output, solved.to_json().as_bytes(), args.force)?;
@@ -93,7 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let mut asked: Vec<Asked> = Vec::new();
     for ((index, _), found) in report.cameras.iter().zip(&report.findings) {
         let camera = &solved.cameras[*index];
-        if files::holds_at(camera, args.at.as_deref())? {
+        if site_file::holds_at(camera, args.at.as_deref())? {
             asked.push(Asked { camera, findings: found.as_deref().unwrap_or_default() });
         }
     }
@@ -173,7 +178,7 @@ fn text(site: &Site, asked: &[Asked]) -> String {
         remarks(&mut out, camera, solution, findings);
     }
     out.push_str(&site_summary(site));
-    out
+    visible(&out).into_owned()
 }
 
 /// How far a solution got, in a word.

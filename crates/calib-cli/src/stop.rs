@@ -42,6 +42,14 @@ impl Stop {
         }
     }
 
+    /// A failure with what was being done; ends of other kinds say all that there is.
+    pub(crate) fn while_doing(self, what: impl FnOnce() -> String) -> Self {
+        match self {
+            Self::Failed(error) => Self::Failed(error.context(what())),
+            other => other,
+        }
+    }
+
     /// Invalid input in a file.
     pub(crate) fn invalid(file: impl fmt::Display, what: impl fmt::Display) -> Self {
         Self::Invalid(format!("{file}: {what}"))

@@ -156,6 +156,6 @@ pub use site::{
     About, Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DrawNext,
     ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link,
     LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
-    NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale, SceneEntry, SceneSigmas,
-    SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
+    NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, Report, Scale, SceneEntry,
+    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
 };

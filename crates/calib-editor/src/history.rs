@@ -42,8 +42,19 @@ impl Snapshot {
 
 /// Puts back everything but the cameras.
 fn put_back_rest(site: &mut Site, known: &Site) {
-    let Site { cameras: _, format, version, name, plan, links, marks, distances, georeference, solution } =
-        known;
+    let Site {
+        cameras: _,
+        format,
+        version,
+        name,
+        plan,
+        links,
+        marks,
+        distances,
+        georeference,
+        scene,
+        solution,
+    } = known;
     (site.format, site.version) = (*format, *version);
     restore(&mut site.name, name);
     restore(&mut site.plan, plan);
@@ -51,6 +62,7 @@ fn put_back_rest(site: &mut Site, known: &Site) {
     restore(&mut site.marks, marks);
     restore(&mut site.distances, distances);
     restore(&mut site.georeference, georeference);
+    restore(&mut site.scene, scene);
     restore(&mut site.solution, solution);
 }
 
@@ -70,6 +82,7 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.marks == b.marks
         && a.distances == b.distances
         && a.georeference == b.georeference
+        && a.scene == b.scene
         && a.solution == b.solution
 }
 
@@ -84,6 +97,7 @@ fn without_cameras(site: &Site) -> Site {
         marks: site.marks.clone(),
         distances: site.distances.clone(),
         georeference: site.georeference.clone(),
+        scene: site.scene,
         solution: site.solution.clone(),
     }
 }

@@ -100,6 +100,8 @@ pub enum Problem {
     NothingToExport,
     /// Several periods have the id of one camera.
     SeveralPeriods,
+    /// An id by which a file is looked for has characters that no name of a file has.
+    NotAFileName,
 }
 
 impl FormatError {
@@ -176,6 +178,10 @@ impl Problem {
             Self::WriteOnly => "is written and not read",
             Self::NothingToExport => "has no calibrated camera to export",
             Self::SeveralPeriods => "several periods have this id; choose one with --at TIME",
+            Self::NotAFileName => {
+                "its file is looked for by this id, which is no name of a file, or that of another camera; give the \
+                 camera an id of letters, digits, \".\", \"-\" and \"_\""
+            }
             Self::Unexpected { .. }
             | Self::MissingKey(_)
             | Self::MissingFile { .. }

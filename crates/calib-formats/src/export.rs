@@ -51,6 +51,12 @@ pub(crate) struct Scene<'a> {
 /// Pixels by which a lens in other terms may be off without a word.
 pub(crate) const UNSEEN: f64 = 0.05;
 
+/// An error that is not understated by the digits that are shown.
+pub(crate) fn rounded_up(error: f64, digits: i32) -> f64 {
+    let unit = 10_f64.powi(digits);
+    (error * unit).ceil() / unit
+}
+
 impl Export {
     pub(crate) fn push(&mut self, name: impl Into<String>, text: impl Into<String>) {
         self.files.push(File::text(name, text));
@@ -69,6 +75,18 @@ impl Export {
         }
     }
 
+    /// A stream in another proportion than the still.
+    pub(crate) fn lose_proportion(&mut self, view: &View) {
+        let ([w, h], [sw, sh]) = (view.size, view.still_size());
+        self.lose(
+            view,
+            format!(
+                "its proportion: {sw} x {sh} pixels become {w} x {h}, which is right only for a stream that was \
+                 stretched like that, and wrong for one that was cut or has bars"
+            ),
+        );
+    }
+
     /// For formats of cameras without distortion.
     pub(crate) fn lose_distortion(&mut self, view: &View) {
         if view.is_distorted() {
@@ -82,13 +100,31 @@ impl Export {
         let Terms::Fitted(brown, off) = terms else { return terms };
         if off.is_finite() && off <= UNSEEN {
             self.notes.push(format!(
-                "camera {:?}: its lens in the terms of this format is at most {off:.3} px off",
-                view.id
+                "camera {:?}: its lens in the terms of this format is at most {:.3} px off",
+                view.id,
+                rounded_up(off, 3)
             ));
             return terms;
         }
-        let by = if off.is_finite() { format!("{off:.2} px at most") } else { "all measure".into() };
+        let by = if off.is_finite() {
+            format!("{:.2} px at most", rounded_up(off, 2))
+        } else {
+            "all measure".into()
+        };
         self.lose(view, format!("its lens model: the nearest k1, k2, k3 are off by {by}"));
         Terms::BrownConrady(brown)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_an_error_is_never_less_than_it_is() {
+        for error in [0.0, 1e-9, 0.0494, 0.050_000_1, 0.1234, 7.0, f64::INFINITY] {
+            let said: f64 = format!("{:.3}", rounded_up(error, 3)).parse().unwrap_or_default();
+            assert!(said >= error && (said - error < 0.001_000_1 || said == error), "{error}: {said}");
+        }
     }
 }

@@ -1,4 +1,5 @@
-//! fSpy's project file: magic, version, sizes, the state as JSON, the picture.
+//! fSpy's project file: magic, version, sizes, the state as JSON, the picture. Or the camera parameters alone, as
+//! it exports them, in JSON.
 //!
 //! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
 //! the middle of the image, the longer side from -1 to 1.
@@ -21,10 +22,14 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 }
 
 fn camera(file: &File) -> Result<Given, FormatError> {
-    let state = state(file)?;
+    let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
+    let state = if is_json { file.clone() } else { state(file)? };
     let tree = Syntax::Json.parse(&state)?;
     let root = Node::root(&state, &tree);
-    let camera = root.need(&["cameraParameters"])?;
+    let camera = match root.get("cameraParameters") {
+        None if is_json => root,
+        _ => root.need(&["cameraParameters"])?,
+    };
     let [width, height] = [camera.need(&["imageWidth"])?.side()?, camera.need(&["imageHeight"])?.side()?];
     let [w, h] = [width, height].map(f64::from);
     let field = camera.need(&["horizontalFieldOfView"])?;

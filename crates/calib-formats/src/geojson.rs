@@ -1,7 +1,7 @@
 //! `GeoJSON`: for every camera its EFOV and its position.
 //!
 //! With a georeference in WGS84 as RFC 7946 wants it; without one the same in metres of the site, under
-//! a name that says so.
+//! a name that says so. Members that the standard does not know, units and fields, say what the numbers are.
 
 use calib_core::{FloorPoint, Georeference};
 use serde_json::{Value, json};
@@ -18,6 +18,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let earth = scene.site.georeference();
     let features: Vec<Value> = scene.views.iter().flat_map(|view| features(view, earth)).collect();
     let mut document = json!({"type": "FeatureCollection", "features": features});
+    document["fields"] = fields(earth.is_some());
     if earth.is_some() {
         export.push("site.geojson", pretty(&document));
         return;
@@ -28,6 +29,22 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export
         .notes
         .push("the site has no georeference: coordinates are metres of the site and not WGS84".into());
+}
+
+/// What the numbers of a feature are, for whoever reads the file without this program.
+fn fields(on_earth: bool) -> Value {
+    let direction = if on_earth {
+        ("azimuth_deg", "where the camera looks, in degrees clockwise from north")
+    } else {
+        (
+            "heading_deg",
+            "where the camera looks, in degrees counter-clockwise from +x of the site, seen from above",
+        )
+    };
+    let mut fields = json!({"height_m": "of the camera above the floor, in metres",
+        "kind": "efov: the floor that the camera shows; camera: where it stands"});
+    fields[direction.0] = json!(direction.1);
+    fields
 }
 
 fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {

@@ -8,7 +8,7 @@
 
 use calib_core::{Distortion, Extent, FloorPoint};
 
-use crate::export::{Export, Scene, UNSEEN};
+use crate::export::{Export, Scene, UNSEEN, rounded_up};
 use crate::tree::digits;
 use crate::view::{View, solved};
 
@@ -26,11 +26,11 @@ struct Row<'a> {
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let rows: Vec<Row<'_>> = scene.views.iter().map(Row::of).collect();
     for row in &rows {
-        let [pixels, metres] = row.off;
+        let [pixels, metres] = row.off_said();
         let what = format!(
             "its distortion, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
         );
-        if pixels > UNSEEN {
+        if row.off[0] > UNSEEN {
             export.lose(row.view, what);
         } else if pixels > 0.0 {
             export.notes.push(format!("camera {:?}: {what}", row.view.id));
@@ -71,6 +71,11 @@ impl<'a> Row<'a> {
         let q = quotient(self.straighten, a * a + b * b);
         let [x, y, w] = self.floor_from_lens().map(|row| row[0] * a + row[1] * b + row[2] * q);
         (q > 0.0 && w > 0.0).then_some([x / w, y / w])
+    }
+
+    /// [`Self::off`] in the digits that are shown, a thousandth of a pixel and a tenth of a millimetre.
+    fn off_said(&self) -> [f64; 2] {
+        [rounded_up(self.off[0], 3), rounded_up(self.off[1], 4)]
     }
 
     /// What is [`Self::off`].
@@ -212,7 +217,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
 
 impl Row<'_> {
     fn comment(&self) -> String {
-        let [pixels, metres] = self.off;
+        let [pixels, metres] = self.off_said();
         // A comment ends with its line.
         let id = self.view.id.replace(|c: char| c.is_control(), " ");
         match pixels > 0.0 {

@@ -3,9 +3,12 @@
 
 use std::fmt::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use calib_core::{FloorPoint, PlanPixel, PlanScale};
 
 use crate::export::{Export, Scene};
+use crate::file::File;
 use crate::tree::escaped;
 
 const COLOURS: [&str; 8] =
@@ -42,11 +45,14 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     );
     if let Some(plan) = picture {
         let [width, height] = plan.size;
-        let _ = writeln!(
-            text,
-            "<image href=\"plan.png\" width=\"{width}\" height=\"{height}\" opacity=\"0.6\"/>"
-        );
-        export.files.push(crate::file::File { name: "plan.png".into(), bytes: plan.png.clone() });
+        let href = if scene.options.embeds {
+            format!("data:image/png;base64,{}", STANDARD.encode(&plan.png))
+        } else {
+            export.files.push(File { name: "plan.png".into(), bytes: plan.png.clone() });
+            "plan.png".into()
+        };
+        let _ =
+            writeln!(text, "<image href=\"{href}\" width=\"{width}\" height=\"{height}\" opacity=\"0.6\"/>");
     }
     for (index, view) in scene.views.iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];

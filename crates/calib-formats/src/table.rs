@@ -65,12 +65,28 @@ fn csv(rows: &[Map<String, Value>]) -> String {
     text
 }
 
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+/// Whether a spreadsheet that opens CSV would take a cell of text for a formula and run it: what begins with a
+/// sign and is no number, too.
+#[must_use]
+pub fn runs_in_spreadsheets(cell: &[u8]) -> bool {
+    match cell {
+        [b'=' | b'@' | b'\t' | b'\r', ..] => true,
+        [b'+' | b'-', _, ..] => {
+            std::str::from_utf8(cell).map_or(true, |text| text.trim().parse::<f64>().is_err())
+        }
+        _ => false,
+    }
+}
+
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.contains([',', '"', '\n', '\r']) => {
-            format!("\"{}\"", text.replace('"', "\"\""))
-        }
+        Value::String(text) if runs_in_spreadsheets(text.as_bytes()) => quoted(&format!("'{text}")),
+        Value::String(text) if text.contains([',', '"', '\n', '\r']) => quoted(text),
         Value::String(text) => text.clone(),
         Value::Array(items) => items.iter().map(cell).collect::<Vec<_>>().join(" "),
         number => match (number.as_u64(), number.as_f64()) {
@@ -78,5 +94,21 @@ fn cell(value: &Value) -> String {
             (_, Some(value)) => digits(value),
             _ => String::new(),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_formula_is_text_in_a_cell_and_a_number_stays_one() {
+        for text in ["=1+1", "@SUM(A1)", "+cmd|' /C calc'!A0", "-2+3", "\t=1"] {
+            assert!(runs_in_spreadsheets(text.as_bytes()), "{text}");
+            assert!(cell(&json!(text)).starts_with("\"'"), "{text}");
+        }
+        for text in ["-1.5", "+3", "-1e-7", "door", "-", "", "2026-05-01"] {
+            assert!(!runs_in_spreadsheets(text.as_bytes()), "{text}");
+        }
     }
 }

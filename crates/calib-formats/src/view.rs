@@ -22,6 +22,8 @@ pub struct ExportOptions {
     pub camera: Option<String>,
     /// The plan's picture as PNG, and its size in pixels.
     pub plan: Option<PlanPicture>,
+    /// Pictures stand in the file that shows them and not beside it, where the format can do that.
+    pub embeds: bool,
 }
 
 /// A floor plan's picture.
@@ -103,6 +105,18 @@ impl View {
         };
         view.efov_px = drawn.into_iter().map(|pixel| view.in_stream(pixel)).collect();
         Some(view)
+    }
+
+    /// Width and height of the still, in pixels.
+    pub(crate) fn still_size(&self) -> [f64; 2] {
+        [0, 1].map(|i| (f64::from(self.size[i]) / self.scale[i]).round())
+    }
+
+    /// Whether the stream's proportion is another one than the still's, by more than rounding to whole pixels.
+    pub(crate) fn is_stretched(&self) -> bool {
+        let [w, h] = self.size.map(f64::from);
+        let [still_w, still_h] = self.still_size();
+        (w - still_w * h / still_h).abs() >= 1.0 && (h - still_h * w / still_w).abs() >= 1.0
     }
 
     /// A pixel of the stream from one of the still.

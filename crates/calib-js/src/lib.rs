@@ -40,7 +40,8 @@ impl Site {
     /// `sigmaPx` is the standard deviation of the pixel, 1 if it is not given.
     ///
     /// # Errors
-    /// Throws when the site has no calibrated camera of this id.
+    /// Throws when the site has no calibrated camera of this id, and when it has several periods and `at` (RFC 3339)
+    /// does not say which.
     #[wasm_bindgen(js_name = pixelToFloor)]
     pub fn pixel_to_floor(
         &self,
@@ -48,8 +49,9 @@ impl Site {
         u: f64,
         v: f64,
         #[wasm_bindgen(js_name = sigmaPx)] sigma_px: Option<f64>,
+        at: Option<String>,
     ) -> Result<Option<FloorPoint>, JsError> {
-        let (entry, camera) = self.calibrated(camera)?;
+        let (entry, camera) = self.calibrated(camera, at.as_deref())?;
         let efov = entry.floor_polygon();
         let extent = Extent { size: entry.size(), efov: &efov };
         let (mut x, mut y, mut status) = ([f64::NAN], [f64::NAN], [Status::Ok]);
@@ -63,10 +65,16 @@ impl Site {
     /// Many at once: u, v, u, v and so on give x, y, x, y and so on; `NaN` where a pixel shows no floor.
     ///
     /// # Errors
-    /// Throws when the site has no calibrated camera of this id.
+    /// Throws when the site has no calibrated camera of this id, and when it has several periods and `at` (RFC 3339)
+    /// does not say which.
     #[wasm_bindgen(js_name = pixelsToFloor)]
-    pub fn pixels_to_floor(&self, camera: &str, pixels: &[f64]) -> Result<Float64Array, JsError> {
-        let (_, camera) = self.calibrated(camera)?;
+    pub fn pixels_to_floor(
+        &self,
+        camera: &str,
+        pixels: &[f64],
+        at: Option<String>,
+    ) -> Result<Float64Array, JsError> {
+        let (_, camera) = self.calibrated(camera, at.as_deref())?;
         let (pairs, []) = pixels.as_chunks::<2>() else {
             return Err(JsError::new("an odd number of coordinates: u, v, u, v and so on are expected"));
         };
@@ -80,7 +88,8 @@ impl Site {
     /// The pixel that shows a point of the floor, or `z` metres above it; `undefined` when the camera cannot.
     ///
     /// # Errors
-    /// Throws when the site has no calibrated camera of this id.
+    /// Throws when the site has no calibrated camera of this id, and when it has several periods and `at` (RFC 3339)
+    /// does not say which.
     #[wasm_bindgen(js_name = floorToPixel)]
     pub fn floor_to_pixel(
         &self,
@@ -88,16 +97,16 @@ impl Site {
         x: f64,
         y: f64,
         z: Option<f64>,
+        at: Option<String>,
     ) -> Result<Option<Pixel>, JsError> {
-        let (_, camera) = self.calibrated(camera)?;
+        let (_, camera) = self.calibrated(camera, at.as_deref())?;
         Ok(camera.world_to_pixel(WorldPoint::new(x, y, z.unwrap_or(0.0))).map(Pixel::new))
     }
 
-    /// An id may repeat with periods that do not overlap: the one that still holds is meant.
-    fn calibrated(&self, id: &str) -> Result<(&SiteCamera, calib_core::Camera), JsError> {
-        let of_id = || self.0.cameras.iter().filter(|camera| camera.id == id);
-        let entry = of_id().find(|camera| camera.valid_to.is_none()).or_else(|| of_id().next_back());
-        let entry = entry.ok_or_else(|| JsError::new(&format!("the site has no camera {id:?}")))?;
+    /// An id may repeat with periods that do not overlap: only a time says which one is meant.
+    fn calibrated(&self, id: &str, at: Option<&str>) -> Result<(&SiteCamera, calib_core::Camera), JsError> {
+        let entry = self.0.camera_at(id, at);
+        let entry = entry.map_err(|why| JsError::new(&format!("camera {id:?}: {why}")))?;
         let camera = entry
             .camera()
             .ok_or_else(|| JsError::new(&format!("camera {id:?} is not calibrated: solve the site first")))?;

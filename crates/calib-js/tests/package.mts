@@ -77,9 +77,19 @@ try {
   assert.ok(mapped > 20 * cameras.length, `${mapped} pixels show the floor`);
   assert.ok(site.floorToPixel(cameras[0], 1, 2, 1.7));
 
+  const moved = JSON.parse(native);
+  moved.cameras = [moved.cameras[0], structuredClone(moved.cameras[0])];
+  moved.links = moved.marks = moved.distances = [];
+  [moved.cameras[0].valid_to, moved.cameras[1].valid_from] = ["2026-06-01T00:00:00Z", "2026-06-01T00:00:00Z"];
+  const periods = new Site(JSON.stringify(moved));
+  assert.throws(() => periods.pixelToFloor(cameras[0], 900, 900), /several periods/);
+  assert.throws(() => periods.floorToPixel(cameras[0], 1, 2, 0, "noon"), /time/);
+  assert.ok(periods.pixelToFloor(cameras[0], 900, 900, 1, "2026-05-01T00:00:00Z"));
+  assert.equal(periods.pixelsToFloor(cameras[0], Float64Array.of(900, 900), "2026-07-01T00:00:00Z").length, 2);
+
   assert.throws(() => new Site('{"format": "calib-site", "version": 2}'), /version/);
   assert.throws(() => solve("{"), Error);
-  assert.throws(() => site.pixelToFloor("nobody", 1, 2), /no camera "nobody"/);
+  assert.throws(() => site.pixelToFloor("nobody", 1, 2), /"nobody": the site has no camera/);
   assert.throws(() => new Site(drawn).pixelToFloor(cameras[0], 1, 2), /not calibrated/);
   assert.equal(site.floorToPixel(cameras[0], Number.NaN, 0), undefined);
   assert.equal(site.pixelToFloor(cameras[0], Number.NaN, 0), undefined);

@@ -35,7 +35,8 @@ pub(crate) fn run() -> anyhow::Result<()> {
 fn print_row(set: &Errors) {
     let mut errors: Vec<f64> = set.each.iter().map(|(error, _)| error.abs()).collect();
     errors.sort_by(f64::total_cmp);
-    let at = |share: f64| errors.get((share * (errors.len() as f64 - 1.0)) as usize).copied().unwrap_or(f64::NAN);
+    let at =
+        |share: f64| errors.get((share * (errors.len() as f64 - 1.0)) as usize).copied().unwrap_or(f64::NAN);
     let gross = errors.iter().filter(|error| **error > 20.0).count() as f64 / errors.len() as f64;
     let [half, most, nearly] = [0.5, 0.8, 0.95].map(|level| 100.0 * coverage(set, level));
     println!(
@@ -84,7 +85,9 @@ fn roads(folder: &std::path::Path) -> anyhow::Result<Errors> {
     for name in ["s1_center", "s1_right"] {
         let mut site = Site::from_json(&std::fs::read_to_string(folder.join(format!("{name}.json")))?)?;
         let _ = site.calibrate(&Options::default());
-        let Some(camera) = site.cameras[0].solution.as_ref().and_then(|solution| solution.camera()) else { continue };
+        let Some(camera) = site.cameras[0].solution.as_ref().and_then(|solution| solution.camera()) else {
+            continue;
+        };
         let distances: Vec<Distance> =
             truth["distances"][name].as_array().into_iter().flatten().filter_map(Distance::read).collect();
         let pairs = (0..distances.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
@@ -175,7 +178,11 @@ fn svg(sets: &[Errors]) -> String {
             100.0 * share,
         );
     }
-    text += &format!("<path d=\"M{} L{}\" stroke=\"#9ca3af\" stroke-dasharray=\"4 4\" fill=\"none\"/>\n", place(0.0, 0.0), place(1.0, 1.0));
+    text += &format!(
+        "<path d=\"M{} L{}\" stroke=\"#9ca3af\" stroke-dasharray=\"4 4\" fill=\"none\"/>\n",
+        place(0.0, 0.0),
+        place(1.0, 1.0)
+    );
     text += "<text x=\"200\" y=\"369\" text-anchor=\"middle\" fill=\"#111827\">level of the interval, %</text><text x=\"50\" y=\"18\" fill=\"#111827\">share of results that it holds, %</text>\n";
     for (index, set) in sets.iter().enumerate() {
         let points: Vec<String> = LEVELS.iter().map(|&level| place(level, coverage(set, level))).collect();

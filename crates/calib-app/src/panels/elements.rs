@@ -78,7 +78,8 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
         return;
     };
-    let sigma = app.editor.session().site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let entry = app.editor.session().site.cameras.iter().find(|entry| entry.id == *camera);
+    let sigma = entry.and_then(|entry| entry.sigma_px).unwrap_or(1.0);
     let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
 }

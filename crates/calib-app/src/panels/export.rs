@@ -57,8 +57,14 @@ fn make(app: &mut App, ctx: &Context) {
         let extension = format.extensions.get(asked.extension).map(|extension| (*extension).to_owned());
         sheet.making = Some(Task::spawn(ctx, move || {
             let plan = plan.map(|image| picture(&image)).transpose()?;
-            let options =
-                ExportOptions { rectified: asked.rectified, rescale: None, extension, camera: one, plan };
+            let options = ExportOptions {
+                rectified: asked.rectified,
+                rescale: None,
+                extension,
+                camera: one,
+                plan,
+                embeds: false,
+            };
             calib_formats::export(format, &site, &options).map_err(|error| error.to_string())
         }));
     }

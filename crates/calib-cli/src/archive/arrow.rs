@@ -10,7 +10,7 @@ use ::arrow::ipc::reader::StreamDecoder;
 use ::arrow::ipc::root_as_message;
 use ::arrow::ipc::writer::{FileWriter, StreamWriter};
 
-use super::{Format, Input, Output, Packing, Sink, Source};
+use super::{Input, Output, Packing, Purpose, Sink, Source};
 use crate::stop::Stop;
 
 /// An IPC file begins and ends with this; between is a stream, after some zeros, and the list of its parts.
@@ -22,9 +22,11 @@ const CHUNK: usize = 1 << 20;
 /// Before the length of a message; older streams have none.
 const CONTINUES: [u8; 4] = [0xFF; 4];
 
-/// Bytes that one column of a batch may take once it is unpacked: memory is taken for what a length
-/// promises, before anything is unpacked.
-const MOST_UNPACKED: i64 = 1 << 30;
+/// Bytes that a batch may take once it is unpacked: memory is taken for what a length promises, before
+/// anything is unpacked.
+const MOST_UNPACKED: u64 = 256 << 20;
+/// What a large batch may promise for every byte that is there.
+const MOST_RATIO: u64 = 64;
 
 struct Stream {
     name: String,
@@ -42,7 +44,7 @@ struct Stream {
     rows: usize,
 }
 
-pub(super) fn open(mut input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(mut input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
     let is_file = input.format()?.name == "arrow-file";
     let (decoder, chunk) = (StreamDecoder::new(), Buffer::from(Vec::<u8>::new()));
@@ -105,18 +107,24 @@ impl Stream {
             packed.iter().flatten().filter(|part| part.length() >= 8).map(|part| part.offset()).collect();
         let start = bytes.len();
         self.read(bytes, body)?;
-        for offset in offsets {
-            let at = usize::try_from(offset).ok().and_then(|offset| start.checked_add(offset));
-            let promised = at.and_then(|at| bytes.get(at..)?.first_chunk());
-            if let Some(promised) =
-                promised.map(|bytes| i64::from_le_bytes(*bytes)).filter(|n| *n > MOST_UNPACKED)
-            {
-                return Err(self.broken(format!(
-                    "a column of a batch unpacks to {promised} bytes; at most {MOST_UNPACKED} are read"
-                )));
-            }
-        }
+        let promised = |offset: i64| {
+            let at = usize::try_from(offset).ok().and_then(|offset| start.checked_add(offset))?;
+            bytes.get(at..)?.first_chunk().map(|bytes| i64::from_le_bytes(*bytes))
+        };
+        self.check_promise(offsets.into_iter().filter_map(promised), (bytes.len() - start) as u64)?;
         Ok(true)
+    }
+
+    /// Refuses a batch that promises to unpack to more than is read from so many bytes, before memory is taken.
+    fn check_promise(&self, promised: impl Iterator<Item = i64>, packed: u64) -> Result<(), Stop> {
+        // A negative length says that a column is not packed, or is refused by the library.
+        let sum = promised.filter_map(|length| u64::try_from(length).ok()).fold(0, u64::saturating_add);
+        let most = MOST_UNPACKED.max(packed.saturating_mul(MOST_RATIO));
+        if sum > most {
+            let what = format!("a batch of {packed} bytes unpacks to {sum} bytes; at most {most} are read");
+            return Err(self.broken(what));
+        }
+        calib_input::room_for(sum).map_err(|error| self.broken(format!("a batch {error}")))
     }
 
     /// After the magic zeros fill up to 8 or to 64 bytes.

@@ -1,4 +1,5 @@
-//! CSV: every column is text, and stays as it is.
+//! CSV: every column is text, and stays as it is in CSV; for formats whose columns have types, the first rows
+//! tell them.
 
 use std::cell::Cell;
 use std::io::{Read, Write as _};
@@ -10,10 +11,14 @@ use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, Sche
 use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, Writer};
 
+use calib_formats::runs_in_spreadsheets;
+
 use super::utc::in_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Sink, Source,
+    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose, Sink,
+    Source, text_types,
 };
+use crate::files::say;
 use crate::stop::Stop;
 
 /// Text that a batch may have before it is handed on.
@@ -23,8 +28,15 @@ struct Csv {
     name: String,
     reader: Reader<Limited>,
     left: Rc<Cell<u64>>,
+    /// As it is handed on; of text until the types are known.
     schema: SchemaRef,
+    /// Whether the first rows are still to tell the types.
+    is_untold: bool,
+    /// Columns that stay text.
+    as_text: Vec<String>,
     record: ByteRecord,
+    /// The rows that told the types.
+    first: Option<RecordBatch>,
     /// Line of every row of the last batch.
     lines: Vec<u64>,
 }
@@ -44,7 +56,7 @@ impl Read for Limited {
     }
 }
 
-pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let (name, left) = (input.name.clone(), Rc::new(Cell::new(MAX_ROW_BYTES)));
     let limited = Limited { from: input.into_read(), left: Rc::clone(&left) };
     let mut reader = Reader::from_reader(limited);
@@ -56,15 +68,72 @@ pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>
     let fields: Vec<Field> =
         header.iter().map(|column| Field::new(column.trim(), DataType::Utf8, true)).collect();
     let schema = Arc::new(Schema::new(fields));
-    Ok(Box::new(Csv { name, reader, left, schema, record: ByteRecord::new(), lines: Vec::new() }))
+    check_columns(&name, &schema, purpose.as_text)?;
+    let (is_untold, as_text) = (purpose.to.is_typed, purpose.as_text.to_vec());
+    let (record, lines) = (ByteRecord::new(), Vec::new());
+    let mut csv = Csv { name, reader, left, schema, is_untold, as_text, record, first: None, lines };
+    if is_untold {
+        csv.first = csv.read()?;
+    }
+    Ok(Box::new(csv))
+}
+
+/// Refuses a name that no column has.
+fn check_columns(name: &str, schema: &Schema, as_text: &[String]) -> Result<(), Stop> {
+    let Some(unknown) = as_text.iter().find(|column| schema.index_of(column).is_err()) else { return Ok(()) };
+    let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
+    Err(Stop::invalid(
+        name,
+        format!("--as-text {unknown}: the table has the columns \"{}\"", columns.join(",")),
+    ))
 }
 
 impl Csv {
+    /// The next rows, if there are any.
+    fn read(&mut self) -> Result<Option<RecordBatch>, Stop> {
+        let count = self.schema.fields().len();
+        let rows = BATCH_ROWS.min(BATCH_BYTES / CELL_BYTES / count.max(1));
+        let mut columns: Vec<StringBuilder> =
+            (0..count).map(|_| StringBuilder::with_capacity(rows, 0)).collect();
+        if !self.fill(&mut columns)? {
+            return Ok(None);
+        }
+        let columns: Vec<ArrayRef> =
+            columns.iter_mut().map(|column| Arc::new(column.finish()) as ArrayRef).collect();
+        let columns = self.typed(columns)?;
+        Ok(Some(RecordBatch::try_new(Arc::clone(&self.schema), columns)?))
+    }
+
+    /// The columns with the types that the first rows told.
+    fn typed(&mut self, columns: Vec<ArrayRef>) -> Result<Vec<ArrayRef>, Stop> {
+        if std::mem::take(&mut self.is_untold) {
+            let fields = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
+                let stays = self.as_text.contains(field.name());
+                let kind = if stays { DataType::Utf8 } else { text_types::kind(column) };
+                Field::new(field.name(), kind, true)
+            });
+            self.schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()));
+        }
+        let typed = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
+            text_types::parsed(column, field.data_type()).map_err(|(row, expected)| {
+                let (name, text) = (field.name(), column.as_string::<i32>().value(row));
+                let what = format!(
+                    "{}, column {name}: found \"{text}\", expected {expected} as in the first rows; --as-text {name} \
+                     keeps the column as text",
+                    self.place(row)
+                );
+                Stop::invalid(&self.name, what)
+            })
+        });
+        typed.collect()
+    }
+
     /// Reads rows into the builders; whether there were any.
     fn fill(&mut self, columns: &mut [StringBuilder]) -> Result<bool, Stop> {
         self.lines.clear();
         let mut bytes = 0;
-        while self.lines.len() < BATCH_ROWS && bytes < BATCH_BYTES {
+        let most = if self.is_untold { FIRST_ROWS } else { BATCH_ROWS };
+        while self.lines.len() < most && bytes < BATCH_BYTES {
             self.left.set(MAX_ROW_BYTES);
             let more = self.reader.read_byte_record(&mut self.record);
             if !more.map_err(|error| Stop::invalid(&self.name, error))? {
@@ -91,17 +160,10 @@ impl Source for Csv {
     }
 
     fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
-        let count = self.schema.fields().len();
-        let rows = BATCH_ROWS.min(BATCH_BYTES / CELL_BYTES / count.max(1));
-        let mut columns: Vec<StringBuilder> =
-            (0..count).map(|_| StringBuilder::with_capacity(rows, 0)).collect();
-        match self.fill(&mut columns) {
-            Ok(true) => {}
-            Ok(false) => return None,
-            Err(stop) => return Some(Err(stop)),
+        match self.first.take() {
+            Some(batch) => Some(Ok(batch)),
+            None => self.read().transpose(),
         }
-        let columns = columns.iter_mut().map(|column| Arc::new(column.finish()) as ArrayRef).collect();
-        Some(RecordBatch::try_new(Arc::clone(&self.schema), columns).map_err(Stop::from))
     }
 
     fn place(&self, row: usize) -> String {
@@ -109,16 +171,36 @@ impl Source for Csv {
     }
 }
 
-struct CsvSink<'a>(Writer<Output<'a>>);
+struct CsvSink<'a> {
+    writer: Writer<Output<'a>>,
+    is_verbatim: bool,
+    /// Cells that got an apostrophe.
+    quoted: u64,
+}
 
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: Packing,
+    packing: Packing,
 ) -> Result<Box<dyn Sink + 'a>, Stop> {
-    let mut writer = Writer::from_writer(output);
-    writer.write_record(schema.fields().iter().map(|field| field.name()))?;
-    Ok(Box::new(CsvSink(writer)))
+    let writer = Writer::from_writer(output);
+    let mut sink = CsvSink { writer, is_verbatim: packing.is_verbatim, quoted: 0 };
+    for field in schema.fields() {
+        sink.write_text(field.name().as_bytes())?;
+    }
+    sink.writer.write_record(None::<&[u8]>)?;
+    Ok(Box::new(sink))
+}
+
+impl CsvSink<'_> {
+    /// Writes a cell that a spreadsheet would run with an apostrophe before it, which makes it text there.
+    fn write_text(&mut self, text: &[u8]) -> Result<(), Stop> {
+        if self.is_verbatim || !runs_in_spreadsheets(text) {
+            return Ok(self.writer.write_field(text)?);
+        }
+        self.quoted += 1;
+        Ok(self.writer.write_field([b"'", text].concat())?)
+    }
 }
 
 impl Sink for CsvSink<'_> {
@@ -132,15 +214,22 @@ impl Sink for CsvSink<'_> {
             for cell in &cells {
                 text.clear();
                 cell.print(row, &mut text)?;
-                self.0.write_field(&text)?;
+                self.write_text(&text)?;
             }
-            self.0.write_record(None::<&[u8]>)?;
+            self.writer.write_record(None::<&[u8]>)?;
         }
         Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), Stop> {
-        Ok(self.0.flush()?)
+        if self.quoted > 0 {
+            say(format_args!(
+                "calib: {} cells that a spreadsheet would take for a formula begin with an apostrophe; --verbatim \
+                 writes them as they are",
+                self.quoted
+            ));
+        }
+        Ok(self.writer.flush()?)
     }
 }
 

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use ::arrow::array::RecordBatch;
 use ::arrow::datatypes::SchemaRef;
 
-use super::{Format, Input, Packing, Source};
+use super::{Format, Input, Packing, Purpose, Source};
 use crate::stop::Stop;
 
 struct Guarded {
@@ -14,9 +14,9 @@ struct Guarded {
 }
 
 /// Opens a table.
-pub(super) fn open(format: &Format, input: Input, to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(format: &Format, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
-    let source = guarded(&name, || (format.open)(input, to))?;
+    let source = guarded(&name, || (format.open)(input, purpose))?;
     Ok(Box::new(Guarded { name, source }))
 }
 

@@ -6,6 +6,7 @@ use std::io::{Cursor, Read, Seek as _, SeekFrom};
 use std::rc::Rc;
 
 use super::Format;
+use super::packed::Packed;
 use crate::stop::Stop;
 
 /// First bytes that tell a format.
@@ -20,6 +21,8 @@ pub(crate) struct Input {
     read: Rc<Cell<u64>>,
     /// Bytes in all, of a file.
     pub(crate) bytes: Option<u64>,
+    /// Whether it is packed as a whole.
+    is_packed: bool,
 }
 
 enum From {
@@ -28,29 +31,45 @@ enum From {
 }
 
 impl Input {
-    /// Opens a file; `-` is stdin.
+    /// Opens a file or a named pipe; `-` is stdin. What is packed as a whole is unpacked as it is read.
     pub(crate) fn open(path: &str) -> Result<Self, Stop> {
-        let read = Rc::default();
-        if path == "-" {
-            let from = From::Pipe(Box::new(std::io::stdin().lock()));
-            return Ok(Self { name: "stdin".into(), from, read, bytes: None });
+        let mut input = if path == "-" { Self::stdin() } else { Self::of_path(path)? };
+        let head = input.head()?;
+        if let Some(packed) = Packed::of_bytes(&head) {
+            let refused = |error| Stop::invalid(&input.name, error);
+            let unpacked = packed.unpack(input.from.into_read(&input.read)).map_err(refused)?;
+            input = Self { from: From::Pipe(unpacked), is_packed: true, ..input };
         }
+        Ok(input)
+    }
+
+    fn stdin() -> Self {
+        let read = Rc::default();
+        let from = From::Pipe(counted(std::io::stdin().lock(), &read));
+        Self { name: "stdin".into(), from, read, bytes: None, is_packed: false }
+    }
+
+    fn of_path(path: &str) -> Result<Self, Stop> {
         let refused = |error| Stop::invalid(path, error);
-        let file = File::open(path).map_err(refused)?;
-        let about = file.metadata().map_err(refused)?;
+        let about = std::fs::metadata(path).map_err(refused)?;
         if about.is_dir() {
             return Err(Stop::invalid(path, "is a folder, expected a file"));
         }
+        if is_device(&about) {
+            return Err(Stop::invalid(path, "is a device, expected a file or a pipe"));
+        }
+        let file = File::open(path).map_err(refused)?;
+        let read = Rc::default();
         // A named pipe cannot be gone back in.
         let (from, bytes) = match about.is_file() {
             true => (From::File(file), Some(about.len())),
-            false => (From::Pipe(Box::new(file)), None),
+            false => (From::Pipe(counted(file, &read)), None),
         };
-        Ok(Self { name: path.into(), from, read, bytes })
+        Ok(Self { name: path.into(), from, read, bytes, is_packed: false })
     }
 
-    /// The format that the first bytes tell.
-    pub(crate) fn format(&mut self) -> Result<&'static Format, Stop> {
+    /// The first bytes, which are still to be read.
+    fn head(&mut self) -> Result<Vec<u8>, Stop> {
         let mut head = Vec::new();
         let refused = |error| Stop::invalid(&self.name, error);
         match &mut self.from {
@@ -64,7 +83,12 @@ impl Input {
                 *pipe = Box::new(Cursor::new(head.clone()).chain(rest));
             }
         }
-        Ok(Format::of_bytes(&head))
+        Ok(head)
+    }
+
+    /// The format that the first bytes tell.
+    pub(crate) fn format(&mut self) -> Result<&'static Format, Stop> {
+        Ok(Format::of_bytes(&self.head()?))
     }
 
     /// How many bytes have been read, whoever reads them.
@@ -74,15 +98,15 @@ impl Input {
 
     /// To be read from front to back.
     pub(crate) fn into_read(self) -> Box<dyn Read> {
-        let from: Box<dyn Read> = match self.from {
-            From::File(file) => Box::new(file),
-            From::Pipe(pipe) => pipe,
-        };
-        Box::new(Counted { from, read: self.read })
+        self.from.into_read(&self.read)
     }
 
     /// To be read anywhere; a pipe is kept in a temporary file that nobody sees.
     pub(crate) fn into_file(self) -> Result<File, Stop> {
+        if self.is_packed {
+            let what = "a table of this format is not packed as a whole; unpack it first";
+            return Err(Stop::invalid(&self.name, what));
+        }
         match self.from {
             From::File(file) => Ok(file),
             From::Pipe(mut pipe) => {
@@ -93,6 +117,33 @@ impl Input {
             }
         }
     }
+}
+
+impl From {
+    fn into_read(self, read: &Rc<Cell<u64>>) -> Box<dyn Read> {
+        match self {
+            Self::File(file) => counted(file, read),
+            Self::Pipe(pipe) => pipe,
+        }
+    }
+}
+
+/// Whether a path leads to what has no end and no place: a disk, a terminal, a source of zeros.
+fn is_device(about: &std::fs::Metadata) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt as _;
+        about.file_type().is_char_device() || about.file_type().is_block_device()
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = about;
+        false
+    }
+}
+
+fn counted(from: impl Read + 'static, read: &Rc<Cell<u64>>) -> Box<dyn Read> {
+    Box::new(Counted { from: Box::new(from), read: Rc::clone(read) })
 }
 
 struct Counted {

@@ -6,8 +6,12 @@ mod guard;
 mod input;
 mod json_text;
 mod ndjson;
+mod packed;
+mod page_guard;
 mod parquet;
+mod text_types;
 mod utc;
+mod zstd_bound;
 
 use std::io::Write;
 use std::path::Path;
@@ -17,6 +21,7 @@ use ::arrow::datatypes::{Schema, SchemaRef};
 
 pub(crate) use input::Input;
 pub(crate) use json_text::{is_json, plain};
+pub(crate) use packed::Packed;
 pub(crate) use parquet::Packing;
 
 use crate::stop::Stop;
@@ -29,6 +34,8 @@ const MAX_ROW_BYTES: u64 = 64 << 20;
 
 /// Most columns of a table of text: what has more is a bag of anything.
 const MAX_COLUMNS: usize = 10_000;
+/// Rows of a table of text that tell the types of its columns.
+const FIRST_ROWS: usize = 1 << 16;
 /// What a cell of a table of text takes beside its text, in bytes: empty cells count, too.
 const CELL_BYTES: usize = 8;
 
@@ -62,10 +69,19 @@ pub(crate) trait Sink {
     fn finish(self: Box<Self>) -> Result<(), Stop>;
 }
 
+/// What a table is read for.
+#[derive(Clone, Copy)]
+pub(crate) struct Purpose<'a> {
+    /// In which it is to be written.
+    pub(crate) to: &'static Format,
+    /// Columns that stay text, whatever their cells look like.
+    pub(crate) as_text: &'a [String],
+}
+
 /// Where a table is written to.
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;
 
-type Open = fn(Input, &'static Format) -> Result<Box<dyn Source>, Stop>;
+type Open = fn(Input, Purpose<'_>) -> Result<Box<dyn Source>, Stop>;
 type Create = for<'a> fn(Output<'a>, &Schema, Packing) -> Result<Box<dyn Sink + 'a>, Stop>;
 
 /// A format of tables.
@@ -79,6 +95,8 @@ pub(crate) struct Format {
     magic: &'static [&'static [u8]],
     /// Whether values have types; where they have none, all are text.
     is_typed: bool,
+    /// Whether it is text, which is packed as a whole or not at all.
+    is_text: bool,
     open: Open,
     pub(crate) create: Create,
 }
@@ -91,6 +109,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["csv"],
         magic: &[],
         is_typed: false,
+        is_text: true,
         open: csv::open,
         create: csv::create,
     },
@@ -100,6 +119,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["ndjson", "jsonl"],
         magic: &[b"{"],
         is_typed: true,
+        is_text: true,
         open: ndjson::open,
         create: ndjson::create,
     },
@@ -109,6 +129,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["arrows"],
         magic: &[&[0xff, 0xff, 0xff, 0xff]],
         is_typed: true,
+        is_text: false,
         open: arrow::open,
         create: arrow::create_stream,
     },
@@ -118,6 +139,7 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["arrow", "feather", "ipc"],
         magic: &[b"ARROW1"],
         is_typed: true,
+        is_text: false,
         open: arrow::open,
         create: arrow::create_file,
     },
@@ -127,15 +149,16 @@ pub(crate) const FORMATS: &[Format] = &[
         extensions: &["parquet", "pq"],
         magic: &[b"PAR1"],
         is_typed: true,
+        is_text: false,
         open: parquet::open,
         create: parquet::create,
     },
 ];
 
 impl Format {
-    /// Opens a table that is to be written in a format.
-    pub(crate) fn open(&self, input: Input, to: &'static Self) -> Result<Box<dyn Source>, Stop> {
-        guard::open(self, input, to)
+    /// Opens a table.
+    pub(crate) fn open(&self, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+        guard::open(self, input, purpose)
     }
 
     /// The format of a name that was checked already.
@@ -144,10 +167,21 @@ impl Format {
         found.ok_or_else(|| Stop::Usage(format!("{name}: no such format of tables")))
     }
 
-    /// The format that the name of a file asks for.
+    /// The format that the name of a file asks for, however that is packed.
     pub(crate) fn of_path(path: &str) -> Option<&'static Self> {
+        let path = Packed::of_path(path).map_or(path, |(_, inner)| inner);
         let extension = Path::new(path).extension()?.to_string_lossy().to_lowercase();
         FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+    }
+
+    /// How the name of a file asks a table of this format to be packed as a whole.
+    pub(crate) fn packed(&self, path: &str) -> Result<Option<Packed>, Stop> {
+        let Some((packed, inner)) = Packed::of_path(path) else { return Ok(None) };
+        if self.is_text {
+            return Ok(Some(packed));
+        }
+        let what = format!("--output {path}: {} is packed inside; name it {inner}", self.name);
+        Err(Stop::Usage(what))
     }
 
     /// The format of a table that begins with these bytes.

@@ -20,13 +20,10 @@ use serde_json::value::RawValue;
 use super::json_text::json_field;
 use super::utc::in_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Sink, Source,
-    is_json, plain,
+    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose,
+    Sink, Source, is_json, plain,
 };
 use crate::stop::Stop;
-
-/// Lines that tell the types of the columns.
-const FIRST_ROWS: usize = 1 << 16;
 
 /// Text that a batch may have before it is handed on.
 const BATCH_BYTES: usize = 64 << 20;
@@ -50,7 +47,7 @@ struct Column {
     values: StringBuilder,
 }
 
-pub(super) fn open(input: Input, to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, Purpose { to, .. }: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
     let reader = BufReader::with_capacity(1 << 16, input.into_read());
     Ok(Box::new(Lines { name, reader, to, types: None, text: Vec::new(), line: 0, lines: Vec::new() }))

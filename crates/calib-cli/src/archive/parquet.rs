@@ -4,22 +4,27 @@ use std::sync::Arc;
 
 use ::arrow::array::RecordBatch;
 use ::arrow::datatypes::{DataType, Schema, SchemaRef};
-use ::parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
+use ::parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
 use ::parquet::arrow::{ARROW_SCHEMA_META_KEY, ArrowWriter};
 use ::parquet::basic::{Compression, Encoding, ZstdLevel};
 use ::parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData};
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use ::parquet::schema::types::ColumnPath;
 
-use super::{BATCH_ROWS, Format, Input, Output, Sink, Source};
+use super::page_guard::PageGuard;
+use super::{BATCH_ROWS, Input, Output, Purpose, Sink, Source};
 use crate::stop::Stop;
 
 /// Rows of a group that is written: it is in memory, encoded, until it is whole.
 const GROUP_ROWS: usize = 1 << 18;
 
-/// How a Parquet file is packed.
+/// How a table is written: a Parquet file as the one that is read is packed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Packing {
+    /// Whether cells of text stay as they are, even what a spreadsheet would run.
+    pub(crate) is_verbatim: bool,
     codec: Option<Compression>,
     /// Columns without a dictionary: they have shown that it is built in vain.
     plain: Vec<ColumnPath>,
@@ -34,7 +39,11 @@ impl Packing {
         };
         let plain = group.columns().iter().filter(|column| !has_dictionary(column));
         let plain = plain.map(|column| column.column_path().clone()).collect();
-        Self { codec: group.columns().first().map(ColumnChunkMetaData::compression), plain }
+        Self {
+            is_verbatim: false,
+            codec: group.columns().first().map(ColumnChunkMetaData::compression),
+            plain,
+        }
     }
 }
 
@@ -49,17 +58,38 @@ struct Pages {
     rows: usize,
 }
 
-pub(super) fn open(input: Input, _to: &'static Format) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let name = input.name.clone();
     let broken = |error| Stop::invalid(&name, format!("not a whole Parquet file: {error}"));
     let file = input.into_file()?;
-    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(broken)?;
-    let about = builder.metadata();
+    let meta = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()).map_err(broken)?;
+    let about = meta.metadata();
+    check_codecs(&name, about)?;
     let all = u64::try_from(about.file_metadata().num_rows()).unwrap_or_default();
     let packing = Packing::of(about);
-    let schema = Arc::clone(builder.schema());
+    let schema = Arc::clone(meta.schema());
+    let guard = PageGuard::new(file, about);
+    let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(guard, meta);
     let reader = builder.with_batch_size(BATCH_ROWS).build().map_err(broken)?;
     Ok(Box::new(Pages { name, reader, schema, packing, all, before: 0, rows: 0 }))
+}
+
+/// Refuses what is packed in a way that is not read, by its name.
+fn check_codecs(name: &str, about: &ParquetMetaData) -> Result<(), Stop> {
+    let columns = about.row_groups().iter().flat_map(|group| group.columns());
+    for column in columns {
+        let codec = match column.compression() {
+            Compression::BROTLI(_) => "Brotli",
+            Compression::LZO => "LZO",
+            _ => continue,
+        };
+        let what = format!(
+            "column {}: packed with {codec}, which is not read; write the file with Zstandard, Snappy, gzip or LZ4",
+            column.column_path()
+        );
+        return Err(Stop::invalid(name, what));
+    }
+    Ok(())
 }
 
 impl Source for Pages {
@@ -71,6 +101,8 @@ impl Source for Pages {
         let batch = self.reader.next()?;
         self.before += self.rows;
         self.rows = batch.as_ref().map_or(0, RecordBatch::num_rows);
+        // The library's batches say nothing of what the file says of itself.
+        let batch = batch.and_then(|batch| batch.with_schema(Arc::clone(&self.schema)));
         Some(batch.map_err(|error| {
             let place = self.place(0);
             Stop::invalid(&self.name, format!("{place} or soon after: not a whole Parquet file: {error}"))

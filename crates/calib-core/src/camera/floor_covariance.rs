@@ -45,12 +45,10 @@ impl Camera {
     }
 
     /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
-    pub(crate) fn plane_covariance(
-        &self,
-        pixel: Pixel,
-        pixel_sigma: f64,
-        height: f64,
-    ) -> Option<FloorCovariance> {
+    ///
+    /// `None` where there is no such point.
+    #[must_use]
+    pub fn plane_covariance(&self, pixel: Pixel, pixel_sigma: f64, height: f64) -> Option<FloorCovariance> {
         let on_plane = PlaneJacobian::new(self, pixel, height)?;
         let columns = on_plane.by_pixel();
         let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();

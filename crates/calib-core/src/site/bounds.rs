@@ -3,10 +3,9 @@
 use std::fmt;
 
 use crate::single::Known;
+use crate::site::bounded_list::MAX_ITEMS;
 use crate::site::site_error::{Fault, SiteError};
 
-/// Most annotations, control points, links, marks or points in one list.
-pub const MAX_ITEMS: usize = 100_000;
 /// Longest id or name, in bytes.
 const MAX_NAME: usize = 256;
 /// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
@@ -110,6 +109,15 @@ pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
         return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME}"));
     }
     Ok(())
+}
+
+/// A name by which something is referred to: it stands in tables, in names of files and on terminals.
+pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
+    name(at, text)?;
+    let Some(control) = text.into_iter().flat_map(|text| text.chars()).find(|c| c.is_control()) else {
+        return Ok(());
+    };
+    at.expected(format!("the control character {}", control.escape_unicode()), "an id of visible characters")
 }
 
 pub(crate) fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {

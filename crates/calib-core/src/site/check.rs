@@ -1,9 +1,13 @@
 //! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
+use serde_json::value::RawValue;
+
 use crate::single::{Annotation, Belongs, USUAL_SIZES};
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
+use crate::site::bounded_list::{MAX_CAMERAS, MAX_ITEMS};
+use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
@@ -15,8 +19,9 @@ use crate::site::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain
 pub const MAX_BYTES: usize = 1 << 30;
 /// Most values in a site: a hostile file cannot fill memory with empty lists.
 pub const MAX_VALUES: usize = 4_000_000;
-/// Most cameras in a site.
-pub const MAX_CAMERAS: usize = 10_000;
+/// Most segments and polylines of one camera: far more than anybody draws, and solved within minutes even where
+/// every second one is wrong.
+const MAX_LINES: usize = 20_000;
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
 
@@ -42,8 +47,14 @@ impl Site {
         })?;
         let beyond = |error: serde_json::Error| Fault::Unreadable { why: error.to_string() };
         reader.end().map_err(|error| SiteError::of_document(beyond(error)))?;
-        site.check().map_err(|error| named(text, error))?;
-        Ok(site)
+        match site.check() {
+            Ok(()) => Ok(site),
+            Err(error) => {
+                // The text is looked into again.
+                drop(site);
+                Err(named(text, error))
+            }
+        }
     }
 
     /// Whether every value is possible and every reference leads somewhere.
@@ -75,25 +86,39 @@ impl Site {
 
 /// The error with the camera and the annotation it is about, by the names the operator gave them.
 fn named(text: &str, error: SiteError) -> SiteError {
-    let document = serde_json::from_str::<serde_json::Value>(text).ok();
-    let about = document.and_then(|document| about(&document, &error.pointer));
+    let about = about(text, &error.pointer);
     SiteError { about, ..error }
 }
 
-fn about(document: &serde_json::Value, pointer: &str) -> Option<Box<About>> {
+fn about(text: &str, pointer: &str) -> Option<Box<About>> {
     let mut parts = pointer.split('/').skip(1);
     let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return None };
-    let text_at = |pointer: String| document.pointer(&pointer).and_then(|v| v.as_str()).map(str::to_owned);
-    let camera = text_at(format!("/cameras/{index}/id"))?;
+    let camera = item(field(text, "cameras")?, index)?;
     let annotation = parts.next().filter(|&list| list == "annotations").and(parts.next()).map(|place| {
-        let at = |field: &str| text_at(format!("/cameras/{index}/annotations/{place}/{field}"));
+        let entry = field(camera, "annotations").and_then(|list| item(list, place)).unwrap_or_default();
         NamedAnnotation {
-            kind: at("kind").unwrap_or_default(),
-            name: at("name").or_else(|| at("id")),
+            kind: text_of(entry, "kind").unwrap_or_default(),
+            name: text_of(entry, "name").or_else(|| text_of(entry, "id")),
             place: place.to_owned(),
         }
     });
-    Some(Box::new(About { camera, annotation }))
+    Some(Box::new(About { camera: text_of(camera, "id")?, annotation }))
+}
+
+/// A field of a JSON object, as it is written: nothing else of the document is built again.
+fn field<'a>(object: &'a str, key: &str) -> Option<&'a str> {
+    let fields: HashMap<Cow<'_, str>, &RawValue> = serde_json::from_str(object).ok()?;
+    fields.get(key).map(|value| value.get())
+}
+
+/// An item of a JSON list, as it is written.
+fn item<'a>(list: &'a str, index: &str) -> Option<&'a str> {
+    let items: Vec<&RawValue> = serde_json::from_str(list).ok()?;
+    items.get(index.parse::<usize>().ok()?).map(|value| value.get())
+}
+
+fn text_of(object: &str, key: &str) -> Option<String> {
+    serde_json::from_str(field(object, key)?).ok()
 }
 
 /// About how many values a JSON text holds: one for every bracket and comma outside strings.
@@ -125,7 +150,7 @@ fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
 }
 
 fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
-    name(&at.key("id"), Some(&camera.id))?;
+    id(&at.key("id"), Some(&camera.id))?;
     name(&at.key("name"), camera.name.as_ref())?;
     for (i, &side) in camera.size_px.iter().enumerate() {
         if side == 0 || side > MAX_SIDE {
@@ -139,6 +164,7 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     let annotations = at.key("annotations");
     count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
     check_annotations(&annotations, &camera.annotations)?;
+    check_lines(&annotations, &camera.annotations)?;
     if let Some(corners) = &camera.efov_px {
         let efov = at.key("efov_px");
         pixels(&efov, corners, 3)?;
@@ -199,8 +225,20 @@ fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
     check_ties(at, annotations)
 }
 
+fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
+    let lines = |annotation: &Annotation| annotation.segments.as_ref().map_or(1, Vec::len);
+    let found = annotations.iter().map(lines).sum::<usize>();
+    if found <= MAX_LINES {
+        return Ok(());
+    }
+    at.expected(
+        format!("{found} segments and polylines"),
+        format!("at most {MAX_LINES} in one camera; a few dozen calibrate it"),
+    )
+}
+
 fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
-    name(&at.key("id"), annotation.id.as_ref())?;
+    id(&at.key("id"), annotation.id.as_ref())?;
     name(&at.key("name"), annotation.name.as_ref())?;
     let row = annotation.kind.row();
     for (key, is_there, belongs) in annotation.fields() {
@@ -287,7 +325,7 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
 }
 
 fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
-    name(&at.key("id"), point.id.as_ref())?;
+    id(&at.key("id"), point.id.as_ref())?;
     name(&at.key("name"), point.name.as_ref())?;
     Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
     match (point.world_m, point.plan_px) {

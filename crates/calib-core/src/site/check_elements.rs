@@ -2,7 +2,8 @@
 
 use std::collections::HashSet;
 
-use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels};
+use crate::site::bounded_list::MAX_ITEMS;
+use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels};
 use crate::site::document::Site;
 use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::site_error::quoted;
@@ -48,7 +49,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
 }
 
 fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
-    name(&at.key("id"), link.id.as_ref())?;
+    id(&at.key("id"), link.id.as_ref())?;
     name(&at.key("name"), link.name.as_ref())?;
     optional(&at.key("height_m"), link.height_m, Bounds::COORDINATE)?;
     known(&at.key("length_m"), link.length_m.as_ref(), Bounds::POSITIVE)?;
@@ -93,7 +94,7 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
 }
 
 fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
-    name(&at.key("id"), mark.id.as_ref())?;
+    id(&at.key("id"), mark.id.as_ref())?;
     name(&at.key("name"), mark.name.as_ref())?;
     Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
     Bounds::DEGREES.check(&at.key("turn_deg"), mark.turn_deg)?;

@@ -35,9 +35,8 @@ impl Site {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
     }
 
-    /// The first camera of this id.
-    #[must_use]
-    pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
+    /// The first entry of this id, whatever its period.
+    pub(crate) fn first_of(&self, id: &str) -> Option<&SiteCamera> {
         self.cameras.iter().find(|camera| camera.id == id)
     }
 }

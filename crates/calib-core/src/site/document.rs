@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{FloorPoint, Pixel, PlanPixel, WorldPoint};
 use crate::single::{Annotation, Known};
+use crate::site::bounded_list;
 use crate::site::elements::{Distance, Link, Mark};
 use crate::site::scene::SceneEntry;
 use crate::site::site_solution::SiteSolution;
@@ -35,16 +36,16 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan: Option<Plan>,
         /// Every camera.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::cameras", skip_serializing_if = "Vec::is_empty")]
         cameras: Vec<SiteCamera>,
         /// Evidence shared by cameras.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         links: Vec<Link>,
         /// Virtual elements.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         marks: Vec<Mark>,
         /// Known distances between links and marks.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         distances: Vec<Distance>,
         /// Where world (0, 0) lies on the earth.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -110,7 +111,7 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
         /// What the operator drew.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         annotations: Vec<Annotation>,
         /// The polygon of the effective field of view, raw pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -119,7 +120,7 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         placement: Option<PlacementEntry>,
         /// Pixels that show points with known coordinates.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         control_points: Vec<ControlPointEntry>,
         /// From when this calibration holds (RFC 3339).
         #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{Pixel, WorldPoint};
 use crate::floor::MarkKind;
 use crate::single::Known;
+use crate::site::bounded_list;
 use crate::site::site_solution::ElementSolution;
 use crate::site::solution::document;
 
@@ -33,6 +34,7 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_m: Option<Known>,
         /// Where every camera shows it.
+        #[serde(deserialize_with = "bounded_list::items")]
         seen: Vec<LinkSeen>,
         /// What solving found out.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -84,7 +86,7 @@ document! {
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
         /// Pixels that show its named points.
-        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
         seen: Vec<MarkSeen>,
         /// What solving found out.
         #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -43,7 +43,7 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
 impl Site {
     /// The lens of a camera: its own, or that of the camera it is like.
     pub(crate) fn lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
-        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.camera(id));
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
         let owner = like.unwrap_or(entry);
         let mut lens_estimate = self.own_lens_estimate(owner, lenses);
         lens_estimate.lens.principal_point = entry.principal_point();

@@ -5,10 +5,11 @@
 //! - `document`, `elements`, `scene`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
 //!   of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
-//! - `bounds`, `check`, `check_elements`, `check_solution`, `period`, `site_error` reading and checking;
+//! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
 //!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
 
+mod bounded_list;
 mod solution;
 mod site_solution;
 mod elements;
@@ -35,8 +36,8 @@ mod quality;
 mod pipeline;
 mod lens_family;
 
-pub use bounds::MAX_ITEMS;
-pub use check::{MAX_BYTES, MAX_CAMERAS, MAX_SIDE, MAX_VALUES};
+pub use bounded_list::{MAX_CAMERAS, MAX_ITEMS};
+pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use document::{
     ControlPointEntry, Format, Georeference, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
 };
@@ -44,6 +45,7 @@ pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
+pub use period::NoCamera;
 pub use pipeline::Report;
 pub use scene::{ExactScene, SceneEntry, SceneSigmas};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};

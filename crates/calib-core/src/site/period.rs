@@ -1,11 +1,12 @@
-//! From when to when a camera entry holds.
+//! From when to when a camera entry holds, and which one is meant by an id.
 
 use std::collections::HashMap;
+use std::fmt;
 
 use jiff::Timestamp;
 
 use crate::site::bounds::{At, Checked};
-use crate::site::document::SiteCamera;
+use crate::site::document::{Site, SiteCamera};
 use crate::site::site_error::{SiteError, quoted};
 
 /// An id may repeat when the periods of validity do not overlap.
@@ -33,6 +34,64 @@ fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestam
     match text.parse() {
         Ok(instant) => Ok(instant),
         Err(_) => at.expected(quoted(text), "a time such as 2026-05-01T08:00:00Z").map(|()| absent),
+    }
+}
+
+/// Why an id means no entry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoCamera {
+    /// No camera has it.
+    Unknown,
+    /// Several periods have it, and no time was said.
+    SeveralPeriods,
+    /// No period of it holds then.
+    NoneThen,
+    /// What was said is no time.
+    NotATime,
+}
+
+impl fmt::Display for NoCamera {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unknown => "the site has no camera of this id",
+            Self::SeveralPeriods => "several periods have this id: say a time",
+            Self::NoneThen => "no calibration of this camera holds at this time",
+            Self::NotATime => "not a time such as 2026-05-01T08:00:00Z",
+        })
+    }
+}
+
+impl std::error::Error for NoCamera {}
+
+impl Site {
+    /// The camera of this id; `None` where there is none, and where several periods have it:
+    /// [`Self::camera_at`] takes the time.
+    #[must_use]
+    pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
+        self.camera_at(id, None).ok()
+    }
+
+    /// The entry of this id that holds at a time (RFC 3339). Without a time only an id that no other period
+    /// has means one.
+    ///
+    /// # Errors
+    /// Why there is not one.
+    pub fn camera_at(&self, id: &str, time: Option<&str>) -> Result<&SiteCamera, NoCamera> {
+        let of_id: Vec<&SiteCamera> = self.cameras.iter().filter(|camera| camera.id == id).collect();
+        let Some(time) = time else {
+            return match of_id[..] {
+                [] => Err(NoCamera::Unknown),
+                [only] => Ok(only),
+                _ => Err(NoCamera::SeveralPeriods),
+            };
+        };
+        let last = if of_id.is_empty() { NoCamera::Unknown } else { NoCamera::NoneThen };
+        for camera in of_id {
+            if camera.is_valid_at(time).map_err(|_| NoCamera::NotATime)? {
+                return Ok(camera);
+            }
+        }
+        Err(last)
     }
 }
 
@@ -64,5 +123,30 @@ impl SiteCamera {
         let from = instant(&at.key("valid_from"), self.valid_from.as_ref(), Timestamp::MIN)?;
         let to = instant(&at.key("valid_to"), self.valid_to.as_ref(), Timestamp::MAX)?;
         Ok([from, to].map(nanoseconds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_id_of_several_periods_means_one_only_with_a_time() {
+        let period = |from: Option<&str>, to: Option<&str>| SiteCamera {
+            valid_from: from.map(str::to_owned),
+            valid_to: to.map(str::to_owned),
+            ..SiteCamera::new("door", [640, 480])
+        };
+        let bump = "2026-06-01T00:00:00Z";
+        let mut site = Site { cameras: vec![period(None, Some(bump))], ..Site::new() };
+        assert_eq!(site.camera("door"), Some(&site.cameras[0]));
+        assert_eq!(site.camera_at("door", Some("2026-07-01T00:00:00Z")), Err(NoCamera::NoneThen));
+        site.cameras.push(period(Some(bump), None));
+        assert_eq!((site.camera("door"), site.camera("roof")), (None, None));
+        assert_eq!(site.camera_at("door", None), Err(NoCamera::SeveralPeriods));
+        assert_eq!(site.camera_at("door", Some("2026-05-31T23:00:00Z")), Ok(&site.cameras[0]));
+        assert_eq!(site.camera_at("door", Some(bump)), Ok(&site.cameras[1]));
+        assert_eq!(site.camera_at("door", Some("noon")), Err(NoCamera::NotATime));
+        assert_eq!(site.camera_at("roof", Some(bump)), Err(NoCamera::Unknown));
     }
 }

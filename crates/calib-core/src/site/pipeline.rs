@@ -121,13 +121,13 @@ impl Site {
             .collect::<BTreeSet<String>>()
             .into_iter()
             .filter_map(|id| {
-                let first = self.fit_single(self.camera(&id)?, options, None, alone);
+                let first = self.fit_single(self.first_of(&id)?, options, None, alone);
                 Some((id, first))
             })
             .collect();
         let lenses = Lenses { owners: &owners, known };
         let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
-            Some(first) if self.camera(&camera.id) == Some(camera) => first.clone(),
+            Some(first) if self.first_of(&camera.id) == Some(camera) => first.clone(),
             _ => self.fit_single(camera, options, None, lenses),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();

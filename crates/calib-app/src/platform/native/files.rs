@@ -1,6 +1,6 @@
 //! Files of the disk: whole, or none.
 
-use std::io::{Read as _, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use calib_core::MAX_BYTES;
@@ -10,16 +10,9 @@ use calib_editor::file_name::is_image;
 /// Reads a file of any size a site or image may have.
 ///
 /// # Errors
-/// When it is not there, or larger than that.
+/// When it is no regular file that is there, or larger than that.
 pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
-    let what = |error: std::io::Error| format!("{}: {error}", path.display());
-    let file = std::fs::File::open(path).map_err(what)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(what)?;
-    if bytes.len() > MAX_BYTES {
-        return Err(format!("{}: larger than {} MB", path.display(), MAX_BYTES >> 20));
-    }
-    Ok(bytes)
+    calib_input::read(path, MAX_BYTES as u64).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Writes a file whole or not at all, and waits until the disk has it.

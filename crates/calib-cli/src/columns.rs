@@ -1,0 +1,273 @@
+//! Columns of a table as numbers and times, and what becomes of cells that are neither.
+
+use std::cell::Cell;
+
+use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
+use arrow::compute::cast;
+use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
+use arrow::datatypes::{DataType, Float64Type, Int64Type, TimeUnit, TimestampNanosecondType};
+use clap::ValueEnum;
+
+use crate::archive::{is_json, plain};
+use crate::files::say;
+use crate::stop::Stop;
+
+/// Says which row of a batch is meant.
+pub(crate) type Place<'a> = &'a dyn Fn(usize) -> String;
+
+/// What becomes of a row with a cell that is no number, or no time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BadRows {
+    /// The run ends and writes nothing
+    Fail,
+    /// Its status says so: missing without a number, no-calibration without a time
+    Status,
+}
+
+/// Cells that are no numbers and no times.
+#[derive(Debug)]
+pub(crate) struct BadCells {
+    rows: BadRows,
+    count: Cell<u64>,
+}
+
+impl BadCells {
+    pub(crate) fn new(rows: BadRows) -> Self {
+        Self { rows, count: Cell::new(0) }
+    }
+
+    /// One more; an error where they end the run.
+    fn met(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), Stop> {
+        if self.rows == BadRows::Status {
+            self.count.set(self.count.get() + 1);
+            return Ok(());
+        }
+        Err(Stop::Invalid(format!(
+            "{place}, column {column}: found \"{found}\", expected {expected}; --bad-rows status goes on with the others"
+        )))
+    }
+
+    /// Tells of them.
+    pub(crate) fn tell(&self) {
+        let count = self.count.get();
+        if count > 0 {
+            say(format_args!(
+                "calib: {count} cells are no numbers or no times: their rows have the status missing or no-calibration"
+            ));
+        }
+    }
+}
+
+/// The column of a name, as plain text where it holds JSON.
+pub(crate) fn column(batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
+    let schema = batch.schema();
+    let (index, field) = schema.column_with_name(name)?;
+    let column = batch.column(index);
+    Some(if is_json(field) { plain(column) } else { column.clone() })
+}
+
+/// The names of all columns, as they are said.
+pub(crate) fn names(batch: &RecordBatch) -> String {
+    let schema = batch.schema();
+    schema.fields().iter().map(|field| field.name().as_str()).collect::<Vec<_>>().join(",")
+}
+
+/// Columns of numbers, NaN where there is none.
+pub(crate) fn numbers<const N: usize>(
+    batch: &RecordBatch,
+    wanted: [&str; N],
+    expected: &str,
+    place: Place<'_>,
+    bad: &BadCells,
+) -> Result<[Vec<f64>; N], Stop> {
+    let mut found = [const { Vec::new() }; N];
+    for (values, name) in found.iter_mut().zip(wanted) {
+        let Some(column) = column(batch, name) else {
+            // The columns of CSV are in its header; JSON has them line by line.
+            let is_csv = batch.num_rows() == 0
+                || place(0).starts_with("line") && !batch.schema().fields().iter().any(|f| is_json(f));
+            let place = if is_csv { "line 1".into() } else { place(0) };
+            let what = format!("{place}: found the columns \"{}\", expected {expected}", names(batch));
+            return Err(Stop::Invalid(what));
+        };
+        *values = doubles(&column, name, place, bad)?;
+    }
+    Ok(found)
+}
+
+fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> Result<Vec<f64>, Stop> {
+    let refused = || {
+        Stop::Invalid(format!("column {name}: found values of type {}, expected numbers", column.data_type()))
+    };
+    match column.data_type() {
+        kind if kind.is_numeric() => {
+            let exact = cast(column, &DataType::Float64).map_err(|_| refused())?;
+            let exact = exact.as_primitive::<Float64Type>();
+            Ok(match exact.nulls() {
+                None => exact.values().to_vec(),
+                Some(_) => exact.iter().map(|value| value.unwrap_or(f64::NAN)).collect(),
+            })
+        }
+        DataType::Null => Ok(vec![f64::NAN; column.len()]),
+        kind if is_text(kind) => {
+            let texts = cast(column, &DataType::Utf8).map_err(|_| refused())?;
+            let number = |text: &str| text.parse().ok();
+            let parsed = parsed(&texts, name, place, bad, "a number", number)?;
+            Ok(parsed.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
+        }
+        _ => Err(refused()),
+    }
+}
+
+fn is_text(kind: &DataType) -> bool {
+    matches!(kind, DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..))
+}
+
+/// The cells of a column of text as values; none where there is no text, or not such a one.
+fn parsed<T>(
+    texts: &ArrayRef,
+    name: &str,
+    place: Place<'_>,
+    bad: &BadCells,
+    expected: &str,
+    value: impl Fn(&str) -> Option<T>,
+) -> Result<Vec<Option<T>>, Stop> {
+    let texts = texts.as_string::<i32>().iter().enumerate();
+    let parsed = texts.map(|(row, text)| match text.map(str::trim) {
+        None | Some("") => Ok(None),
+        Some(text) => match value(text) {
+            Some(value) => Ok(Some(value)),
+            None => bad.met(&place(row), name, text, expected).map(|()| None),
+        },
+    });
+    parsed.collect()
+}
+
+/// What numbers of a column of times count, from 1970-01-01 UTC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AtUnit {
+    /// Seconds
+    S,
+    /// Milliseconds
+    Ms,
+    /// Microseconds
+    Us,
+    /// Nanoseconds
+    Ns,
+}
+
+impl AtUnit {
+    /// Columns of numbers have their unit in their name: `at_s`, `time_ms`.
+    fn of_name(name: &str) -> Option<Self> {
+        let (_, unit) = name.rsplit_once('_')?;
+        Self::from_str(unit, true).ok()
+    }
+
+    const fn nanoseconds(self) -> i64 {
+        match self {
+            Self::S => 1_000_000_000,
+            Self::Ms => 1_000_000,
+            Self::Us => 1000,
+            Self::Ns => 1,
+        }
+    }
+
+    /// Whole numbers as they are: a double has no nanoseconds of this century.
+    fn time(self, number: &str) -> Option<i64> {
+        let whole = number.parse::<i64>().ok().and_then(|number| number.checked_mul(self.nanoseconds()));
+        whole.or_else(|| self.of_double(number.parse().ok()?))
+    }
+
+    fn of_double(self, number: f64) -> Option<i64> {
+        let nanoseconds = number * self.nanoseconds() as f64;
+        (nanoseconds.abs() < i64::MAX as f64).then_some(nanoseconds as i64)
+    }
+}
+
+/// The column that says when a row was.
+#[derive(Clone, Debug)]
+pub(crate) struct AtColumn {
+    pub(crate) name: String,
+    unit: Option<AtUnit>,
+}
+
+impl AtColumn {
+    pub(crate) fn new(name: String, unit: Option<AtUnit>) -> Self {
+        let unit = unit.or_else(|| AtUnit::of_name(&name));
+        Self { name, unit }
+    }
+
+    /// Times as nanoseconds since 1970; times without an offset count as UTC.
+    pub(crate) fn times(
+        &self,
+        batch: &RecordBatch,
+        place: Place<'_>,
+        bad: &BadCells,
+    ) -> Result<Vec<Option<i64>>, Stop> {
+        let name = &self.name;
+        let column = column(batch, name).ok_or_else(|| {
+            Stop::Invalid(format!("--at-column {name}: the table has the columns \"{}\"", names(batch)))
+        })?;
+        let nanoseconds = |zone| DataType::Timestamp(TimeUnit::Nanosecond, zone);
+        let exact = match column.data_type() {
+            DataType::Timestamp(_, zone) => cast(&column, &nanoseconds(zone.clone()))?,
+            DataType::Date32 | DataType::Date64 => cast(&column, &nanoseconds(None))?,
+            kind if is_text(kind) => return self.of_text(&column, place, bad),
+            kind if kind.is_numeric() => return self.of_numbers(&column),
+            other => {
+                return Err(Stop::Invalid(format!(
+                    "--at-column {name}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z"
+                )));
+            }
+        };
+        Ok(exact.as_primitive::<TimestampNanosecondType>().iter().collect())
+    }
+
+    fn of_text(&self, column: &ArrayRef, place: Place<'_>, bad: &BadCells) -> Result<Vec<Option<i64>>, Stop> {
+        let texts = cast(column, &DataType::Utf8)?;
+        let time = |text: &str| {
+            let number = self.unit.and_then(|unit| unit.time(text));
+            number.or_else(|| string_to_timestamp_nanos(text).ok())
+        };
+        let expected = match self.unit {
+            Some(_) => "a number or a time such as 2026-05-01T08:00:00Z",
+            None => "a time such as 2026-05-01T08:00:00Z, or numbers with --at-unit s, ms, us or ns",
+        };
+        parsed(&texts, &self.name, place, bad, expected, time)
+    }
+
+    fn of_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, Stop> {
+        let Some(unit) = self.unit else {
+            return Err(Stop::Invalid(format!(
+                "--at-column {}: found {}; say with --at-unit s, ms, us or ns what it counts from 1970",
+                self.name,
+                column.data_type()
+            )));
+        };
+        if column.data_type().is_integer() {
+            let whole = cast(column, &DataType::Int64)?;
+            let times = whole.as_primitive::<Int64Type>().iter();
+            return Ok(times.map(|time| time?.checked_mul(unit.nanoseconds())).collect());
+        }
+        let doubles = cast(column, &DataType::Float64)?;
+        let times = doubles.as_primitive::<Float64Type>().iter();
+        Ok(times.map(|time| unit.of_double(time?)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_count_from_1970_in_the_unit_of_their_name() {
+        assert_eq!(AtUnit::of_name("at_s"), Some(AtUnit::S));
+        assert_eq!(AtUnit::of_name("frame_time_ms"), Some(AtUnit::Ms));
+        assert_eq!(AtUnit::of_name("seconds"), None);
+        assert_eq!(AtUnit::S.time("1777622400"), Some(1_777_622_400_000_000_000));
+        assert_eq!(AtUnit::Ms.time("1777622400000.5"), Some(1_777_622_400_000_500_000));
+        assert_eq!(AtUnit::Ns.time("1777622400123456789"), Some(1_777_622_400_123_456_789));
+        assert_eq!(AtUnit::S.time("nan"), None);
+        assert_eq!(AtUnit::S.time("2026-05-01"), None);
+    }
+}

@@ -1,0 +1,343 @@
+//! The formats: what is special about each, a row for every one.
+
+use calib_core::DistortionModel;
+
+use crate::error::FormatError;
+use crate::export::{Export, Scene};
+use crate::file::File;
+use crate::given::Imported;
+use crate::{
+    blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, opencv,
+    ros, scenescape, sql, svg, table, wildtrack, worldfile,
+};
+
+type Write = fn(&Scene, &mut Export);
+type Read = fn(&[File]) -> Result<Imported, FormatError>;
+
+/// A format of calibrations.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// By which it is asked for.
+    pub name: &'static str,
+    /// Who reads it.
+    pub about: &'static str,
+    /// Of its files, without the dot; the first is what is written if nothing else is asked for.
+    pub extensions: &'static [&'static str],
+    /// What of a calibrated camera it holds.
+    pub holds: &'static str,
+    /// What it has no place for.
+    pub lacks: &'static str,
+    /// The lens models it holds as they are; others are fitted by the nearest Brown-Conrady terms, or lost.
+    pub lenses: &'static [DistortionModel],
+    /// Whether its readers take from it where cameras stand, so that one that nobody placed misleads.
+    pub holds_place: bool,
+    /// Whether it tells the periods of a camera apart.
+    pub holds_periods: bool,
+    /// Whether it shows the plan, and [`ExportOptions::plan`] is asked for.
+    pub shows_plan: bool,
+    /// Whether it is a table whose JSON a program that can may write as Parquet.
+    pub is_table: bool,
+    /// Whether what it says is how the plan lies, and not a camera.
+    pub is_of_plan: bool,
+    /// Names of files of which one brings the others that lie beside it.
+    pub companions: &'static [&'static str],
+    /// Whether its readers find a camera's file by the camera's id.
+    pub names_files_by_id: bool,
+    /// From where its pixels are counted: the corner of the image, or the centre of the first pixel.
+    pub pixels: &'static str,
+    /// Its units of length and angle.
+    pub units: &'static str,
+    /// Its axes, and which way its poses lead.
+    pub axes: &'static str,
+    /// What its files may say and an import does not take.
+    pub drops: &'static str,
+    pub(crate) write: Option<Write>,
+    pub(crate) read: Option<Read>,
+}
+
+impl Format {
+    /// What rows of [`FORMATS`] are unless they say otherwise: poses without lenses, neither written nor read.
+    const PLAIN: Self = Self {
+        name: "",
+        about: "",
+        extensions: &[],
+        holds: "",
+        lacks: NOT_SIGMAS,
+        lenses: &[],
+        holds_place: true,
+        holds_periods: false,
+        shows_plan: false,
+        is_table: false,
+        is_of_plan: false,
+        companions: &[],
+        names_files_by_id: false,
+        pixels: CORNER,
+        units: "m",
+        axes: "",
+        drops: "",
+        write: None,
+        read: None,
+    };
+
+    /// Whether it can be written.
+    #[must_use]
+    pub const fn exports(&self) -> bool {
+        self.write.is_some()
+    }
+
+    /// Whether it can be read.
+    #[must_use]
+    pub const fn imports(&self) -> bool {
+        self.read.is_some()
+    }
+}
+
+/// The corner of the image, as ours: the centre of the first pixel is (0.5, 0.5).
+const CORNER: &str = "corner";
+/// The centre of the first pixel, which is (0, 0): ours minus 0.5.
+const CENTRE: &str = "centre of the first pixel";
+const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
+const OPENGL: &str = "world z up; camera right, up, back; camera to world";
+const NOT_SIGMAS: &str = "standard deviations, EFOV";
+/// The models of most programs.
+const RADIAL_OR_FISHEYE: &[DistortionModel] =
+    &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
+
+/// The list is the registry.
+pub const FORMATS: &[Format] = &[
+    Format {
+        name: "opencv",
+        about: "OpenCV FileStorage, one file a camera",
+        extensions: &["json", "yml", "yaml", "xml"],
+        holds: "lens (Brown-Conrady or fisheye), pose",
+        lenses: RADIAL_OR_FISHEYE,
+        write: Some(opencv::write),
+        read: Some(opencv::read),
+        pixels: CENTRE,
+        units: "m, rad",
+        axes: OPENCV,
+        drops: "reprojection errors, covariances, poses of the board beside the first",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "ros",
+        about: "ROS camera_info, one file a camera",
+        extensions: &["yaml", "yml"],
+        holds: "lens (plumb_bob or equidistant)",
+        lacks: "pose, standard deviations, EFOV",
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
+        write: Some(ros::write),
+        read: Some(ros::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        drops: "rectification (R, P), binning, region of interest",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "colmap",
+        about: "COLMAP text model: cameras.txt, images.txt, points3D.txt",
+        extensions: &["txt"],
+        holds: "lens (Brown-Conrady or fisheye), pose",
+        lenses: RADIAL_OR_FISHEYE,
+        companions: &["cameras.txt", "images.txt"],
+        write: Some(colmap::write),
+        read: Some(colmap::read),
+        axes: OPENCV,
+        drops: "points (points3D.txt) and the points of images",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "nerfstudio",
+        about: "nerfstudio transforms.json",
+        extensions: &["json"],
+        holds: "lens (Brown-Conrady or fisheye), pose",
+        lenses: RADIAL_OR_FISHEYE,
+        write: Some(nerfstudio::write),
+        axes: OPENGL,
+        ..Format::PLAIN
+    },
+    Format {
+        name: "nvidia",
+        about: "NVIDIA DeepStream and Metropolis: camInfo, calibration.json, transforms.yml, map.png",
+        extensions: &["json", "yml"],
+        holds: "pinhole, pose, EFOV, plan",
+        lacks: "distortion, standard deviations",
+        shows_plan: true,
+        write: Some(nvidia::write),
+        read: Some(nvidia::read),
+        axes: OPENCV,
+        drops: "regions, tripwires, polygons of the field of view, places, frame rates, the map (transforms.yml, map.png)",
+        names_files_by_id: true,
+        ..Format::PLAIN
+    },
+    Format {
+        name: "scenescape",
+        about: "Intel SceneScape cameras (JSON)",
+        extensions: &["json"],
+        holds: "lens (Brown-Conrady), pose",
+        lenses: &[DistortionModel::BrownConrady],
+        write: Some(scenescape::write),
+        pixels: CENTRE,
+        axes: "world z up; camera right, down, forward; camera to world, quaternion w last",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "wildtrack",
+        about: "WILDTRACK calibrations (XML), centimetres",
+        extensions: &["xml"],
+        holds: "pinhole, pose",
+        lacks: "distortion, standard deviations, EFOV",
+        write: Some(wildtrack::write),
+        read: Some(wildtrack::read),
+        pixels: CENTRE,
+        units: "cm, rad",
+        axes: OPENCV,
+        ..Format::PLAIN
+    },
+    Format {
+        name: "table",
+        about: "a row of matrices for every camera, directions in the names",
+        extensions: &["json", "csv"],
+        holds: "everything but standard deviations",
+        lacks: "standard deviations",
+        lenses: &[DistortionModel::BrownConrady, DistortionModel::Division, DistortionModel::KannalaBrandt],
+        holds_periods: true,
+        is_table: true,
+        write: Some(table::write),
+        axes: OPENCV,
+        ..Format::PLAIN
+    },
+    Format {
+        name: "sql",
+        about: "SQL views that map detections to the floor",
+        extensions: &["sql"],
+        holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
+        lacks: "EFOV, heights above the floor, standard deviations",
+        lenses: &[DistortionModel::Division],
+        holds_periods: true,
+        write: Some(sql::write),
+        axes: "floor x, y",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "geojson",
+        about: "GeoJSON of EFOVs and cameras; *.local.geojson in metres without a georeference",
+        extensions: &["geojson"],
+        holds: "position, heading, EFOV",
+        lacks: "lens, orientation, standard deviations",
+        write: Some(geojson::write),
+        units: "degrees of WGS84, or m; degrees",
+        axes: "longitude, latitude, or floor x, y; azimuth_deg clockwise from north, heading_deg counter-clockwise from +x",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "svg",
+        about: "drawing of the plan and the EFOVs",
+        extensions: &["svg"],
+        holds: "position, heading, EFOV",
+        lacks: "lens, orientation, standard deviations",
+        shows_plan: true,
+        write: Some(svg::write),
+        units: "pixels of the plan, or cm",
+        axes: "x right, y down",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "frigate",
+        about: "Frigate zones with distances for speeds",
+        extensions: &["yml", "yaml"],
+        holds: "EFOV",
+        lacks: "lens, pose, standard deviations",
+        holds_place: false,
+        write: Some(frigate::write),
+        units: "shares of the image; m",
+        axes: "x right, y down",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "nvdsanalytics",
+        about: "DeepStream nvdsanalytics regions of interest",
+        extensions: &["txt", "ini"],
+        holds: "EFOV",
+        lacks: "lens, pose, standard deviations",
+        holds_place: false,
+        write: Some(nvdsanalytics::write),
+        units: "whole pixels",
+        axes: "x right, y down",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "blender",
+        about: "Blender script that makes the cameras",
+        extensions: &["py"],
+        holds: "pinhole, pose",
+        lacks: "distortion, standard deviations, EFOV",
+        write: Some(blender::write),
+        units: "m; sensor in mm",
+        axes: OPENGL,
+        ..Format::PLAIN
+    },
+    Format {
+        name: "kalibr",
+        about: "Kalibr camchain, lenses only",
+        extensions: &["yaml", "yml"],
+        holds: "lens (radtan or equidistant)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
+        read: Some(kalibr::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        drops: "poses between the cameras, of the IMU, time shifts",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "caliscope",
+        about: "caliscope, anipose and FreeMoCap camera arrays (TOML), lenses only",
+        extensions: &["toml"],
+        holds: "lens (Brown-Conrady or fisheye)",
+        lacks: "pose",
+        lenses: RADIAL_OR_FISHEYE,
+        holds_place: false,
+        read: Some(caliscope::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        drops: "poses: they are those of a board, in whatever unit",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "fspy",
+        about: "fSpy project, or its camera parameters as JSON",
+        extensions: &["fspy", "json"],
+        holds: "pinhole, pose",
+        lacks: "distortion",
+        read: Some(fspy::read),
+        units: "its own, rad",
+        axes: OPENGL,
+        drops: "vanishing points, control points, the picture",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "worldfile",
+        about: "world file of a floor plan: the plan's scale and place",
+        extensions: &["pgw", "jgw", "wld", "pngw", "jpgw"],
+        holds: "plan",
+        lacks: "cameras",
+        is_of_plan: true,
+        read: Some(worldfile::read),
+        pixels: CENTRE,
+        units: "m are taken for granted",
+        axes: "plan: x right, y down",
+        ..Format::PLAIN
+    },
+];
+
+/// The format of a name.
+#[must_use]
+pub fn format(name: &str) -> Option<&'static Format> {
+    FORMATS.iter().find(|format| format.name == name)
+}

@@ -1,0 +1,14 @@
+//! What is opened, within limits: a file says how long it is before it is read, a still how large it is
+//! before it is decoded, and memory that is not there is an error.
+//!
+//! Files and stills come from anywhere. A pipe would be waited for without end, a device read without
+//! end, and six hundred bytes can promise a picture of four thousand million pixels.
+
+mod file;
+mod jpeg;
+mod memory;
+mod still;
+
+pub use file::{FileError, read, read_from};
+pub use memory::{OutOfMemory, room_for};
+pub use still::{StillError, decode, size_of};

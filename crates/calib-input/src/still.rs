@@ -1,0 +1,210 @@
+//! Stills as plain pixels: the header is believed only as far as the bytes bear it out.
+
+use std::fmt;
+use std::io::Cursor;
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, RgbImage};
+
+use crate::jpeg::Jpeg;
+use crate::memory::{OutOfMemory, reserved, room_for};
+
+/// In a browser there are 4 GB at most, and a phone has less.
+const IS_SMALL: bool = cfg!(target_pointer_width = "32");
+/// Most memory that decoding one still may take, in bytes.
+const MAX_MEMORY: u64 = if IS_SMALL { 1 << 28 } else { 1 << 30 };
+/// Most pixels that a byte of a JPEG can stand for: a block of 64 takes a bit in a progressive one.
+const JPEG_PIXELS: u64 = 512;
+/// Most bytes that a byte of a PNG can stand for, by the way deflate packs.
+const PNG_BYTES: u64 = 1032;
+/// Of a coefficient of a progressive JPEG.
+const COEFFICIENT_BYTES: u64 = 2;
+
+/// Why a still is not decoded.
+#[derive(Debug)]
+pub enum StillError {
+    /// Neither PNG nor JPEG, or broken.
+    Broken(ImageError),
+    /// The end is missing.
+    CutShort {
+        /// Width and height that its header says.
+        size: [u32; 2],
+        /// How many bytes there are.
+        bytes: usize,
+    },
+    /// Larger than what is decoded.
+    TooLarge {
+        /// Width and height.
+        size: [u32; 2],
+        /// What it would take, in bytes.
+        bytes: u64,
+    },
+    /// There is no memory for it.
+    Memory(OutOfMemory),
+}
+
+impl fmt::Display for StillError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Broken(error) => write!(f, "not a whole PNG or JPEG image: {error}"),
+            Self::CutShort { size: [w, h], bytes } => write!(
+                f,
+                "the image is truncated: its header says {w} x {h} pixels, and its {bytes} bytes end before \
+                 the image does; copy it again from where it was made"
+            ),
+            Self::TooLarge { size: [w, h], bytes } => write!(
+                f,
+                "an image of {w} x {h} pixels takes {} MiB to decode, and at most {} MiB are taken; scale it \
+                 down",
+                bytes >> 20,
+                MAX_MEMORY >> 20
+            ),
+            Self::Memory(error) => write!(f, "the image {error}"),
+        }
+    }
+}
+
+impl std::error::Error for StillError {}
+
+impl From<ImageError> for StillError {
+    fn from(error: ImageError) -> Self {
+        Self::Broken(error)
+    }
+}
+
+/// Width and height of a still after EXIF turning, from its header; that its end is there is seen, too.
+///
+/// # Errors
+/// When it is no still, or not a whole one.
+pub fn size_of(bytes: &[u8]) -> Result<[u32; 2], StillError> {
+    let (decoder, orientation) = opened(bytes)?;
+    let (width, height) = decoder.dimensions();
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    let is_on_its_side = matches!(orientation, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH);
+    Ok(if is_on_its_side { [height, width] } else { [width, height] })
+}
+
+/// Turns bytes into an image, upright as its EXIF data says.
+///
+/// # Errors
+/// When the bytes are no still, not a whole one, or one too large.
+pub fn decode(bytes: &[u8]) -> Result<RgbImage, StillError> {
+    let (decoder, orientation) = opened(bytes)?;
+    let needed = memory(&decoder, bytes);
+    if needed > MAX_MEMORY {
+        return Err(StillError::TooLarge { size: decoder.dimensions().into(), bytes: needed });
+    }
+    room_for(needed).map_err(StillError::Memory)?;
+    let mut image = pixels(decoder)?;
+    image.apply_orientation(orientation);
+    Ok(image.into_rgb8())
+}
+
+fn pixels(decoder: impl ImageDecoder) -> Result<DynamicImage, StillError> {
+    let (width, height) = decoder.dimensions();
+    if decoder.color_type() != image::ColorType::Rgb8 {
+        return Ok(DynamicImage::from_decoder(decoder)?);
+    }
+    let bytes = decoder.total_bytes();
+    let mut buffer = reserved(bytes).map_err(StillError::Memory)?;
+    // As long as it was reserved: both come of one number.
+    buffer.resize(bytes as usize, 0);
+    decoder.read_image(&mut buffer)?;
+    let image = RgbImage::from_raw(width, height, buffer);
+    image.map(DynamicImage::ImageRgb8).ok_or(StillError::TooLarge { size: [width, height], bytes })
+}
+
+/// What decoding takes, in bytes: the image as it is stored, as it is handed out, and what a decoder keeps.
+fn memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    let rgb = if decoder.color_type() == image::ColorType::Rgb8 { 0 } else { 3 * pixels };
+    let is_progressive = Jpeg::of(bytes).is_some_and(|jpeg| jpeg.is_progressive);
+    let kept = if is_progressive { 3 * COEFFICIENT_BYTES * pixels } else { 0 };
+    decoder.total_bytes().saturating_add(rgb).saturating_add(kept)
+}
+
+fn opened(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), StillError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(MAX_MEMORY);
+    reader.limits(limits);
+    let format = reader.format();
+    let mut decoder = reader.into_decoder()?;
+    if is_cut(&decoder, format, bytes) {
+        return Err(StillError::CutShort { size: decoder.dimensions().into(), bytes: bytes.len() });
+    }
+    let orientation = decoder.orientation()?;
+    Ok((decoder, orientation))
+}
+
+/// Whether the bytes end too early, or are fewer than any image of this size has.
+fn is_cut(decoder: &impl ImageDecoder, format: Option<ImageFormat>, bytes: &[u8]) -> bool {
+    let (width, height) = decoder.dimensions();
+    let (pixels, length) = (u64::from(width) * u64::from(height), bytes.len() as u64);
+    match format {
+        Some(ImageFormat::Jpeg) => {
+            pixels > JPEG_PIXELS * length || Jpeg::of(bytes).is_some_and(|jpeg| !jpeg.is_whole)
+        }
+        Some(ImageFormat::Png) => {
+            let bits = u64::from(decoder.original_color_type().bits_per_pixel());
+            (pixels / 8).saturating_mul(bits) > PNG_BYTES * length
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoded(format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        let image = RgbImage::from_fn(320, 200, |x, y| image::Rgb([x as u8, y as u8, 9]));
+        assert!(image.write_to(&mut bytes, format).is_ok());
+        bytes.into_inner()
+    }
+
+    /// A JPEG whose header says another size.
+    fn promising(width: u16, height: u16) -> Vec<u8> {
+        let mut bytes = encoded(ImageFormat::Jpeg);
+        let frame = bytes.windows(2).position(|pair| pair == [0xFF, 0xC0]).unwrap_or_default();
+        bytes[frame + 5..frame + 7].copy_from_slice(&height.to_be_bytes());
+        bytes[frame + 7..frame + 9].copy_from_slice(&width.to_be_bytes());
+        bytes
+    }
+
+    #[test]
+    fn what_is_no_image_is_an_error() {
+        assert!(matches!(decode(b"not an image"), Err(StillError::Broken(_))));
+        assert!(matches!(decode(b""), Err(StillError::Broken(_))));
+    }
+
+    #[test]
+    fn stills_are_decoded() {
+        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+            let bytes = encoded(format);
+            assert!(size_of(&bytes).is_ok_and(|size| size == [320, 200]));
+            assert!(decode(&bytes).is_ok_and(|image| image.dimensions() == (320, 200)));
+        }
+    }
+
+    #[test]
+    fn a_still_that_was_cut_is_said_to_be() {
+        let bytes = encoded(ImageFormat::Jpeg);
+        let cut = decode(&bytes[..bytes.len() / 2]);
+        assert!(cut.is_err_and(|error| error.to_string().contains("truncated")));
+        let bytes = encoded(ImageFormat::Png);
+        assert!(decode(&bytes[..bytes.len() / 2]).is_err());
+    }
+
+    #[test]
+    fn a_header_that_promises_more_than_the_bytes_hold_takes_no_memory() {
+        let promise = decode(&promising(65_500, 65_500));
+        assert!(matches!(promise, Err(StillError::CutShort { size: [65_500, 65_500], .. })), "{promise:?}");
+        let mut png = encoded(ImageFormat::Png);
+        png[16..24].copy_from_slice(&[0, 0, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF]);
+        // Its checksum no longer holds, or else its length.
+        assert!(decode(&png).is_err());
+    }
+}

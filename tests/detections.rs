@@ -1,0 +1,322 @@
+//! A table of detections: nothing of it is lost or changed in silence, and every point says how sure it is.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::collections::HashMap;
+use std::process::Command;
+
+use arrow::array::{Array as _, AsArray as _, RecordBatch};
+use arrow::datatypes::DataType;
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
+    WorldPoint,
+};
+use calib_tests::{Scratch, program};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+
+const SIZE: [u32; 2] = [1920, 1080];
+
+fn camera() -> Camera {
+    let brown = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
+    let lens = Lens {
+        principal_point: Pixel::new(957.0, 548.0),
+        focal: 1250.0,
+        distortion: Distortion::BrownConrady(brown),
+    };
+    Camera {
+        position: WorldPoint::new(3.0, -4.0, 5.0),
+        yaw: 0.3,
+        pitch: 0.5,
+        roll: 0.05,
+        focal: 1250.0,
+        lens,
+        covariance: Covariance::EXACT,
+    }
+}
+
+fn entry(id: &str, camera: &Camera) -> SiteCamera {
+    let solution = Solution::of(camera, Method::Given, Stage::Placed);
+    SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    let site = Site { cameras: vec![entry("a", &camera())], ..Site::new() };
+    scratch.write("site.json", site.to_json());
+    scratch
+}
+
+const TO_FLOOR: [&str; 6] = ["project", "site.json", "--camera", "a", "--to", "floor"];
+
+fn to_floor<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    TO_FLOOR.iter().chain(more).copied().collect()
+}
+
+/// The cells of a table by the names of its columns.
+fn rows(csv: &str) -> Vec<HashMap<&str, &str>> {
+    let mut lines = csv.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    lines.map(|line| names.iter().copied().zip(line.split(',')).collect()).collect()
+}
+
+fn number(row: &HashMap<&str, &str>, name: &str) -> f64 {
+    row[name].parse().unwrap_or_else(|_| panic!("{name} of {row:?}"))
+}
+
+fn read_parquet(scratch: &Scratch, name: &str) -> RecordBatch {
+    let file = std::fs::File::open(scratch.path(name)).unwrap();
+    let reader = ParquetRecordBatchReaderBuilder::try_new(file).unwrap().with_batch_size(1 << 20);
+    let schema = reader.schema().clone();
+    reader.build().unwrap().next().unwrap().unwrap().with_schema(schema).unwrap()
+}
+
+#[test]
+fn a_column_that_is_there_is_written_anew_only_when_that_is_wanted() {
+    let scratch = scratch();
+    scratch.write("in.csv", "u,v,status\n900,700,mine\n");
+    let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
+    assert!(run.stdout.is_empty() && run.stderr.contains("in.csv: "), "{run:?}");
+    assert!(run.stderr.contains("column status already") && run.stderr.contains("--replace"), "{run:?}");
+    let run = scratch.calib(&to_floor(&["-i", "in.csv", "--replace"])).expect_code(0);
+    assert_eq!(rows(&run.stdout)[0]["status"], "ok");
+}
+
+#[test]
+fn what_a_parquet_says_of_itself_is_kept() {
+    let scratch = scratch();
+    scratch.write("in.csv", "u,v\n900,700\n");
+    scratch.calib(&to_floor(&["-i", "in.csv", "-o", "first.parquet"])).expect_code(0);
+    let batch = read_parquet(&scratch, "first.parquet").project(&[0, 1]).unwrap();
+    let about = KeyValue::new("recorder".to_owned(), "gate 7".to_owned());
+    let properties = WriterProperties::builder().set_key_value_metadata(Some(vec![about])).build();
+    let file = std::fs::File::create(scratch.path("in.parquet")).unwrap();
+    let mut writer = ArrowWriter::try_new(file, batch.schema(), Some(properties)).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+    scratch.calib(&to_floor(&["-i", "in.parquet", "-o", "out.parquet"])).expect_code(0);
+    let out = read_parquet(&scratch, "out.parquet");
+    let about = out.schema().metadata().clone();
+    assert_eq!(about.get("recorder").map(String::as_str), Some("gate 7"), "{about:?}");
+    assert!(about.contains_key("calib.site_sha256"), "{about:?}");
+}
+
+#[test]
+fn columns_of_csv_get_their_types() {
+    let scratch = scratch();
+    let table: String =
+        (0..70_000).map(|i| format!("{i},{}.5,700,00{i},{},walks\n", i % 1900, i % 2 == 0)).collect();
+    scratch.write("in.csv", format!("frame,u,v,id,moves,note\n{table}"));
+    scratch.calib(&to_floor(&["-i", "in.csv", "-o", "out.parquet"])).expect_code(0);
+    let out = read_parquet(&scratch, "out.parquet");
+    let kinds: Vec<DataType> = out.schema().fields().iter().map(|f| f.data_type().clone()).collect();
+    use DataType::{Boolean, Float64, Int64, Utf8};
+    assert_eq!(kinds, [Int64, Float64, Int64, Utf8, Boolean, Utf8, Float64, Float64, Utf8]);
+    assert_eq!((out.num_rows(), out.column(3).as_string::<i32>().value(69_999)), (70_000, "0069999"));
+    // In CSV every cell stays as it is.
+    let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(0);
+    assert!(run.stdout.contains("\n1,1.5,700,001,false,walks,"), "{}", &run.stdout[..200]);
+    // What comes too late to tell the type is named with its way out.
+    scratch.write("late.csv", format!("frame,u,v,id,moves,note\n{table}x,1,2,3,true,late\n"));
+    let run = scratch.calib(&to_floor(&["-i", "late.csv", "-o", "late.parquet"])).expect_code(3);
+    assert!(run.stderr.contains("late.csv: line 70002, column frame: found \"x\""), "{run:?}");
+    let args = ["-i", "late.csv", "-o", "late.parquet", "--as-text", "frame"];
+    scratch.calib(&to_floor(&args)).expect_code(0);
+    assert_eq!(read_parquet(&scratch, "late.parquet").column(0).data_type(), &Utf8);
+    let run = scratch.calib(&to_floor(&["-i", "in.csv", "--as-text", "frames"])).expect_code(3);
+    assert!(run.stderr.contains("frame,u,v"), "{run:?}");
+}
+
+#[test]
+fn a_bad_cell_ends_the_run_or_is_a_status() {
+    let scratch = scratch();
+    scratch.write("in.csv", "id,u,v\n1,900,700\n2,n/a,700\n3,,700\n4,901,700\n");
+    let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
+    assert!(run.stderr.contains("in.csv: line 3, column u: found \"n/a\""), "{run:?}");
+    assert!(run.stderr.contains("--bad-rows status"), "{run:?}");
+    for format in ["csv", "ndjson"] {
+        let args = to_floor(&["-i", "in.csv", "--bad-rows", "status", "--format", format]);
+        let run = scratch.calib(&args).expect_code(0);
+        assert!(run.stderr.contains("1 cells"), "{run:?}");
+        if format == "csv" {
+            let status: Vec<&str> = rows(&run.stdout).iter().map(|row| row["status"]).collect();
+            assert_eq!(status, ["ok", "missing", "missing", "ok"]);
+            assert!(run.stdout.contains("\n2,n/a,700,,,missing\n"), "the cell stays: {run:?}");
+        }
+    }
+}
+
+#[test]
+fn numbers_that_count_from_1970_choose_the_calibration() {
+    let scratch = Scratch::new();
+    let mut site = Site {
+        cameras: vec![entry("a", &camera()), entry("a", &Camera { yaw: 0.7, ..camera() })],
+        ..Site::new()
+    };
+    site.cameras[0].valid_to = Some("2026-06-01T00:00:00Z".into());
+    site.cameras[1].valid_from = site.cameras[0].valid_to.clone();
+    scratch.write("site.json", site.to_json());
+    let mapped = |table: &str, more: &[&str]| {
+        scratch.write("in.csv", table);
+        scratch.calib(&to_floor(&[&["-i", "in.csv"], more].concat()))
+    };
+    let x = |csv: &str| rows(csv).iter().map(|row| number(row, "x_m")).collect::<Vec<f64>>();
+    let text =
+        mapped("t,u,v\n2026-05-31T23:59:59Z,900,700\n2026-06-01T00:00:00Z,900,700\n", &["--at-column", "t"]);
+    let expected = x(&text.expect_code(0).stdout);
+    assert!((expected[0] - expected[1]).abs() > 0.1);
+    let seconds = "1780271999,900,700\n1780272000,900,700\n";
+    let run = mapped(&format!("t,u,v\n{seconds}"), &["--at-column", "t", "--at-unit", "s"]);
+    assert_eq!(x(&run.expect_code(0).stdout), expected);
+    // The unit is in the name, as it is in all of ours.
+    let run = mapped(&format!("t_s,u,v\n{seconds}"), &["--at-column", "t_s"]);
+    assert_eq!(x(&run.expect_code(0).stdout), expected);
+    let milliseconds = "1780271999999.5,900,700\n1780272000000,900,700\n";
+    let run = mapped(&format!("t_ms,u,v\n{milliseconds}"), &["--at-column", "t_ms"]);
+    assert_eq!(x(&run.expect_code(0).stdout), expected);
+    let run = mapped(&format!("t,u,v\n{seconds}"), &["--at-column", "t"]).expect_code(3);
+    assert!(run.stderr.contains("--at-unit"), "{run:?}");
+    // Typed, too.
+    scratch.write("in.csv", format!("t_s,u,v\n{seconds}"));
+    let args = ["-i", "in.csv", "-o", "out.parquet", "--at-column", "t_s"];
+    scratch.calib(&to_floor(&args)).expect_code(0);
+    let run = scratch
+        .calib(&to_floor(&["-i", "out.parquet", "--format", "csv", "--at-column", "t_s", "--replace"]))
+        .expect_code(0);
+    assert_eq!(x(&run.stdout), expected);
+}
+
+#[test]
+fn pixels_of_a_stream_of_another_size_are_those_of_the_still() {
+    let scratch = scratch();
+    let run = |table: String, more: &[&str]| {
+        scratch.write("in.csv", table);
+        scratch.calib(&to_floor(&[&["-i", "in.csv"], more].concat()))
+    };
+    let (u, v) = (1203.0, 771.0);
+    let still = run(format!("u,v\n{u},{v}\n"), &[]).expect_code(0);
+    let still = ["x_m", "y_m"].map(|name| number(&rows(&still.stdout)[0], name));
+    let same = |run: calib_tests::Ended| {
+        let run = run.expect_code(0);
+        let found = ["x_m", "y_m"].map(|name| number(&rows(&run.stdout)[0], name));
+        let off = (found[0] - still[0]).hypot(found[1] - still[1]);
+        assert!(off < 1e-9, "{off} m");
+    };
+    same(run(format!("u,v\n{},{}\n", u / 3.0, v / 3.0), &["--stream-size", "640x360"]));
+    // From the centre of the first pixel of the stream.
+    same(run(
+        format!("u,v\n{},{}\n", u / 3.0 - 0.5, v / 3.0 - 0.5),
+        &["--stream-size", "640x360", "--pixel-origin", "centre"],
+    ));
+    let letterbox = ["--stream-size", "640x640", "--stream-fit", "letterbox"];
+    same(run(format!("u,v\n{},{}\n", u / 3.0, v / 3.0 + 140.0), &letterbox));
+    // A box of which only the foot counts.
+    same(run(format!("x,y,w,h\n{},{},10,20\n", u / 3.0 - 5.0, v / 3.0 + 120.0), &letterbox));
+    let stretch = ["--stream-size", "640x640", "--stream-fit", "stretch"];
+    same(run(format!("u,v\n{},{}\n", u / 3.0, v * 640.0 / 1080.0), &stretch));
+    let refused = run(format!("u,v\n{u},{v}\n"), &["--stream-size", "640x640"]).expect_code(2);
+    assert!(refused.stderr.contains("letterbox") && refused.stderr.contains("\"a\""), "{refused:?}");
+    // And back.
+    scratch.write("floor.csv", format!("x_m,y_m\n{},{}\n", still[0], still[1]));
+    let back = ["project", "site.json", "--camera", "a", "--to", "pixel", "-i", "floor.csv"];
+    let back = scratch.calib(&[&back[..], &letterbox].concat()).expect_code(0);
+    let row = &rows(&back.stdout)[0];
+    let off = (number(row, "u") - u / 3.0).hypot(number(row, "v") - (v / 3.0 + 140.0));
+    assert!(off < 1e-6, "{off} px");
+}
+
+#[test]
+fn every_point_says_how_sure_it_is() {
+    let scratch = Scratch::new();
+    let demo = calib_demo::demo_site();
+    let solved = demo.site.calibrate(&calib_core::Options::default()).write_into(&demo.site);
+    let entry = solved.cameras.iter().find(|entry| entry.camera().is_some()).unwrap();
+    scratch.write(
+        "site.json",
+        Site {
+            cameras: vec![SiteCamera { id: "a".into(), image: None, lens: None, ..entry.clone() }],
+            ..Site::new()
+        }
+        .to_json(),
+    );
+    let [w, h] = entry.size();
+    let (u, v) = (0.5 * w, 0.8 * h);
+    scratch.write("in.csv", format!("u,v\n{u},{v}\n{u},-90000\n"));
+    for (height, more) in [(0.0, &[][..]), (0.9, &["--height-m", "0.9"])] {
+        let args = to_floor(&[&["-i", "in.csv", "--sigma-px", "2"], more].concat());
+        let run = scratch.calib(&args).expect_code(0);
+        let rows = rows(&run.stdout);
+        let expected = entry.camera().unwrap().plane_covariance(Pixel::new(u, v), 2.0, height).unwrap();
+        for (prefix, matrix) in [("", expected.pixel), ("calibration_", expected.calibration)] {
+            let [x, y] = [0, 1].map(|i: usize| matrix[i][i].sqrt());
+            let near = |name: &str, value: f64| {
+                let found = number(&rows[0], &format!("{prefix}{name}"));
+                assert!(
+                    (found - value).abs() < 1e-9 * value.abs().max(1e-3),
+                    "{prefix}{name}: {found}, {value}"
+                );
+            };
+            near("sigma_x_m", x);
+            near("sigma_y_m", y);
+            near("rho", matrix[0][1] / (x * y));
+        }
+        assert_eq!((rows[1]["status"], rows[1]["sigma_x_m"]), ("above-horizon", ""));
+    }
+    // A pixel of a stream of half the size is two of the still.
+    scratch.write("half.csv", format!("u,v\n{},{}\n", 0.5 * u, 0.5 * v));
+    let half = format!("{}x{}", w / 2.0, h / 2.0);
+    let args = to_floor(&["-i", "half.csv", "--sigma-px", "1", "--stream-size", &half]);
+    let halved = scratch.calib(&args).expect_code(0);
+    let whole = scratch.calib(&to_floor(&["-i", "in.csv", "--sigma-px", "2"])).expect_code(0);
+    let [halved, whole] = [&halved, &whole].map(|run| number(&rows(&run.stdout)[0], "sigma_y_m"));
+    assert!((halved / whole - 1.0).abs() < 1e-9, "{halved} {whole}");
+}
+
+#[test]
+fn what_nobody_knows_of_a_calibration_is_empty() {
+    let scratch = scratch();
+    scratch.write("in.csv", "u,v\n900,700\n");
+    let run = scratch.calib(&to_floor(&["-i", "in.csv", "--sigma-px", "1"])).expect_code(0);
+    let row = &rows(&run.stdout)[0];
+    assert!(number(row, "sigma_x_m") > 0.0, "{row:?}");
+    assert_eq!(row["calibration_sigma_x_m"], "");
+    for refused in [&["--to", "pixel", "--sigma-px", "1"][..], &["--to", "floor", "--sigma-px", "-1"]] {
+        let args = [&["project", "site.json", "--camera", "a", "-i", "in.csv"][..], refused].concat();
+        scratch.calib(&args).expect_code(2);
+    }
+}
+
+#[test]
+fn the_detections_of_the_demonstration_work_as_they_are() {
+    let scratch = Scratch::new();
+    scratch.calib(&["demo"]).expect_code(0);
+    let project = ["project", "calib-demo/solved.json", "--to", "floor", "-i", "calib-demo/detections.csv"];
+    for more in [&["--camera-column", "camera"][..], &["--camera-column", "camera", "--at-column", "at_s"]] {
+        let run = scratch.calib(&[&project[..], more, &["--sigma-px", "1"]].concat()).expect_code(0);
+        let rows = rows(&run.stdout);
+        // The noise of a detection carries one beyond the edge.
+        let is_mapped = |status: &str| matches!(status, "ok" | "outside-efov" | "outside-image");
+        let mapped = rows.iter().filter(|row| is_mapped(row["status"])).count();
+        assert!(rows.len() > 100 && mapped == rows.len(), "{mapped} of {}: {}", rows.len(), run.stderr);
+        assert!(run.stderr.is_empty(), "{}", run.stderr);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_has_enough_ends_the_run_quietly() {
+    let scratch = scratch();
+    let table: String = (0..200_000).map(|i| format!("{},700\n", i % 1900)).collect();
+    scratch.write("in.csv", format!("u,v\n{table}"));
+    for format in ["csv", "ndjson", "arrow", "arrow-file", "parquet"] {
+        let shell = format!(
+            "{{ {} {} -i in.csv --format {format}; echo ended $? >&2; }} | head -c 100 > /dev/null",
+            program().display(),
+            TO_FLOOR.join(" ")
+        );
+        let ended = Command::new("sh").args(["-c", &shell]).current_dir(scratch.path("")).output().unwrap();
+        assert_eq!(String::from_utf8_lossy(&ended.stderr), "ended 0\n", "{format}");
+    }
+}
