@@ -63,6 +63,7 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     uprights: Vec::new(),
     deviations: Vec::new(),
     scene: SceneErrors::EXACT,
+    repeats: Vec::new(),
     invalid: Vec::new(),
 };
 

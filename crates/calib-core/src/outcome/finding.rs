@@ -199,6 +199,29 @@ pub enum Finding {
         /// Their indices.
         points: Vec<usize>,
     },
+    /// The drawing has too few residuals beyond its unknowns to be a check of itself.
+    Unchecked {
+        /// Residuals minus unknowns, of the drawing alone.
+        dof: i64,
+        /// How many lines were rejected.
+        rejected: usize,
+        /// What to draw.
+        next: Option<Suggestion>,
+    },
+    /// The standard deviations are Student's, of a noise that few residuals estimate.
+    FewResiduals {
+        /// Residuals minus unknowns.
+        dof: i64,
+        /// The factor by which the standard deviations are wider.
+        factor: f64,
+    },
+    /// Nothing is known of the errors of the camera.
+    UncertaintyUnknown,
+    /// The camera stands below the floor.
+    BelowFloor {
+        /// Its height, in metres.
+        height: f64,
+    },
     /// The reprojection errors of control points are too large for the drawing noise.
     FarControlPoints {
         /// Root mean square reprojection error, in pixels.
@@ -292,7 +315,12 @@ impl Finding {
             Self::PriorDominates { .. } => Code::PriorDominates,
             Self::TwoSolutions { .. } => Code::TwoSolutions,
             Self::Weak { .. } => Code::Weak,
-            Self::Unusable { .. } | Self::NoFloor => Code::Unusable,
+            Self::Unusable { .. } => Code::Unusable,
+            Self::NoFloor => Code::NoFloor,
+            Self::Unchecked { .. } => Code::Unchecked,
+            Self::FewResiduals { .. } => Code::FewResiduals,
+            Self::UncertaintyUnknown => Code::UncertaintyUnknown,
+            Self::BelowFloor { .. } => Code::BelowFloor,
             Self::LineOutlier { .. }
             | Self::ControlPointOutlier { .. }
             | Self::ElementOutlier { .. }
@@ -334,7 +362,12 @@ impl Finding {
             Self::FocalUnobservable { .. } | Self::PriorDominates { .. } => {
                 Subject::Parameter(Parameter::Focal)
             }
-            Self::TwoSolutions { .. } | Self::Misfit { worst: None, .. } => Subject::Orientation,
+            Self::TwoSolutions { .. }
+            | Self::Misfit { worst: None, .. }
+            | Self::Unchecked { .. }
+            | Self::FewResiduals { .. }
+            | Self::UncertaintyUnknown => Subject::Orientation,
+            Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
@@ -380,7 +413,8 @@ impl Finding {
             Self::FocalUnobservable { next, .. }
             | Self::TwoSolutions { next, .. }
             | Self::Weak { next, .. }
-            | Self::Unusable { next, .. } => *next,
+            | Self::Unusable { next, .. }
+            | Self::Unchecked { next, .. } => *next,
             _ => None,
         }
     }

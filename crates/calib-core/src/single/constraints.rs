@@ -9,6 +9,7 @@ use crate::camera::{Lens, Pixel};
 use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
+use crate::single::repeats::repeats;
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// The direction of a line in space.
@@ -91,6 +92,9 @@ pub struct Constraints<E = f64> {
     pub deviations: Vec<Deviation>,
     /// How far the scene may be from what was drawn.
     pub scene: SceneErrors,
+    /// Segments on an edge that others are on, too, and how many there are, in their order: the variance of
+    /// their ends is so many times that of one.
+    pub repeats: Vec<(Source, f64)>,
     /// Segments that give no constraint, and why.
     pub invalid: Vec<(Source, InvalidSegment)>,
 }
@@ -117,6 +121,7 @@ impl<E> Default for Constraints<E> {
             uprights: Vec::new(),
             deviations: Vec::new(),
             scene: SceneErrors::EXACT,
+            repeats: Vec::new(),
             invalid: Vec::new(),
         }
     }
@@ -127,6 +132,13 @@ impl<E> Constraints<E> {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
+    }
+
+    /// How often what a segment is drawn on is drawn.
+    pub(crate) fn times_drawn(&self, source: Source) -> f64 {
+        let key = |source: Source| (source.annotation, source.segment);
+        let found = self.repeats.binary_search_by_key(&key(source), |&(of, _)| key(of));
+        found.map_or(1.0, |at| self.repeats[at].1)
     }
 }
 
@@ -149,6 +161,30 @@ impl Constraints<ByLens> {
     /// As [`Constraints::new`], with the derivatives by the coefficients of the lens.
     pub(crate) fn by_lens(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
         Builder::build(annotations, lens, scene, |annotation| !annotation.off)
+    }
+}
+
+/// Segments on one edge share its noise ([`repeats`]).
+fn share_noise<E: Number>(constraints: &mut Constraints<E>) {
+    let Constraints { lines, lengths, uprights, repeats, .. } = constraints;
+    share(lines.iter_mut().map(|line| (line.source, line.ends.each_mut())).collect(), repeats);
+    share(lengths.iter_mut().map(|length| (length.source, length.ends.each_mut())).collect(), repeats);
+    let ends = uprights.iter_mut().map(|Upright { foot, head, source, .. }| (*source, [foot, head]));
+    share(ends.collect(), repeats);
+    repeats.sort_by_key(|(of, _)| (of.annotation, of.segment));
+}
+
+/// Multiplies the variances of what is drawn more than once, and notes it.
+fn share<E: Number>(mut drawn: Vec<(Source, [&mut Endpoint<E>; 2])>, noted: &mut Vec<(Source, f64)>) {
+    let segment = |(_, ends): &(Source, [&mut Endpoint<E>; 2])| {
+        [0, 1].map(|end| ends[end].point.map(|coordinate| coordinate.value()))
+    };
+    let times = repeats(&drawn.iter().map(segment).collect::<Vec<_>>());
+    for ((source, ends), times) in drawn.iter_mut().zip(times).filter(|(_, times)| *times > 1.0) {
+        for end in ends {
+            end.covariance = end.covariance.map(|entry| entry * times);
+        }
+        noted.push((*source, times));
     }
 }
 
@@ -176,7 +212,9 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 builder.add(index, annotation);
             }
         }
-        builder.constraints
+        let mut constraints = builder.constraints;
+        share_noise(&mut constraints);
+        constraints
     }
 
     fn add(&mut self, index: usize, annotation: &Annotation) {

@@ -17,6 +17,7 @@
 
 mod annotation;
 mod scene_errors;
+mod repeats;
 mod constraints;
 mod straightness;
 mod edge_information;
@@ -57,6 +58,8 @@ pub(crate) use fit::grid;
 pub(crate) use likelihood::residuals_at;
 pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
-pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
+pub(crate) use outliers::{
+    LEVEL, chi2_score, inflation, is_inconsistent, is_misfit, is_significant, student_factor,
+};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 pub(crate) use straightness::{edges, straightness_with_jacobian};

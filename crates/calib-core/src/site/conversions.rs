@@ -246,11 +246,22 @@ impl Solution {
             roll: self.roll_deg?.to_radians(),
             focal: self.focal_px,
             lens: self.lens(),
-            covariance: self
-                .covariance
-                .as_ref()
-                .map_or(Covariance::EXACT, |entry| entry.covariance(self.focal_px, &self.lens().distortion)),
+            covariance: self.known_covariance(),
         })
+    }
+
+    /// Writes the covariance of a camera and its sigmas; neither where nothing is known of its errors.
+    pub(crate) fn set_uncertainty(&mut self, camera: &Camera, floor_length_rel: Option<f64>) {
+        self.sigma = camera.covariance.is_known().then(|| Sigmas::of(camera, floor_length_rel));
+        self.covariance = CovarianceEntry::of(camera);
+    }
+
+    /// The covariance in the file, or that of its sigmas alone; without either nothing is known.
+    fn known_covariance(&self) -> Covariance {
+        let distortion = self.lens().distortion;
+        let from_sigmas = || self.sigma.as_ref().map(CovarianceEntry::diagonal);
+        let entry = self.covariance.clone().or_else(from_sigmas);
+        entry.map_or(Covariance::UNKNOWN, |entry| entry.covariance(self.focal_px, &distortion))
     }
 
     /// Principal point and distortion.
@@ -313,7 +324,21 @@ impl CovarianceEntry {
         covariance.sheared(&scale, &by_focal.map(|jacobian| -jacobian))
     }
 
-    /// The entry of everything that was estimated; `None` when nothing was.
+    /// The entry of independent errors.
+    fn diagonal(sigmas: &Sigmas) -> Self {
+        let named: Vec<(&str, f64)> =
+            sigmas.named().into_iter().filter_map(|(name, sigma)| Some((name, sigma?))).collect();
+        let rows = named.iter().enumerate();
+        let row = |(k, (_, sigma)): (usize, &(&str, f64))| {
+            std::iter::once(sigma * sigma).chain(std::iter::repeat_n(0.0, named.len() - 1 - k))
+        };
+        Self {
+            of: named.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            upper: rows.flat_map(row).collect(),
+        }
+    }
+
+    /// The entry of everything that was estimated; `None` when nothing was, or nothing is known of the errors.
     #[must_use]
     pub fn of(camera: &Camera) -> Option<Self> {
         let distortion = camera.lens.distortion;
@@ -335,6 +360,26 @@ impl CovarianceEntry {
 }
 
 impl Sigmas {
+    /// The standard deviations with the names of what they are of.
+    const fn named(&self) -> [(&'static str, Option<f64>); 14] {
+        [
+            ("x_m", self.x_m),
+            ("y_m", self.y_m),
+            ("z_m", self.z_m),
+            ("yaw_deg", self.yaw_deg),
+            ("pitch_deg", self.pitch_deg),
+            ("roll_deg", self.roll_deg),
+            ("focal_px", self.focal_px),
+            ("k1", self.k1),
+            ("k2", self.k2),
+            ("k3", self.k3),
+            ("k4", self.k4),
+            ("p1", self.p1),
+            ("p2", self.p2),
+            ("lambda", self.lambda),
+        ]
+    }
+
     /// The diagonal of a camera's covariance as files have it, and the error of floor lengths.
     #[must_use]
     pub fn of(camera: &Camera, floor_length_rel: Option<f64>) -> Self {

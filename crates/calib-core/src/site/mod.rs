@@ -31,6 +31,7 @@ mod observations;
 mod bundle_step;
 mod overlap;
 mod quality;
+mod pose_findings;
 mod pipeline;
 mod lens_family;
 

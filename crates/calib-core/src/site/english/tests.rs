@@ -52,6 +52,10 @@ fn number(finding: &Finding) -> usize {
         F::TooManyCameras { .. } => 30,
         F::Unused { .. } => 31,
         F::UnusedEvidence { .. } => 32,
+        F::Unchecked { .. } => 33,
+        F::FewResiduals { .. } => 34,
+        F::UncertaintyUnknown => 35,
+        F::BelowFloor { .. } => 36,
     }
 }
 
@@ -73,6 +77,10 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::Weak { floor_length_rel: 0.05, next }, Subject::Floor),
         (F::Unusable { floor_length_rel: 0.2, next: None }, Subject::Floor),
         (F::NoFloor, Subject::Floor),
+        (F::Unchecked { dof: 1, rejected: 1, next }, Subject::Orientation),
+        (F::FewResiduals { dof: 3, factor: 1.6 }, Subject::Orientation),
+        (F::UncertaintyUnknown, Subject::Orientation),
+        (F::BelowFloor { height: -2.0 }, Subject::Parameter(Parameter::Height)),
         (F::LineOutlier { line: LINE, px: Some(12.0) }, Subject::Line(LINE)),
         (F::Misfit { chi2: 90.0, dof: 4, worst: Some((LINE, 9.0)) }, Subject::Line(LINE)),
         (F::JointMisfit { chi2: 90.0, dof: 4 }, Subject::Site),
