@@ -6,7 +6,7 @@ use calib_core::{Annotation, Kind, Known, Pixel, Site, SiteCamera};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use serde_json::{Value, json};
+use serde_json::json;
 
 const SIZE: [u32; 2] = [1920, 1080];
 
@@ -52,7 +52,7 @@ fn lines_at_random_do_not_pass() {
     site.cameras = (0..count).map(|index| scribbled(&mut random, index)).collect();
     let scratch = Scratch::new();
     scratch.write("site.json", site.to_json());
-    scratch.calib(&["solve", "site.json", "-o", "solved.json", "--no-refine"]);
+    let _ = scratch.calib(&["solve", "site.json", "-o", "solved.json", "--no-refine"]);
     let solved = scratch.read_json("solved.json");
     let verdicts = scratch.calib(&["check", "solved.json", "--format", "json"]).expect_code(4).json();
     let (mut solutions, mut passed, mut exact) = (0, 0, 0);
