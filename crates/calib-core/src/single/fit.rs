@@ -3,8 +3,8 @@
 //! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where the constraints
 //!    leave it open (`minima.rs`).
 //! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
-//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the one with the more usual focal is
-//!    chosen; the others are reported as alternatives.
+//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the most plausible one is chosen: of usual
+//!    focal, upright, with the floor in view; those that are not beyond belief are reported as alternatives.
 //! 4. The covariance of roll, pitch, log focal and log height is the inverse of the normal equations, scaled
 //!    by `chi2 / dof` where the noise was not given, and by Student's factor where few residuals tell it
 //!    ([`Noise`]); it is unknown where no noise explains the residuals ([`is_inconsistent`]).
@@ -23,6 +23,7 @@ use crate::single::likelihood::{Problem, State, predictable};
 use crate::single::minima::{Minimum, Solutions, weak_prior};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, is_misfit, solve_without_outliers};
+use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
 use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 
@@ -151,7 +152,7 @@ impl Fit {
         let core_covariance = best.uncertainty.covariance * spread;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_determined(best, rel, &problem)?;
-        let (alternatives, two_solutions) = alternatives(&found, chosen);
+        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options);
         // The residuals of outliers are reported, too, where there is a prediction.
         let with_outliers = predictable(constraints, &best.state.parameters);
         let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
@@ -184,9 +185,19 @@ impl Fit {
 }
 
 /// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
-fn alternatives(found: &Solutions, chosen: usize) -> (Vec<LocalMinimum>, bool) {
+fn alternatives(
+    found: &Solutions,
+    chosen: usize,
+    problem: &Problem,
+    options: &FitOptions,
+) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
-    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
+    let implausibility =
+        |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov, options.size);
+    let beyond = implausibility(&found.minima[chosen]) + BEYOND_BELIEF;
+    let is_possible =
+        |minimum: &Minimum| minimum.chi2 < limit && (!options.weak_prior || implausibility(minimum) < beyond);
+    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && is_possible(minimum));
     let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| local_minimum(minimum)).collect();
     let two_solutions = !alternatives.is_empty();
     alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
@@ -202,17 +213,25 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     }
 }
 
-/// Of the minima that the chi-square does not rule out, the one whose focal is nearest to the mean of the
-/// weak prior; the lowest where the focal has a prior of its own, or the weak prior may not enter.
+/// Of the minima that the chi-square does not rule out, the most plausible one: of usual focal, upright, with
+/// the floor in view. The focal counts where it has no prior of its own, or else the chi-square does; the
+/// lowest where no weak prior may enter.
 fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
     let lowest = minima.first()?;
-    if problem.priors.focal.is_some() || !options.weak_prior {
+    if !options.weak_prior {
         return Some(0);
     }
-    let usual = weak_prior(problem.width).value;
+    let usual = weak_prior(problem.width);
     let possible = minima.iter().enumerate().filter(|(_, m)| m.chi2 < lowest.chi2 + RULED_OUT);
-    let distance = |m: &Minimum| (m.state.parameters[LOG_FOCAL] - usual).abs();
-    possible.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(i, _)| i)
+    let badness = |m: &Minimum| {
+        let camera = camera_of(m, problem, options);
+        let of_focal = match problem.priors.focal {
+            Some(_) => m.chi2,
+            None => ((m.state.parameters[LOG_FOCAL] - usual.value) / usual.sigma).powi(2),
+        };
+        of_focal + implausibility(&camera, options.efov, options.size)
+    };
+    possible.min_by(|(_, a), (_, b)| badness(a).total_cmp(&badness(b))).map(|(i, _)| i)
 }
 
 fn local_minimum(minimum: &Minimum) -> LocalMinimum {

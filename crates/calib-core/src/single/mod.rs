@@ -12,6 +12,7 @@
 //! - `prior`, `nuisances`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
+//! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
 
@@ -34,6 +35,7 @@ mod likelihood;
 mod minima;
 mod outliers;
 mod accuracy;
+mod plausibility;
 mod fit;
 mod advice;
 
