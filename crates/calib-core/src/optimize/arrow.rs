@@ -44,8 +44,8 @@ impl NuisanceJacobian {
 
     /// Of a residual that depends on one.
     #[inline]
-    pub(crate) const fn of(index: usize, derivative: f64) -> Self {
-        Self { count: 1, by: [(index, derivative), (0, 0.0), (0, 0.0)] }
+    pub(crate) fn of(index: usize, derivative: f64) -> Self {
+        Self::NONE.and(index, derivative)
     }
 
     /// With one more; at most three are kept.
@@ -232,6 +232,18 @@ impl Normal {
             size = size.max(own.abs());
         }
         Some((gain, size))
+    }
+
+    /// Log of the determinant of the whole matrix, core and nuisances, of the parameters that residuals depend
+    /// on.
+    pub(crate) fn log_determinant(&self, free: [bool; CORE]) -> f64 {
+        let (matrix, _, eliminated) = self.reduced(0.0, free);
+        let core = Matrix4::from_fn(|i, j| matrix[i][j]).symmetric_eigenvalues();
+        let pivots = eliminated.iter().flat_map(|block| {
+            let size = block.rows.len();
+            (0..size).map(move |i| block.lower[i * size + i].powi(2))
+        });
+        core.iter().copied().chain(pivots).filter(|&value| value > 0.0).map(f64::ln).sum()
     }
 
     /// Information matrix of the core, the inverse of its covariance; rows of zeros for fixed parameters.

@@ -177,6 +177,24 @@ impl Fit {
         })
     }
 
+    /// Minus twice the restricted log likelihood of the scene's and the drawing's sigmas, up to a constant.
+    #[must_use]
+    pub fn reml(constraints: &Constraints, options: &FitOptions) -> Option<f64> {
+        let fit = Self::new(constraints, options).ok()?;
+        let sigma = options.sigma?;
+        let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
+        let mut problem = Problem { rejected: &fit.outliers, ..problem };
+        if fit.weak_prior_used {
+            problem.priors.weak_log_focal = Some(weak_prior(options.size[0]));
+        }
+        let count = problem.lines().count() + problem.lengths().count() + 2 * problem.uprights().count();
+        let mut priors = 0.0;
+        constraints.each_scene_prior(|_, sigma| priors += 2.0 * sigma.ln());
+        let outliers = fit.outliers.len() as f64 * 2.0 * 30.0_f64.ln();
+        let determinant = problem.normal(&fit.state)?.log_determinant(problem.free);
+        Some(fit.chi2 + determinant + 2.0 * count as f64 * sigma.ln() + priors + outliers)
+    }
+
     /// Standard deviation of the log focal of this fit, the weak prior included where it entered.
     #[must_use]
     pub fn log_focal_sigma_of_answer(&self) -> f64 {

@@ -350,7 +350,7 @@ struct VanishingPoints<'a, E> {
 impl<'a, E> VanishingPoints<'a, E> {
     fn new(constraints: &'a Constraints<E>, state: &State) -> Self {
         let nuisances = Nuisances::of(constraints);
-        let tilt = nuisances.tilt();
+        let tilt = [0, 1].map(|axis| state.nuisance[nuisances.tilt() + axis]);
         let angles = Angles::new(&state.parameters);
         let turned = |group: usize, orthogonal: bool| {
             state.nuisance[group] + if orthogonal { std::f64::consts::FRAC_PI_2 } else { 0.0 }
@@ -365,7 +365,7 @@ impl<'a, E> VanishingPoints<'a, E> {
         Self {
             constraints,
             nuisances,
-            nadir: angles.nadir([state.nuisance[tilt], state.nuisance[tilt + 1]]),
+            nadir: angles.nadir(tilt),
             groups: (0..constraints.groups).map(exact).collect(),
             deviations: constraints.deviations.iter().enumerate().map(deviating).collect(),
             has_tilt: constraints.tilt_sigma().is_some(),
@@ -382,8 +382,8 @@ impl<'a, E> VanishingPoints<'a, E> {
         }
     }
 
-    /// The derivatives of the residual of a line by nuisance parameters, from those by the two of its vanishing
-    /// point's own.
+    /// The derivatives of the residual of a line by nuisance parameters, from those by the two parameters of its
+    /// vanishing point.
     #[inline]
     fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
         let Direction::Floor { group, .. } = line.direction else {

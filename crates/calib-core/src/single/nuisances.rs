@@ -2,7 +2,7 @@
 //! in, and its prior.
 
 use crate::optimize::NuisanceLayout;
-use crate::single::constraints::{Constraints, Direction};
+use crate::single::constraints::{Constraints, Direction, Line};
 
 /// Where the nuisance parameters of constraints are in a state: the angles of the groups, the log lengths of
 /// the groups of lengths, azimuth and elevation of every deviation, and the two tilts.
@@ -38,7 +38,7 @@ impl Nuisances {
         self.tilt() + 2
     }
 
-    /// A block for every group with its deviations, for every length, and for the tilt.
+    /// The blocks of parameters that have residuals in common: a group with its deviations, a length, the tilt.
     pub(crate) fn layout<E>(&self, constraints: &Constraints<E>) -> NuisanceLayout {
         let mut sizes = vec![1; self.groups + self.lengths];
         let mut places: Vec<(usize, usize)> = (0..sizes.len()).map(|block| (block, 0)).collect();
@@ -68,12 +68,10 @@ impl<E> Constraints<E> {
         }
     }
 
-    /// The standard deviation of the tilt; none where there is nothing to see it by, or none is allowed.
+    /// The standard deviation of the tilt; none where no vertical shows it, or none is allowed.
     pub(crate) fn tilt_sigma(&self) -> Option<f64> {
-        Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && self.has_verticals())
-    }
-
-    fn has_verticals(&self) -> bool {
-        !self.uprights.is_empty() || self.lines.iter().any(|line| line.direction == Direction::Vertical)
+        let is_vertical = |line: &Line<E>| line.direction == Direction::Vertical;
+        let has_verticals = || !self.uprights.is_empty() || self.lines.iter().any(is_vertical);
+        Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && has_verticals())
     }
 }
