@@ -154,9 +154,9 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    About, Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DrawNext,
-    ElementSolution, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link, LinkKind,
-    LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
+    About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
+    DrawNext, ElementSolution, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link,
+    LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
     NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale, SeenResidual, Sigmas,
     Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
 };

@@ -13,6 +13,7 @@ mod solution;
 mod site_solution;
 mod elements;
 mod document;
+mod covariance_entry;
 mod conversions;
 mod english;
 mod camera_result;
@@ -30,6 +31,7 @@ mod single_step;
 mod observations;
 mod bundle_step;
 mod overlap;
+mod cross_covariance;
 mod quality;
 mod pose_findings;
 mod pipeline;
@@ -46,7 +48,7 @@ pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
-pub use site_solution::{ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
+pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
 pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
     Warning,
