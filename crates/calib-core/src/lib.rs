@@ -149,14 +149,14 @@ pub use outcome::{
 pub use single::{
     Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, Upright, closed_form,
-    draw_next, findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, USUAL_SIZES, Upright,
+    UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
     About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
-    DrawNext, ElementSolution, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link,
-    LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
-    NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale, SeenResidual, Sigmas,
-    Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
+    DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
+    Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
+    Method, NamedAnnotation, Names, Options, Overlap, PlacementEntry, Plan, Report, Scale, SceneEntry,
+    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
 };

@@ -90,6 +90,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         links,
         marks: marks(),
         georeference: None,
+        scene: None,
         solution: None,
     }
 }

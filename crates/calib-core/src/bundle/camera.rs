@@ -64,6 +64,7 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     deviations: Vec::new(),
     scene: SceneErrors::EXACT,
     repeats: Vec::new(),
+    sigma_px: Vec::new(),
     invalid: Vec::new(),
 };
 

@@ -1,6 +1,7 @@
 //! Annotations: what the operator drew on an image, in raw pixels, and the table of their kinds.
 
 use crate::camera::Pixel;
+use crate::single::usual_sizes::UsualSize;
 
 /// A value the operator knows, with how well: held, or a prior with a standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -257,6 +258,22 @@ pub struct Annotation {
     /// From foot to head, in metres.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub height_m: Option<Known>,
+    /// A thing of a usual size, in place of a length or height.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub like: Option<String>,
+    /// Standard deviation of a drawn coordinate, in pixels; that of the camera if absent.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sigma_px: Option<f64>,
+    /// Standard deviation of the right angle that it claims, in degrees; that of the scene if absent.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub angle_sigma_deg: Option<f64>,
+    /// Relative standard deviation of its length; if absent that of the scene for equal ones, none for a known
+    /// one.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub length_sigma_rel: Option<f64>,
+    /// The scene is exactly what it says.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "std::ops::Not::not"))]
+    pub exact: bool,
 }
 
 impl Annotation {
@@ -276,7 +293,38 @@ impl Annotation {
             foot: None,
             head: None,
             height_m: None,
+            like: None,
+            sigma_px: None,
+            angle_sigma_deg: None,
+            length_sigma_rel: None,
+            exact: false,
         }
+    }
+
+    /// The thing of a usual size that it is like.
+    #[must_use]
+    pub fn usual(&self) -> Option<&'static UsualSize> {
+        self.like.as_deref().and_then(UsualSize::find)
+    }
+
+    /// The known length of its segments, in metres.
+    #[must_use]
+    pub fn length(&self) -> Option<Known> {
+        let given = |length: f64| match self.length_sigma_rel.filter(|_| !self.exact) {
+            Some(relative) => Known::prior(length, relative * length),
+            None => Known::fixed(length),
+        };
+        self.length_m.map(given).or_else(|| self.usual_of(ConstraintKind::Length))
+    }
+
+    /// Its known height from foot to head, in metres.
+    #[must_use]
+    pub fn height(&self) -> Option<Known> {
+        self.height_m.or_else(|| self.usual_of(ConstraintKind::Upright))
+    }
+
+    fn usual_of(&self, constraint: ConstraintKind) -> Option<Known> {
+        self.usual().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
     }
 
     /// An annotation of segments.
@@ -293,20 +341,33 @@ impl Annotation {
     }
 
     /// Its fields that not every kind has: the name in files, whether it is there, and whether it belongs.
-    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 7] {
+    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 10] {
         let row = self.kind.row();
         let of_shape = |shape| Belongs::always_if(row.shape == shape);
         let (segments, points) = (of_shape(Shape::Segments), of_shape(Shape::Polyline));
         let standing = of_shape(Shape::FootAndHead);
         let is_tied = self.at_right_angles_to.is_some();
-        let ties = if self.may_be_tied() { Belongs::Optionally } else { Belongs::Never };
+        let optional = |belongs: bool| if belongs { Belongs::Optionally } else { Belongs::Never };
+        let ties = optional(self.may_be_tied());
+        let (angles, lengths) = (
+            row.is_level() && row.constraint != ConstraintKind::Length,
+            row.constraint == ConstraintKind::Length,
+        );
+        // What it is like says its size.
+        let size = |belongs: Belongs| match belongs {
+            Belongs::Always if self.like.is_some() => Belongs::Optionally,
+            belongs => belongs,
+        };
         [
+            ("like", self.like.is_some(), optional(row.has_length || standing == Belongs::Always)),
+            ("angle_sigma_deg", self.angle_sigma_deg.is_some(), optional(angles)),
+            ("length_sigma_rel", self.length_sigma_rel.is_some(), optional(lengths)),
             ("segments", self.segments.is_some(), segments),
             ("points", self.points.is_some(), points),
             ("foot", self.foot.is_some(), standing),
             ("head", self.head.is_some(), standing),
-            ("height_m", self.height_m.is_some(), standing),
-            ("length_m", self.length_m.is_some(), Belongs::always_if(row.has_length)),
+            ("height_m", self.height_m.is_some(), size(standing)),
+            ("length_m", self.length_m.is_some(), size(Belongs::always_if(row.has_length))),
             ("at_right_angles_to", is_tied, ties),
         ]
     }

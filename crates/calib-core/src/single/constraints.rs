@@ -84,8 +84,9 @@ pub struct Constraints<E = f64> {
     pub groups: usize,
     /// Segments whose length is constrained.
     pub lengths: Vec<Length<E>>,
-    /// Length of every group in metres, where it is known; else it is a nuisance parameter.
-    pub length_groups: Vec<Option<f64>>,
+    /// Length of every group in metres, where it is known; else, and where it has a standard deviation, it is a
+    /// nuisance parameter.
+    pub length_groups: Vec<Option<Known>>,
     /// Persons and posts.
     pub uprights: Vec<Upright<E>>,
     /// How far drawn directions may be from those of their groups, where they may.
@@ -95,6 +96,8 @@ pub struct Constraints<E = f64> {
     /// Segments on an edge that others are on, too, and how many there are, in their order: the variance of
     /// their ends is so many times that of one.
     pub repeats: Vec<(Source, f64)>,
+    /// Standard deviation of a drawn coordinate of every annotation, in pixels, where it is not that of all.
+    pub sigma_px: Vec<Option<f64>>,
     /// Segments that give no constraint, and why.
     pub invalid: Vec<(Source, InvalidSegment)>,
 }
@@ -122,6 +125,7 @@ impl<E> Default for Constraints<E> {
             deviations: Vec::new(),
             scene: SceneErrors::EXACT,
             repeats: Vec::new(),
+            sigma_px: Vec::new(),
             invalid: Vec::new(),
         }
     }
@@ -205,7 +209,8 @@ impl<'a, E: OfLens> Builder<'a, E> {
         is_used: impl Fn(&Annotation) -> bool,
     ) -> Constraints<E> {
         let directions = vec![None; annotations.len()];
-        let constraints = Constraints { scene, ..Constraints::default() };
+        let sigma_px = annotations.iter().map(|annotation| annotation.sigma_px).collect();
+        let constraints = Constraints { scene, sigma_px, ..Constraints::default() };
         let mut builder = Self { annotations, lens, constraints, directions };
         for (index, annotation) in annotations.iter().enumerate() {
             if is_used(annotation) {
@@ -222,36 +227,35 @@ impl<'a, E: OfLens> Builder<'a, E> {
         match annotation.kind.row().constraint {
             ConstraintKind::StraightEdge => {}
             ConstraintKind::Vertical => self.add_lines(index, segments, |_| (Direction::Vertical, None)),
-            ConstraintKind::Parallel => {
-                let groups = &mut self.constraints.groups;
-                let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
-                let azimuth =
-                    if annotation.at_right_angles_to.is_some() { self.constraints.scene.square } else { 0.0 };
-                let deviation = self.deviation(group, orthogonal, azimuth);
-                self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
-            }
-            ConstraintKind::RightAngle => {
-                let group = self.constraints.groups;
-                self.constraints.groups += 1;
-                let square = |i: usize| if i > 0 { self.constraints.scene.square } else { 0.0 };
-                let azimuths: Vec<f64> = (0..segments.len()).map(square).collect();
-                let deviations: Vec<Option<usize>> = azimuths
-                    .iter()
-                    .enumerate()
-                    .map(|(i, &azimuth)| self.deviation(group, i > 0, azimuth))
-                    .collect();
-                self.add_lines(index, segments, |i| {
-                    (Direction::Floor { group, orthogonal: i > 0 }, deviations[i])
-                });
-            }
+            ConstraintKind::Parallel => self.add_parallels(index, annotation, segments),
+            ConstraintKind::RightAngle => self.add_right_angles(index, annotation, segments),
             ConstraintKind::Length => self.add_lengths(index, annotation, segments),
             ConstraintKind::Upright => self.add_upright(index, annotation),
         }
     }
 
+    fn add_parallels(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
+        let groups = &mut self.constraints.groups;
+        let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
+        let scene = self.constraints.scene.of(annotation);
+        // The annotation that others are tied to gives the group its direction.
+        let azimuth = if annotation.at_right_angles_to.is_some() { scene.angle } else { 0.0 };
+        let deviation = self.deviation(group, orthogonal, [azimuth, scene.level()]);
+        self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
+    }
+
+    fn add_right_angles(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
+        let group = self.constraints.groups;
+        self.constraints.groups += 1;
+        let scene = self.constraints.scene.of(annotation);
+        let azimuth = |i: usize| if i > 0 { scene.angle } else { 0.0 };
+        let deviations: Vec<Option<usize>> =
+            (0..segments.len()).map(|i| self.deviation(group, i > 0, [azimuth(i), scene.level()])).collect();
+        self.add_lines(index, segments, |i| (Direction::Floor { group, orthogonal: i > 0 }, deviations[i]));
+    }
+
     /// A deviation of a drawn direction, if directions deviate.
-    fn deviation(&mut self, group: usize, orthogonal: bool, azimuth: f64) -> Option<usize> {
-        let level = self.constraints.scene.level;
+    fn deviation(&mut self, group: usize, orthogonal: bool, [azimuth, level]: [f64; 2]) -> Option<usize> {
         (azimuth > 0.0 || level > 0.0).then(|| {
             self.constraints.deviations.push(Deviation { group, orthogonal, azimuth, level });
             self.constraints.deviations.len() - 1
@@ -278,7 +282,9 @@ impl<'a, E: OfLens> Builder<'a, E> {
 
     fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let group = self.constraints.length_groups.len();
-        self.constraints.length_groups.push(annotation.length_m);
+        let known = annotation.length();
+        let spread = if known.is_some() { 0.0 } else { self.constraints.scene.of(annotation).length };
+        self.constraints.length_groups.push(known);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
             let ends = points
@@ -286,12 +292,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 .zip(points.last())
                 .and_then(|(&a, &b)| Some([E::endpoint(a, self.lens)?, E::endpoint(b, self.lens)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.constraints.lengths.push(Length {
-                    ends,
-                    group,
-                    spread: self.constraints.scene.length,
-                    source,
-                }),
+                Ok(ends) => self.constraints.lengths.push(Length { ends, group, spread, source }),
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
@@ -299,7 +300,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
 
     fn add_upright(&mut self, index: usize, annotation: &Annotation) {
         let source = Source { annotation: index, segment: 0 };
-        let (Some(foot), Some(head), Some(height)) = (annotation.foot, annotation.head, annotation.height_m)
+        let (Some(foot), Some(head), Some(height)) = (annotation.foot, annotation.head, annotation.height())
         else {
             return;
         };

@@ -14,6 +14,7 @@
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
 };
+use crate::single::annotation::Known;
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::nuisances::Nuisances;
@@ -81,6 +82,7 @@ impl<'a> Problem<'a> {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
         self.constraints.each_scene_prior(|_, _| count += 1);
+        count += self.lengths_known_about().count() as i64;
         let nuisances = self.used().iter().filter(|&&used| used).count();
         let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
         count - unknowns as i64
@@ -103,7 +105,7 @@ impl<'a> Problem<'a> {
                 used[group] = true;
             }
         }
-        for length in self.lengths().filter(|length| self.constraints.length_groups[length.group].is_none()) {
+        for length in self.lengths().filter(|length| !self.constraints.has_exact_length(length.group)) {
             used[self.nuisances().length(length.group)] = true;
         }
         self.constraints.each_scene_prior(|index, _| used[index] = true);
@@ -164,9 +166,10 @@ impl<'a> Problem<'a> {
         let mut residuals: Vec<(Source, f64)> = Vec::new();
         self.each_residual(state, |residual: f64, _, source| {
             let Some(source) = source else { return };
+            let residual = residual * self.sigma_of(source);
             match residuals.last_mut() {
-                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual * self.sigma),
-                _ => residuals.push((source, residual * self.sigma)),
+                Some((last, pixels)) if *last == source => *pixels = pixels.hypot(residual),
+                _ => residuals.push((source, residual)),
             }
         })?;
         for (source, pixels) in &mut residuals {
@@ -198,6 +201,12 @@ impl<'a> Problem<'a> {
 }
 
 impl<'a, E: Number> Problem<'a, E> {
+    /// Standard deviation of a drawn coordinate of an annotation, in pixels.
+    #[inline]
+    fn sigma_of(&self, source: Source) -> f64 {
+        self.constraints.sigma_px.get(source.annotation).copied().flatten().unwrap_or(self.sigma)
+    }
+
     /// Where the nuisance parameters are.
     pub(crate) fn nuisances(&self) -> Nuisances {
         Nuisances::of(self.constraints)
@@ -238,7 +247,7 @@ impl<'a, E: Number> Problem<'a, E> {
         let at = CameraTerms::<N>::new(parameters, [state.nuisance[tilt], state.nuisance[tilt + 1]]);
         self.each_length(state, &at, &mut sink)?;
         for upright in self.uprights() {
-            for residual in upright_residuals(&at, upright, self.sigma)? {
+            for residual in upright_residuals(&at, upright, self.sigma_of(upright.source))? {
                 let [.., right, ahead] = residual.gradient();
                 let by_tilt = match self.constraints.tilt_sigma() {
                     Some(_) => NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead),
@@ -247,6 +256,7 @@ impl<'a, E: Number> Problem<'a, E> {
                 sink(residual, by_tilt, Some(upright.source));
             }
         }
+        self.each_length_prior(state, &mut sink);
         self.each_prior(parameters, |residual| sink(residual, NuisanceJacobian::NONE, None));
         self.constraints.each_scene_prior(|index, sigma| {
             let by = NuisanceJacobian::of(index, sigma.recip());
@@ -263,17 +273,14 @@ impl<'a, E: Number> Problem<'a, E> {
         at: &CameraTerms<N>,
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
-        let scale = self.sigma.recip();
         for length in self.lengths() {
+            let scale = self.sigma_of(length.source).recip();
             let (log_length, noise) = floor_length(at, &length.ends)?;
             let noise = with_spread(noise, length.spread * scale);
             let index = self.nuisances().length(length.group);
             let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
-                Some(metres) => {
-                    let log_height = N::unknown(state.parameters[LOG_HEIGHT], LOG_HEIGHT);
-                    (N::constant(metres.ln()) - log_height, false)
-                }
-                None => (N::constant(state.nuisance[index]), true),
+                Some(Known { value, sigma: None, .. }) => (in_heights(value, &state.parameters), false),
+                _ => (N::constant(state.nuisance[index]), true),
             };
             let residual = (log_length - expected) / noise * scale;
             let by_length = NuisanceJacobian::of(index, -scale / noise.value());
@@ -281,6 +288,28 @@ impl<'a, E: Number> Problem<'a, E> {
             sink(residual, nuisance, Some(length.source));
         }
         Some(())
+    }
+
+    /// `log (length / known) / relative sigma` of every group of lengths that is known about.
+    fn each_length_prior<N: NumberOver<E>>(
+        &self,
+        state: &State,
+        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
+    ) {
+        for (group, value, relative) in self.lengths_known_about() {
+            let index = self.nuisances().length(group);
+            let residual = N::constant(state.nuisance[index]) - in_heights::<N>(value, &state.parameters);
+            sink(residual * relative.recip(), NuisanceJacobian::of(index, relative.recip()), None);
+        }
+    }
+
+    /// The groups of lengths that have a prior and a segment: index, metres and relative standard deviation.
+    fn lengths_known_about(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
+        let groups = self.constraints.length_groups.iter().enumerate();
+        let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
+        let with_sigma =
+            known.filter_map(|(group, known)| Some((group, known.value, known.sigma? / known.value)));
+        with_sigma.filter(|&(group, ..)| self.lengths().any(|length| length.group == group))
     }
 
     /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
@@ -291,9 +320,9 @@ impl<'a, E: Number> Problem<'a, E> {
         state: &State,
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) {
-        let scale = self.sigma.recip();
         let directions = VanishingPoints::new(self.constraints, state);
         for line in self.lines() {
+            let scale = self.sigma_of(line.source).recip();
             let vanishing = directions.of(line);
             let residual = LineResidual::new(&line.ends, vanishing.at);
             let value = N::from(residual.pixels) * scale;
@@ -327,6 +356,12 @@ impl<'a, E: Number> Problem<'a, E> {
         add(weak_log_focal, unknown(LOG_FOCAL));
         add(height, unknown(LOG_HEIGHT).exp());
     }
+}
+
+/// The log of a length in metres in units of the camera height.
+#[inline]
+fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
+    N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)
 }
 
 /// The noise of a log length with the spread of true lengths.

@@ -18,7 +18,7 @@ fn source(segment: usize) -> Source {
 /// Constraints drawn at random: a Jacobian can be checked where residuals are large, too.
 fn any_constraints() -> impl Strategy<Value = Constraints> {
     let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
-    let lengths = proptest::collection::vec(([any_end(), any_end()], 0..2_usize), 0..6);
+    let lengths = proptest::collection::vec(([any_end(), any_end()], 0..3_usize), 0..6);
     let uprights = proptest::collection::vec((any_end(), any_end(), 1.0..2.0_f64), 0..3);
     (lines, lengths, uprights).prop_map(|(lines, lengths, uprights)| {
         let direction = |group: usize, orthogonal| match group {
@@ -47,7 +47,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .enumerate()
                 .map(|(i, (ends, group))| Length { ends, group, spread: 0.01, source: source(100 + i) })
                 .collect(),
-            length_groups: vec![None, Some(2.0)],
+            length_groups: vec![None, Some(Known::fixed(2.0)), Some(Known::prior(3.0, 0.1))],
             uprights: uprights
                 .into_iter()
                 .enumerate()
@@ -62,6 +62,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
             ],
             scene: SceneErrors { floor_tilt: 0.02, ..SceneErrors::EXACT },
             repeats: Vec::new(),
+            sigma_px: Vec::new(),
             invalid: Vec::new(),
         }
     })

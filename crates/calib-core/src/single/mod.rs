@@ -3,7 +3,8 @@
 //!
 //! Law: one image; no document, no other camera. The files in the order of the data:
 //!
-//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `scene_errors` how far the scene may be
+//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `usual_sizes` things of
+//!   known size; `scene_errors` how far the scene may be
 //!   from it; `constraints` the same, undistorted;
 //! - `straightness`, `edge_information`, `fitted`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
@@ -17,6 +18,7 @@
 //! - `fit` the front door: [`Fit::new`] runs all of it; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
+mod usual_sizes;
 mod scene_errors;
 mod repeats;
 mod constraints;
@@ -51,6 +53,7 @@ pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness_rms};
+pub use usual_sizes::{USUAL_SIZES, UsualSize};
 
 pub(crate) use accuracy::placed_floor_length_rel;
 pub(crate) use advice::floor_finding;

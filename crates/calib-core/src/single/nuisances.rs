@@ -68,6 +68,11 @@ impl<E> Constraints<E> {
         }
     }
 
+    /// Whether the length of a group is known to the millimetre.
+    pub(crate) fn has_exact_length(&self, group: usize) -> bool {
+        self.length_groups[group].is_some_and(|known| known.sigma.is_none())
+    }
+
     /// The standard deviation of the tilt; none where no vertical shows it, or none is allowed.
     pub(crate) fn tilt_sigma(&self) -> Option<f64> {
         let is_vertical = |line: &Line<E>| line.direction == Direction::Vertical;

@@ -3,34 +3,61 @@
 //!
 //! Each is an unknown with a normal prior about 0, and is eliminated like the other nuisance parameters:
 //!
-//! - the verticals lean against the normal of the floor by two small angles, `N(0, floor_tilt^2)` each;
-//! - a level direction leaves the floor plane by `N(0, angle^2)`;
+//! - the verticals lean against the normal of the floor by two small angles, `N(0, floor_tilt^2)` each: posts
+//!   are plumb, floors fall. The base system is that of the floor, on which trackers stand;
 //! - a right angle is 90 degrees and `N(0, angle^2)`;
-//! - a length differs from that of its group by a factor `exp(N(0, length^2))`.
+//! - a drawn direction leaves the floor plane by `N(0, (angle / 4)^2)`;
+//! - the log of a length differs from that of its group by `N(0, length^2)`.
 //!
-//! The base system is that of the floor, on which trackers stand; what leans are the verticals.
+//! # Where the numbers come from
+//!
+//! Restricted maximum likelihood over 639 photographs of rooms with lines that people drew (NYU-VP, Kluger et
+//! al. 2020), the sum of [`Fit::reml`](crate::Fit::reml) with the drawing's noise free: noise 0.82 px, right
+//! angle 0.9 degrees, and 0.45 degrees for floor tilt and level together, which rooms do not tell apart (0.3
+//! and 0.3 is as likely). Falls are usual outdoors: 1 to 2 % for drainage, 2.5 % across roads; two measured
+//! motorways fell by 1.4 and 1.2 degrees. 0.7 degrees stands for both kinds of places; who knows the place
+//! says so (`scene` in the site file). Lengths: tiles are alike to 0.2 %, lane marks to 3 %; 1 % is between.
+
+use crate::single::annotation::Annotation;
 
 /// Standard deviations of the scene's own errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneErrors {
     /// Of the lean of verticals against the normal of the floor, along and across the view, in radians.
     pub floor_tilt: f64,
-    /// Of the elevation of a level direction above the floor plane, in radians.
-    pub level: f64,
     /// Of a right angle, in radians.
-    pub square: f64,
-    /// Of the log of a length that is equal to others, or known.
+    pub angle: f64,
+    /// Of the log of a length that is equal to others.
     pub length: f64,
 }
 
 impl SceneErrors {
     /// The scene is what the drawing says.
-    pub const EXACT: Self = Self { floor_tilt: 0.0, level: 0.0, square: 0.0, length: 0.0 };
+    pub const EXACT: Self = Self { floor_tilt: 0.0, angle: 0.0, length: 0.0 };
+
+    /// Of the elevation of a drawn direction above the floor plane, in radians.
+    #[must_use]
+    pub fn level(&self) -> f64 {
+        0.25 * self.angle
+    }
+
+    /// Those of one drawing, which may know better.
+    pub(crate) fn of(&self, annotation: &Annotation) -> Self {
+        if annotation.exact {
+            return Self { floor_tilt: self.floor_tilt, ..Self::EXACT };
+        }
+        Self {
+            angle: annotation.angle_sigma_deg.map_or(self.angle, f64::to_radians),
+            length: annotation.length_sigma_rel.unwrap_or(self.length),
+            ..*self
+        }
+    }
 }
 
 impl Default for SceneErrors {
+    /// Those of a place of which nothing is known.
     fn default() -> Self {
-        Self::EXACT
+        Self { floor_tilt: 0.7_f64.to_radians(), angle: 0.9_f64.to_radians(), length: 0.01 }
     }
 }
 

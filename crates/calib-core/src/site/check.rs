@@ -2,12 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::single::{Annotation, Belongs};
+use crate::single::{Annotation, Belongs, USUAL_SIZES};
 use crate::site::bounds::{At, Bounds, Checked, MAX_ITEMS, count, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
 use crate::site::period::check_periods;
+use crate::site::scene::SceneEntry;
 use crate::site::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain_words, quoted};
 
 /// Longest text of a site that is read, in bytes; `data:` images included.
@@ -61,6 +62,7 @@ impl Site {
         if let Some(georeference) = &self.georeference {
             check_georeference(&root.key("georeference"), georeference)?;
         }
+        check_scene(&root.key("scene"), self.scene.as_ref())?;
         let cameras = root.key("cameras");
         count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
         for (i, camera) in self.cameras.iter().enumerate() {
@@ -133,6 +135,7 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     check_lens(&at.key("lens"), camera, site)?;
     known(&at.key("height_m"), camera.height_m.as_ref(), Bounds::POSITIVE)?;
     optional(&at.key("sigma_px"), camera.sigma_px, Bounds::POSITIVE)?;
+    check_scene(&at.key("scene"), camera.scene.as_ref())?;
     let annotations = at.key("annotations");
     count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
     check_annotations(&annotations, &camera.annotations)?;
@@ -220,7 +223,31 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
         }
     }
     optional(&at.key("length_m"), annotation.length_m, Bounds::POSITIVE)?;
+    check_like(&at.key("like"), annotation)?;
+    optional(&at.key("sigma_px"), annotation.sigma_px, Bounds::POSITIVE)?;
+    optional(&at.key("angle_sigma_deg"), annotation.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("length_sigma_rel"), annotation.length_sigma_rel, Bounds::SHARE)?;
     known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
+}
+
+/// What an annotation is like has a usual size, of what the annotation measures.
+fn check_like(at: &At, annotation: &Annotation) -> Checked {
+    let Some(like) = &annotation.like else { return Ok(()) };
+    let constraint = annotation.kind.row().constraint;
+    let names = || -> Vec<&str> {
+        USUAL_SIZES.iter().filter(|usual| usual.constraint == constraint).map(|usual| usual.id).collect()
+    };
+    match annotation.usual().filter(|usual| usual.constraint == constraint) {
+        Some(_) => Ok(()),
+        None => at.expected(quoted(like), format!("one of {}", names().join(", "))),
+    }
+}
+
+fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
+    let Some(SceneEntry::Sigmas(sigmas)) = scene else { return Ok(()) };
+    optional(&at.key("floor_tilt_sigma_deg"), sigmas.floor_tilt_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("angle_sigma_deg"), sigmas.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("length_sigma_rel"), sigmas.length_sigma_rel, Bounds::SHARE)
 }
 
 /// Ties lead to parallel annotations and not in a circle.

@@ -5,7 +5,7 @@ use crate::camera::{
     WorldPoint,
 };
 use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
-use crate::single::{FixedParameters, Prior, Priors};
+use crate::single::{FixedParameters, Prior, Priors, SceneErrors};
 use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
 use crate::site::elements::Mark;
 use crate::site::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
@@ -23,6 +23,12 @@ impl Plan {
 }
 
 impl Site {
+    /// How far the scene may be from what was drawn on the image of a camera.
+    #[must_use]
+    pub fn scene_errors(&self, entry: &SiteCamera) -> SceneErrors {
+        entry.scene.or(self.scene).map_or_else(SceneErrors::default, |scene| scene.errors())
+    }
+
     /// Where the site lies on the earth, said by itself or by its plan.
     #[must_use]
     pub fn georeference(&self) -> Option<&Georeference> {

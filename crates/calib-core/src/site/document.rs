@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{FloorPoint, Pixel, PlanPixel, WorldPoint};
 use crate::single::{Annotation, Known};
 use crate::site::elements::{Distance, Link, Mark};
+use crate::site::scene::SceneEntry;
 use crate::site::site_solution::SiteSolution;
 use crate::site::solution::{DistortionEntry, FailureEntry, Solution, document};
 
@@ -48,6 +49,9 @@ document! {
         /// Where world (0, 0) lies on the earth.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         georeference: Option<Georeference>,
+        /// How far the scene may be from what was drawn; the usual if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scene: Option<SceneEntry>,
         /// What solving found out about the site as a whole.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<SiteSolution>,
@@ -102,6 +106,9 @@ document! {
         /// Standard deviation of a drawn coordinate, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
+        /// How far the scene in this image may be from what was drawn; that of the site if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scene: Option<SceneEntry>,
         /// What the operator drew.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         annotations: Vec<Annotation>,
@@ -219,6 +226,7 @@ impl Site {
             marks: Vec::new(),
             distances: Vec::new(),
             georeference: None,
+            scene: None,
             solution: None,
         }
     }
@@ -257,6 +265,7 @@ impl SiteCamera {
             lens: None,
             height_m: None,
             sigma_px: None,
+            scene: None,
             annotations: Vec::new(),
             efov_px: None,
             placement: None,

@@ -2,7 +2,7 @@
 //!
 //! Law: the only folder that knows names, degrees and the words of files; it states no formula.
 //!
-//! - `document`, `elements`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
+//! - `document`, `elements`, `scene`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
 //!   of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
 //! - `bounds`, `check`, `check_elements`, `check_solution`, `period`, `site_error` reading and checking;
@@ -12,6 +12,7 @@
 mod solution;
 mod site_solution;
 mod elements;
+mod scene;
 mod document;
 mod covariance_entry;
 mod conversions;
@@ -47,6 +48,7 @@ pub use english::Names;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use pipeline::Report;
+pub use scene::{ExactScene, SceneEntry, SceneSigmas};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
 pub use solution::{

@@ -7,7 +7,7 @@ use crate::floor::STAGE_1_HEIGHT;
 use crate::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use crate::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    Priors, SceneErrors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
+    Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
 };
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{Site, SiteCamera};
@@ -108,7 +108,7 @@ impl Site {
             ));
         }
         let fixed = fixed_parameters(entry, owner)?;
-        let constraints = Constraints::new(&entry.annotations, &lens, SceneErrors::EXACT);
+        let constraints = Constraints::new(&entry.annotations, &lens, self.scene_errors(entry));
         let is_open = fixed.roll.is_none() || fixed.pitch.is_none() || fixed.focal.is_none();
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
             return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, fixed, None));

@@ -1,0 +1,62 @@
+//! How far a scene may be from what was drawn, as the site file says it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::single::SceneErrors;
+use crate::site::solution::document;
+
+/// The word for a scene that is what the drawing says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum ExactScene {
+    /// `"exact"`.
+    Exact,
+}
+
+/// The scene's own errors: the word "exact", or their standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected \"exact\", or an object of floor_tilt_sigma_deg, angle_sigma_deg and length_sigma_rel"
+)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum SceneEntry {
+    /// The scene is what the drawing says.
+    Exact(ExactScene),
+    /// Standard deviations; those left out are the usual ones.
+    Sigmas(SceneSigmas),
+}
+
+document! {
+    /// Standard deviations of the scene's own errors.
+    #[derive(Copy, Default)]
+    struct SceneSigmas {
+        /// Of the lean of verticals against the normal of the floor, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        floor_tilt_sigma_deg: Option<f64>,
+        /// Of a right angle, in degrees; a direction is off level by a quarter of it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        angle_sigma_deg: Option<f64>,
+        /// Of a length that is equal to others, relative.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        length_sigma_rel: Option<f64>,
+    }
+}
+
+impl SceneEntry {
+    /// The scene is what the drawing says.
+    pub const EXACT: Self = Self::Exact(ExactScene::Exact);
+
+    /// In radians and logs.
+    #[must_use]
+    pub fn errors(&self) -> SceneErrors {
+        let Self::Sigmas(sigmas) = self else { return SceneErrors::EXACT };
+        let usual = SceneErrors::default();
+        SceneErrors {
+            floor_tilt: sigmas.floor_tilt_sigma_deg.map_or(usual.floor_tilt, f64::to_radians),
+            angle: sigmas.angle_sigma_deg.map_or(usual.angle, f64::to_radians),
+            length: sigmas.length_sigma_rel.unwrap_or(usual.length),
+        }
+    }
+}
