@@ -149,8 +149,8 @@ pub use outcome::{
 pub use single::{
     Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, USUAL_SIZES, Upright,
-    UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, Repeats, SceneErrors, Shape, Sketch, USUAL_SIZES,
+    Upright, UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

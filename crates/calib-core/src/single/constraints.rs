@@ -9,7 +9,8 @@ use crate::camera::{Lens, Pixel};
 use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
-use crate::single::repeats::repeats;
+pub use crate::single::endpoint::Endpoint;
+use crate::single::repeats::{Drawn, Repeats};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// The direction of a line in space.
@@ -24,16 +25,6 @@ pub enum Direction {
         /// At right angles to the direction of the group.
         orthogonal: bool,
     },
-}
-
-/// An end point of a segment with the covariance of its noise, in numbers `E`: values, or values with their
-/// derivatives by the coefficients of the lens.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Endpoint<E = f64> {
-    /// Undistorted pixel relative to the principal point.
-    pub point: [E; 2],
-    /// Covariance of `point` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
-    pub covariance: [E; 3],
 }
 
 /// A segment whose direction in space is constrained.
@@ -93,9 +84,8 @@ pub struct Constraints<E = f64> {
     pub deviations: Vec<Deviation>,
     /// How far the scene may be from what was drawn.
     pub scene: SceneErrors,
-    /// Segments on an edge that others are on, too, and how many there are, in their order: the variance of
-    /// their ends is so many times that of one.
-    pub repeats: Vec<(Source, f64)>,
+    /// What is drawn more than once: the variance of its ends is so many times that of one.
+    pub repeats: Repeats,
     /// Standard deviation of a drawn coordinate of every annotation, in pixels, where it is not that of all.
     pub sigma_px: Vec<Option<f64>>,
     /// Segments that give no constraint, and why.
@@ -124,7 +114,7 @@ impl<E> Default for Constraints<E> {
             uprights: Vec::new(),
             deviations: Vec::new(),
             scene: SceneErrors::EXACT,
-            repeats: Vec::new(),
+            repeats: Repeats::NONE,
             sigma_px: Vec::new(),
             invalid: Vec::new(),
         }
@@ -136,13 +126,6 @@ impl<E> Constraints<E> {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
-    }
-
-    /// How often what a segment is drawn on is drawn.
-    pub(crate) fn times_drawn(&self, source: Source) -> f64 {
-        let key = |source: Source| (source.annotation, source.segment);
-        let found = self.repeats.binary_search_by_key(&key(source), |&(of, _)| key(of));
-        found.map_or(1.0, |at| self.repeats[at].1)
     }
 }
 
@@ -168,28 +151,15 @@ impl Constraints<ByLens> {
     }
 }
 
-/// Segments on one edge share its noise ([`repeats`]).
-fn share_noise<E: Number>(constraints: &mut Constraints<E>) {
-    let Constraints { lines, lengths, uprights, repeats, .. } = constraints;
-    share(lines.iter_mut().map(|line| (line.source, line.ends.each_mut())).collect(), repeats);
-    share(lengths.iter_mut().map(|length| (length.source, length.ends.each_mut())).collect(), repeats);
-    let ends = uprights.iter_mut().map(|Upright { foot, head, source, .. }| (*source, [foot, head]));
-    share(ends.collect(), repeats);
-    repeats.sort_by_key(|(of, _)| (of.annotation, of.segment));
-}
-
-/// Multiplies the variances of what is drawn more than once, and notes it.
-fn share<E: Number>(mut drawn: Vec<(Source, [&mut Endpoint<E>; 2])>, noted: &mut Vec<(Source, f64)>) {
-    let segment = |(_, ends): &(Source, [&mut Endpoint<E>; 2])| {
-        [0, 1].map(|end| ends[end].point.map(|coordinate| coordinate.value()))
-    };
-    let times = repeats(&drawn.iter().map(segment).collect::<Vec<_>>());
-    for ((source, ends), times) in drawn.iter_mut().zip(times).filter(|(_, times)| *times > 1.0) {
-        for end in ends {
-            end.covariance = end.covariance.map(|entry| entry * times);
-        }
-        noted.push((*source, times));
-    }
+/// Segments on one edge share its noise.
+fn share_noise<E: Number>(drawn: &mut Constraints<E>) {
+    let lines = drawn.lines.iter_mut().map(|line| (line.source, line.ends.each_mut()));
+    drawn.repeats.share(lines.map(Drawn::new).collect());
+    let lengths = drawn.lengths.iter_mut().map(|length| (length.source, length.ends.each_mut()));
+    drawn.repeats.share(lengths.map(Drawn::new).collect());
+    let uprights =
+        drawn.uprights.iter_mut().map(|upright| (upright.source, [&mut upright.foot, &mut upright.head]));
+    drawn.repeats.share(uprights.map(Drawn::new).collect());
 }
 
 /// Constraints in the making.
@@ -217,9 +187,8 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 builder.add(index, annotation);
             }
         }
-        let mut constraints = builder.constraints;
-        share_noise(&mut constraints);
-        constraints
+        share_noise(&mut builder.constraints);
+        builder.constraints
     }
 
     fn add(&mut self, index: usize, annotation: &Annotation) {

@@ -125,10 +125,7 @@ impl Fit {
         };
         let (found, rejected) = solve_without_outliers(&problem, search);
         let mut problem = Problem { rejected: &rejected, ..problem.clone() };
-        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| {
-            let best = found.without_weak_prior.as_ref().or(found.minima.first());
-            best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
-        });
+        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma());
         let weak_prior_used =
             found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
         if weak_prior_used {

@@ -90,7 +90,7 @@ impl<'a> Problem<'a> {
 
     /// How many of the residuals are of what is drawn again; a part of one counts as one.
     pub(crate) fn repeated(&self) -> i64 {
-        let again = |source: Source| 1.0 - self.constraints.times_drawn(source).recip();
+        let again = |source: Source| 1.0 - self.constraints.repeats.times(source).recip();
         let lines: f64 = self.lines().map(|line| again(line.source)).sum();
         let lengths: f64 = self.lengths().map(|length| again(length.source)).sum();
         let uprights: f64 = self.uprights().map(|upright| again(upright.source)).sum();
@@ -173,7 +173,7 @@ impl<'a> Problem<'a> {
             }
         })?;
         for (source, pixels) in &mut residuals {
-            *pixels *= self.constraints.times_drawn(*source).sqrt();
+            *pixels *= self.constraints.repeats.times(*source).sqrt();
         }
         Some(residuals)
     }

@@ -229,6 +229,14 @@ pub(crate) struct Solutions {
     pub(crate) without_weak_prior: Option<Minimum>,
 }
 
+impl Solutions {
+    /// Standard deviation of the log focal without the weak prior.
+    pub(crate) fn log_focal_sigma(&self) -> f64 {
+        let best = self.without_weak_prior.as_ref().or(self.minima.first());
+        best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
+    }
+}
+
 /// Solves without the weak prior, and again with it where that leaves the focal open.
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
     let without_prior = minima(problem, fixed);

@@ -20,6 +20,7 @@
 mod annotation;
 mod usual_sizes;
 mod scene_errors;
+mod endpoint;
 mod repeats;
 mod constraints;
 mod straightness;
@@ -51,6 +52,7 @@ pub use fixed_parameters::FixedParameters;
 pub use orientation::Orientation;
 pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
+pub use repeats::Repeats;
 pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness_rms};
 pub use usual_sizes::{USUAL_SIZES, UsualSize};

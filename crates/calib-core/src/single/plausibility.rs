@@ -8,8 +8,8 @@
 use crate::camera::{Camera, Pixel};
 use crate::floor::{default_efov, efov_on_floor};
 
-/// Standard deviation of the roll of installed cameras, in radians: none hangs on its side or upside down.
-const ROLL: f64 = 0.523_6;
+/// Standard deviation of the roll of installed cameras, 30 degrees: none hangs on its side or upside down.
+const ROLL: f64 = std::f64::consts::FRAC_PI_6;
 /// What a camera costs that shows no floor where its field of view is: six sigmas.
 const NO_FLOOR: f64 = 36.0;
 /// By how much one camera must be less plausible than another to be ruled out: four sigmas, for both are

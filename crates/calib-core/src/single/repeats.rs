@@ -5,13 +5,62 @@
 //! by how many there are, counting of every other one the share of the segment that it covers. A short piece
 //! beside a long one does not count against the long one.
 
+use crate::optimize::Number;
+use crate::outcome::Source;
+use crate::single::endpoint::Endpoint;
+
 /// How far a segment may lie beside another, in pixels, to be on the same edge.
 const BESIDE: f64 = 3.0;
 /// Of what length, relative to a segment's own, a segment is that counts against it.
 const AS_LONG: f64 = 0.8;
 
+/// How often what is drawn more than once is drawn, by its source and in the order of these.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Repeats(Vec<(Source, f64)>);
+
+/// A segment with the covariances of its ends.
+pub(crate) struct Drawn<'a, E> {
+    source: Source,
+    at: [[f64; 2]; 2],
+    covariances: [&'a mut [E; 3]; 2],
+}
+
+impl<'a, E: Number> Drawn<'a, E> {
+    pub(crate) fn new((source, ends): (Source, [&'a mut Endpoint<E>; 2])) -> Self {
+        let at = [0, 1].map(|end: usize| ends[end].point.map(|coordinate| coordinate.value()));
+        Self { source, at, covariances: ends.map(|end| &mut end.covariance) }
+    }
+}
+
+const fn key(source: Source) -> (usize, usize) {
+    (source.annotation, source.segment)
+}
+
+impl Repeats {
+    /// Everything is drawn once.
+    pub const NONE: Self = Self(Vec::new());
+
+    /// How often the edge is drawn that a segment is on.
+    pub(crate) fn times(&self, source: Source) -> f64 {
+        let found = self.0.binary_search_by_key(&key(source), |&(of, _)| key(of));
+        found.map_or(1.0, |at| self.0[at].1)
+    }
+
+    /// Multiplies the variances of what of these is drawn more than once, and notes it.
+    pub(crate) fn share<E: Number>(&mut self, drawn: Vec<Drawn<E>>) {
+        let times = repeats(&drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>());
+        for (Drawn { source, covariances, .. }, times) in drawn.into_iter().zip(times) {
+            if times > 1.0 {
+                covariances.into_iter().flatten().for_each(|entry| *entry = *entry * times);
+                self.0.push((source, times));
+            }
+        }
+        self.0.sort_by_key(|&(of, _)| key(of));
+    }
+}
+
 /// How often each of these segments is drawn: 1 for what is drawn once.
-pub(crate) fn repeats(segments: &[[[f64; 2]; 2]]) -> Vec<f64> {
+fn repeats(segments: &[[[f64; 2]; 2]]) -> Vec<f64> {
     let lengths: Vec<f64> = segments.iter().map(length).collect();
     let covered = |i: usize| -> f64 {
         let against = (0..segments.len()).filter(|&j| j != i && lengths[j] >= AS_LONG * lengths[i]);
