@@ -31,8 +31,9 @@ pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, cam
     for y in (0..height).step_by(CELL as usize) {
         for x in (0..width).step_by(CELL as usize) {
             let centre = Pixel { u: f64::from(x + CELL / 2), v: f64::from(y + CELL / 2) };
-            let Some(covariance) = camera.floor_covariance(centre, sigma) else { continue };
-            let Rgb(colour) = colour(100.0 * covariance.worst_sigma());
+            let covariance = camera.floor_covariance(centre, sigma);
+            let Some(worst) = covariance.and_then(|covariance| covariance.worst_sigma()) else { continue };
+            let Rgb(colour) = colour(100.0 * worst);
             for v in y..(y + CELL).min(height) {
                 for u in x..(x + CELL).min(width) {
                     let image::Rgb(below) = *image.get_pixel(u, v);

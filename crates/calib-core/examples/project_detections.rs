@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for i in 0..u.len() {
         // The part of the pixel is independent from detection to detection, that of the calibration is not.
         let covariance = camera.floor_covariance(Pixel::new(u[i], v[i]), 2.0);
-        let sigma = covariance.map_or(f64::NAN, |covariance| covariance.worst_sigma());
+        let sigma = covariance.and_then(|covariance| covariance.worst_sigma()).unwrap_or(f64::NAN);
         println!(
             "({:6.1}, {:6.1}) px  {:14}  {:7.2} {:7.2} m  ± {sigma:.2} m",
             u[i],

@@ -75,7 +75,8 @@
 //!     r#"{"format": "calib-site", "version": 1, "cameras": [{
 //!         "id": "door", "size_px": [1920, 1080],
 //!         "solution": {"method": "given", "stage": "placed", "position_m": [1.2, -0.4, 4.5], "yaw_deg": 12,
-//!             "pitch_deg": 31, "roll_deg": -1.5, "focal_px": 1486.2, "principal_point_px": [960, 540]}}]}"#,
+//!             "pitch_deg": 31, "roll_deg": -1.5, "focal_px": 1486.2, "principal_point_px": [960, 540],
+//!             "sigma": {"z_m": 0.03, "yaw_deg": 0.2, "pitch_deg": 0.3, "roll_deg": 0.1, "focal_px": 15}}}]}"#,
 //! )?;
 //! let entry = site.camera("door").ok_or("no such camera")?;
 //! let camera = entry.camera().ok_or("not calibrated")?;
@@ -93,7 +94,7 @@
 //! // With covariance: the pixel's part is independent from detection to detection, the calibration's is not.
 //! let covariance: FloorCovariance =
 //!     camera.floor_covariance(Pixel::new(u[0], v[0]), 2.0).ok_or("above the horizon")?;
-//! assert!(covariance.worst_sigma() > 0.005);
+//! assert!(covariance.worst_sigma().is_some_and(|sigma| sigma > 0.005), "the sigmas of the file");
 //!
 //! // A box of space to its lines in the image.
 //! let at = WorldPoint::new(x[0], y[0], 0.0);
@@ -148,14 +149,15 @@ pub use outcome::{
 pub use single::{
     Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, SceneErrors, Shape, Sketch, USUAL_SIZES, Upright,
-    UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, Repeats, SceneErrors, Shape, Sketch, USUAL_SIZES,
+    Upright, UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    About, Alternative, ControlPointEntry, CovarianceEntry, Distance, DistortionEntry, DrawNext,
-    ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry, Link,
-    LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method,
-    NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, Report, Scale, SceneEntry,
-    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, Warning,
+    About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
+    DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
+    Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
+    Method, NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, Report, Scale,
+    SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
+    Stage, Warning,
 };

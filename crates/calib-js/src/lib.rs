@@ -58,7 +58,7 @@ impl Site {
         let projector = FloorProjector::new(&camera, 0.0);
         projector.pixels_to_floor_within(&extent, [&[u], &[v]], [&mut x, &mut y], &mut status);
         let covariance = camera.floor_covariance(calib_core::Pixel::new(u, v), sigma_px.unwrap_or(1.0));
-        let sigma = covariance.map(|covariance| covariance.worst_sigma());
+        let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
         Ok((!x[0].is_nan()).then(|| FloorPoint::new([x[0], y[0]], sigma, status[0])))
     }
 

@@ -105,7 +105,8 @@ pub fn paint(
         }
     }
     for &corner in &corners {
-        let (Some(at), Some(known)) = (on_floor(corner), camera.floor_covariance(corner, 1.0)) else {
+        let known = camera.floor_covariance(corner, 1.0).and_then(|covariance| covariance.calibration);
+        let (Some(at), Some(known)) = (on_floor(corner), known) else {
             continue;
         };
         // What is hardly known at all would cover everything.
@@ -114,7 +115,7 @@ pub fn paint(
                 .iter()
                 .all(|point| mapping.view.zoom * point.distance(at) < 0.25 * f64::from(rect.width()))
         };
-        let outline = ellipse(at, &known.calibration, SIGMAS * MAGNIFIED).filter(is_small);
+        let outline = ellipse(at, &known, SIGMAS * MAGNIFIED).filter(is_small);
         if let Some(mut outline) = outline.filter(|_| near(&at)) {
             outline.extend(outline.first().copied());
             line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.0).faint());

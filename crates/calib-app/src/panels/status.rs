@@ -123,7 +123,7 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
         ui.label(RichText::new("no metres above the horizon").color(palette.text2));
         return;
     };
-    let sigma = pose.floor_covariance(at, 1.0).map(|covariance| covariance.worst_sigma());
+    let sigma = pose.floor_covariance(at, 1.0).and_then(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
     if let Some(sigma) = sigma {
         let sigma = app.editor.session().units.number(sigma, shown);

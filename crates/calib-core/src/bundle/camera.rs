@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    SceneErrors, edges, weak_prior,
+    Repeats, SceneErrors, edges, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -63,6 +63,7 @@ static NO_CONSTRAINTS: Constraints = Constraints {
     uprights: Vec::new(),
     deviations: Vec::new(),
     scene: SceneErrors::EXACT,
+    repeats: Repeats::NONE,
     sigma_px: Vec::new(),
     invalid: Vec::new(),
 };

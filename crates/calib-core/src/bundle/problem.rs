@@ -144,7 +144,8 @@ impl<'a> BundleProblem<'a> {
         self.each_residual(state, |_, _, _| count += 1)?;
         // The line through the points of an edge has two parameters, which are eliminated.
         let edges: i64 = self.views.iter().map(|view| view.edges.len() as i64).sum();
-        Some(count - 2 * edges - self.blocks.unknowns() as i64)
+        let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum();
+        Some(count - repeated - 2 * edges - self.blocks.unknowns() as i64)
     }
 
     /// Calls `sink` with every residual in sigmas, its derivatives, and what it belongs to.

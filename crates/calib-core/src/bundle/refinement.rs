@@ -13,7 +13,9 @@ use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance};
 use crate::optimize::{BlockCovariance, Summary, least_squares};
-use crate::single::{LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, is_significant};
+use crate::single::{
+    LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, is_significant, student_factor,
+};
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
 const MAX_STEPS: usize = 60;
@@ -183,12 +185,14 @@ impl Refinement<'_> {
         let covariance = converged.covariance.take().or_else(|| converged.covariance());
         let Converged { problem, state, chi2, dof, .. } = &converged;
         let inflation = if self.all_noise_is_known() { 1.0 } else { inflation(*chi2, *dof) };
+        // Student's, where few residuals tell the noise.
+        let spread = if inflation > 1.0 { inflation.sqrt() * student_factor(*dof) } else { 1.0 };
         let mut cameras: Vec<Camera> = (0..problem.views.len()).map(|view| converged.camera(view)).collect();
         let mut pairs = Vec::new();
         if let Some(covariance) = &covariance {
             // Noise that was given is not scaled.
             let factors: Vec<f64> =
-                self.noise_is_known.iter().map(|&known| if known { 1.0 } else { inflation.sqrt() }).collect();
+                self.noise_is_known.iter().map(|&known| if known { 1.0 } else { spread }).collect();
             let marginals = Marginals { problem, covariance, cameras: &cameras, inflation: &factors };
             let own: Vec<CrossCovariance> =
                 (0..cameras.len()).map(|view| marginals.of_cameras([view, view])).collect();
@@ -198,7 +202,7 @@ impl Refinement<'_> {
         let mut residuals = Vec::new();
         let _ = problem.each_residual(state, |residual, _, kind| residuals.push((kind, residual)));
         Refined {
-            landmarks: converged.landmarks(covariance.as_ref(), inflation),
+            landmarks: converged.landmarks(covariance.as_ref(), spread * spread),
             nuisances: (0..cameras.len()).map(|view| problem.nuisance(state, view)).collect(),
             cameras,
             chi2: *chi2,

@@ -139,8 +139,9 @@ impl CameraEstimate {
         let camera = refined.cameras[view];
         let inflation = if entry.noise_is_known { 1.0 } else { refined.inflation };
         let sigma = entry.fit.map_or(1.0, |fit| fit.sigma);
+        let times = |source: Source| entry.constraints.repeats.times(source).sqrt();
         let mut residuals: Vec<(Source, f64)> =
-            residuals.iter().map(|(source, residual)| (*source, residual * sigma)).collect();
+            residuals.iter().map(|(source, residual)| (*source, residual * sigma * times(*source))).collect();
         residuals.extend(rejected_residuals(entry, &camera, &refined.nuisances[view]));
         Self {
             camera,

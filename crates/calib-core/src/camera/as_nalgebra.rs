@@ -47,11 +47,11 @@ impl Camera {
 }
 
 impl FloorCovariance {
-    /// The part of the pixel and the part of the calibration, in square metres.
+    /// The part of the pixel and the part of the calibration, where it is known, in square metres.
     #[must_use]
-    pub fn matrices(&self) -> (Matrix2<f64>, Matrix2<f64>) {
+    pub fn matrices(&self) -> (Matrix2<f64>, Option<Matrix2<f64>>) {
         let matrix = |rows: &[[f64; 2]; 2]| Matrix2::from_row_slice(&rows.concat());
-        (matrix(&self.pixel), matrix(&self.calibration))
+        (matrix(&self.pixel), self.calibration.as_ref().map(matrix))
     }
 }
 

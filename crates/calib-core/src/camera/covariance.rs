@@ -4,7 +4,7 @@ use crate::camera::distortion::Distortion;
 
 /// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels) and the coefficients
 /// of the distortion, for the focal that the lens normalises with; rows and columns of zeros for what
-/// was not estimated.
+/// was not estimated. An infinite variance says that nothing is known of the error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
 
@@ -33,15 +33,35 @@ impl Covariance {
     /// Everything is known for certain.
     pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
 
-    /// Standard deviation of one unknown; `None` if it was not estimated.
+    /// Nothing is known of the errors, as of a camera that was imported without them.
+    pub const UNKNOWN: Self = {
+        let mut rows = [[0.0; Self::SIZE]; Self::SIZE];
+        let mut index = 0;
+        while index < Self::SIZE {
+            rows[index][index] = f64::INFINITY;
+            index += 1;
+        }
+        Self(rows)
+    };
+
+    /// Standard deviation of one unknown; `None` if it was not estimated, or nothing is known of it.
     #[must_use]
     pub fn sigma(&self, index: usize) -> Option<f64> {
         let variance = self.0[index][index];
-        (variance > 0.0).then(|| variance.sqrt())
+        (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
+    }
+
+    /// Whether the errors are known; an error of zero is.
+    #[must_use]
+    pub fn is_known(&self) -> bool {
+        (0..Self::SIZE).all(|index| self.0[index][index].is_finite())
     }
 
     /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
     pub(crate) fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
+        if !self.is_known() {
+            return Self::UNKNOWN;
+        }
         // The rows first, then the columns of what that gives: the matrix is symmetric.
         let mut rows = self.0;
         for i in 0..Self::SIZE {
@@ -52,13 +72,16 @@ impl Covariance {
         }))
     }
 
-    /// Covariance of a pair of quantities with these derivatives by the unknowns.
+    /// Covariance of a pair of quantities with these derivatives by the unknowns; `None` where nothing is known
+    /// of the errors.
     #[must_use]
-    pub fn carried(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> [[f64; 2]; 2] {
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * jacobian[b][j]).sum::<f64>();
-                (0..Self::SIZE).map(|a| jacobian[a][i] * row(a)).sum()
+    pub fn carried(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> Option<[[f64; 2]; 2]> {
+        self.is_known().then(|| {
+            std::array::from_fn(|i| {
+                std::array::from_fn(|j| {
+                    let row = |a: usize| (0..Self::SIZE).map(|b| self.0[a][b] * jacobian[b][j]).sum::<f64>();
+                    (0..Self::SIZE).map(|a| jacobian[a][i] * row(a)).sum()
+                })
             })
         })
     }

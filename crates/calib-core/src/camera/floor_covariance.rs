@@ -16,21 +16,24 @@ pub struct FloorCovariance {
     /// From the noise of the pixel: independent from detection to detection.
     pub pixel: [[f64; 2]; 2],
     /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
-    pub calibration: [[f64; 2]; 2],
+    /// `None` where nothing is known of the errors of the camera.
+    pub calibration: Option<[[f64; 2]; 2]>,
 }
 
 impl FloorCovariance {
-    /// Both parts together.
+    /// Both parts together; `None` where one of them is not known.
     #[must_use]
-    pub fn total(&self) -> [[f64; 2]; 2] {
-        std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + self.calibration[i][j]))
+    pub fn total(&self) -> Option<[[f64; 2]; 2]> {
+        let calibration = self.calibration?;
+        Some(std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + calibration[i][j])))
     }
 
-    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in metres.
+    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in
+    /// metres; `None` where one of them is not known.
     #[must_use]
-    pub fn worst_sigma(&self) -> f64 {
-        let [[a, b], [_, d]] = self.total();
-        (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt()
+    pub fn worst_sigma(&self) -> Option<f64> {
+        let [[a, b], [_, d]] = self.total()?;
+        Some((0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).max(0.0).sqrt())
     }
 }
 
@@ -214,11 +217,14 @@ mod tests {
             let pixel = Pixel { u, v };
             let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
             prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
-            prop_assert_eq!(covariance.calibration, [[0.0; 2]; 2]);
+            prop_assert_eq!(covariance.calibration, Some([[0.0; 2]; 2]));
+            let imported = Camera { covariance: Covariance::UNKNOWN, ..camera };
+            let of_imported = imported.floor_covariance(pixel, 0.5);
+            prop_assert!(of_imported.is_some_and(|c| c.calibration.is_none() && c.pixel == covariance.pixel), "unknown is not zero");
             // A nudge of half a pixel moves the floor point by no more than its worst direction says.
             for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
                 let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
-                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma()));
+                prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma().unwrap()));
             }
         }
 
@@ -229,7 +235,7 @@ mod tests {
             let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };
             let range = floor.distance(camera.position.on_floor());
             prop_assume!(range < 50.0);
-            prop_assert!((covariance.worst_sigma() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
+            prop_assert!((covariance.worst_sigma().unwrap() - 0.01 * range / camera.position.z).abs() < 1e-6 * (1.0 + range));
         }
     }
 }

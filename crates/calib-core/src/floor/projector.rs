@@ -190,7 +190,7 @@ impl FloorProjector {
     pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
         assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
         const NONE: FloorCovariance =
-            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: [[f64::NAN; 2]; 2] };
+            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
         for ((&u, &v), of) in u.iter().zip(v).zip(of) {
             let found = self.camera.plane_covariance(Pixel { u, v }, pixel_sigma, self.height);
             *of = found.unwrap_or(NONE);
@@ -374,11 +374,11 @@ mod tests {
             }
             let mut lower = camera;
             lower.position.z -= height;
-            let mut found = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: [[0.0; 2]; 2] }];
+            let mut found = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }];
             FloorProjector::new(&camera, height).floor_covariances(&[u], &[v], 0.7, &mut found);
             match lower.floor_covariance(Pixel { u, v }, 0.7) {
                 Some(floor) => {
-                    let (found, floor) = (found[0].total().concat(), floor.total().concat());
+                    let (found, floor) = (found[0].total().unwrap().concat(), floor.total().unwrap().concat());
                     let size = floor[0] + floor[3];
                     prop_assert!(found.iter().zip(&floor).all(|(a, b)| (a - b).abs() < 1e-6 * size), "{found:?} {floor:?}");
                 }

@@ -143,6 +143,9 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
 /// `dq = -(A'A)^-1 A' (B dp + noise)`.
 #[must_use]
 pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma: f64) -> Camera {
+    if !camera.covariance.is_known() {
+        return *camera;
+    }
     let (q, p) = (
         [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW],
         [Covariance::PITCH, Covariance::ROLL, Covariance::FOCAL],

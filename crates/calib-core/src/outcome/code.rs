@@ -49,6 +49,16 @@ codes! {
         Outlier = "outlier",
         /// The annotations contradict each other and none of them explains it.
         Misfit = "misfit",
+        /// Too few lines are drawn beyond those that the camera needs: nothing checks the drawing.
+        Unchecked = "unchecked",
+        /// The drawing noise is estimated from so few residuals that the standard deviations are widened.
+        FewResiduals = "few-residuals",
+        /// Nothing is known of the errors of the camera.
+        UncertaintyUnknown = "uncertainty-unknown",
+        /// The camera stands below the floor.
+        BelowFloor = "below-floor",
+        /// The camera sees no floor where its field of view is.
+        NoFloor = "no-floor",
         /// The weak prior on the focal lowers its standard deviation by more than half.
         PriorDominates = "prior-dominates",
         /// The method does not use this annotation, control point, link or mark.
@@ -84,8 +94,14 @@ impl Code {
     #[must_use]
     pub const fn severity(self) -> Severity {
         match self {
-            Self::Outlier | Self::Unusable | Self::Misfit => Severity::Error,
-            Self::FocalUnobservable | Self::TwoSolutions | Self::DistortionNotInvertible => Severity::Warning,
+            Self::Outlier | Self::Unusable | Self::Misfit | Self::BelowFloor | Self::NoFloor => {
+                Severity::Error
+            }
+            Self::FocalUnobservable
+            | Self::TwoSolutions
+            | Self::Unchecked
+            | Self::UncertaintyUnknown
+            | Self::DistortionNotInvertible => Severity::Warning,
             _ => Severity::Note,
         }
     }
@@ -96,6 +112,13 @@ impl Code {
         matches!(
             self,
             Self::Unusable
+                | Self::Misfit
+                | Self::FocalUnobservable
+                | Self::TwoSolutions
+                | Self::Unchecked
+                | Self::UncertaintyUnknown
+                | Self::BelowFloor
+                | Self::NoFloor
                 | Self::ScaleConflict
                 | Self::DistortionNotInvertible
                 | Self::NotConnected

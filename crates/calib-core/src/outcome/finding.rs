@@ -1,61 +1,9 @@
 //! Findings: what an operator should know about a result, as values with a subject and numbers.
 
 use crate::outcome::code::{Code, Severity};
+use crate::outcome::detail::{Estimator, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
 use crate::outcome::subject::{Parameter, Source, Subject};
 use crate::outcome::suggestion::Suggestion;
-
-/// Another local minimum: a camera that the lines fit as well.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OtherMinimum {
-    /// In pixels.
-    pub focal: f64,
-    /// In radians.
-    pub pitch: f64,
-}
-
-/// The estimator that does not use something.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Estimator {
-    /// The maximum-likelihood fit.
-    MaximumLikelihood,
-    /// The paper's criterion.
-    Paper,
-}
-
-/// Why cameras are not connected to the rest of the site.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WhyNotConnected {
-    /// They share too few landmarks with the others to be placed by them.
-    TooLittle,
-    /// They share nothing and keep the placement of the operator.
-    Placed,
-    /// They share nothing.
-    Alone,
-}
-
-/// Why something that cameras share is not used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WhyUnused {
-    /// A camera that observes it cannot show the place that the others give it.
-    OutOfSight,
-    /// One camera alone shows it.
-    SeenOnce,
-    /// A distance: an end of it has no place, or its length is not given.
-    Unmeasured,
-    /// Cameras: no poses were found from which everything shared is visible.
-    Unfitted,
-}
-
-/// Evidence that cameras share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SharedEvidence {
-    /// Links.
-    Links,
-    /// Marks tied to pixels.
-    Marks,
-    /// Distances.
-    Distances,
-}
 
 /// What an operator should know about a result that exists.
 #[derive(Clone, Debug, PartialEq)]
@@ -199,6 +147,29 @@ pub enum Finding {
         /// Their indices.
         points: Vec<usize>,
     },
+    /// The drawing has too few residuals beyond its unknowns to be a check of itself.
+    Unchecked {
+        /// Residuals minus unknowns, of the drawing alone.
+        dof: i64,
+        /// How many lines were rejected.
+        rejected: usize,
+        /// What to draw.
+        next: Option<Suggestion>,
+    },
+    /// The standard deviations are Student's, of a noise that few residuals estimate.
+    FewResiduals {
+        /// Residuals minus unknowns.
+        dof: i64,
+        /// The factor by which the standard deviations are wider.
+        factor: f64,
+    },
+    /// Nothing is known of the errors of the camera.
+    UncertaintyUnknown,
+    /// The camera stands below the floor.
+    BelowFloor {
+        /// Its height, in metres.
+        height: f64,
+    },
     /// The reprojection errors of control points are too large for the drawing noise.
     FarControlPoints {
         /// Root mean square reprojection error, in pixels.
@@ -292,7 +263,12 @@ impl Finding {
             Self::PriorDominates { .. } => Code::PriorDominates,
             Self::TwoSolutions { .. } => Code::TwoSolutions,
             Self::Weak { .. } => Code::Weak,
-            Self::Unusable { .. } | Self::NoFloor => Code::Unusable,
+            Self::Unusable { .. } => Code::Unusable,
+            Self::NoFloor => Code::NoFloor,
+            Self::Unchecked { .. } => Code::Unchecked,
+            Self::FewResiduals { .. } => Code::FewResiduals,
+            Self::UncertaintyUnknown => Code::UncertaintyUnknown,
+            Self::BelowFloor { .. } => Code::BelowFloor,
             Self::LineOutlier { .. }
             | Self::ControlPointOutlier { .. }
             | Self::ElementOutlier { .. }
@@ -334,7 +310,12 @@ impl Finding {
             Self::FocalUnobservable { .. } | Self::PriorDominates { .. } => {
                 Subject::Parameter(Parameter::Focal)
             }
-            Self::TwoSolutions { .. } | Self::Misfit { worst: None, .. } => Subject::Orientation,
+            Self::TwoSolutions { .. }
+            | Self::Misfit { worst: None, .. }
+            | Self::Unchecked { .. }
+            | Self::FewResiduals { .. }
+            | Self::UncertaintyUnknown => Subject::Orientation,
+            Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
@@ -380,7 +361,8 @@ impl Finding {
             Self::FocalUnobservable { next, .. }
             | Self::TwoSolutions { next, .. }
             | Self::Weak { next, .. }
-            | Self::Unusable { next, .. } => *next,
+            | Self::Unusable { next, .. }
+            | Self::Unchecked { next, .. } => *next,
             _ => None,
         }
     }

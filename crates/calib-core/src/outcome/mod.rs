@@ -12,13 +12,15 @@
 mod code;
 mod subject;
 mod suggestion;
+mod detail;
 mod finding;
 mod failure;
 mod residual;
 
 pub use code::{Code, Severity};
+pub use detail::{Estimator, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
 pub use failure::{Failure, FailureCode};
-pub use finding::{Estimator, Finding, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
+pub use finding::Finding;
 pub use residual::{Residual, ResidualOf};
 pub use subject::{Parameter, Source, Subject};
 pub use suggestion::{Drawing, Suggestion};

@@ -121,8 +121,12 @@ fn length_rel<const N: usize>(
     variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
-/// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included.
+/// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included; `None`, too,
+/// where nothing is known of its errors.
 pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+    if !camera.covariance.is_known() {
+        return None;
+    }
     const N: usize = 4 + Distortion::MOST;
     let parameters =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];

@@ -13,6 +13,7 @@ use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::OPEN_FOCAL;
 use crate::single::nuisances::Nuisances;
+use crate::single::outliers::student_factor;
 
 /// Relative error of floor lengths above which a result is weak, and above which it is unusable.
 const WEAK: f64 = 0.03;
@@ -55,7 +56,13 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
         };
         findings.push(Finding::TwoSolutions { others: fit.alternatives.iter().map(rival).collect(), next });
     }
-    findings.extend(floor_finding(fit.floor_length_rel, next));
+    match fit.floor_length_rel {
+        _ if fit.inconsistent => findings.push(Finding::UncertaintyUnknown),
+        None => findings.push(Finding::NoFloor),
+        Some(rel) => findings.extend(floor_finding(rel, next)),
+    }
+    findings.extend(unchecked(fit, next));
+    findings.extend(few_residuals(fit));
     findings.extend(fit.outliers.iter().map(|&source| Finding::LineOutlier {
         line: source,
         px: pixels_off(fit, source).filter(|px| px.is_finite()),
@@ -67,15 +74,31 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
 }
 
 /// The finding about the error of lengths on the floor, if it is large.
-pub(crate) fn floor_finding(rel: Option<f64>, next: Option<Suggestion>) -> Option<Finding> {
-    match rel {
-        Some(floor_length_rel) if floor_length_rel > UNUSABLE => {
-            Some(Finding::Unusable { floor_length_rel, next })
-        }
-        Some(floor_length_rel) if floor_length_rel > WEAK => Some(Finding::Weak { floor_length_rel, next }),
-        Some(_) => None,
-        None => Some(Finding::NoFloor),
+pub(crate) fn floor_finding(floor_length_rel: f64, next: Option<Suggestion>) -> Option<Finding> {
+    if floor_length_rel > UNUSABLE {
+        Some(Finding::Unusable { floor_length_rel, next })
+    } else {
+        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, next })
     }
+}
+
+/// Whether the drawing checks itself. Lines that are not what they are said to be agree with one residual
+/// within its noise about once in a hundred times, with two once in ten thousand; every line that was rejected
+/// was chosen so that the rest agree, and takes away one.
+fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
+    const LEAST: i64 = 2;
+    // The weak prior is no drawing.
+    let dof = fit.dof - i64::from(fit.weak_prior_used);
+    let rejected = fit.outliers.len();
+    (dof - (rejected as i64) < LEAST).then_some(Finding::Unchecked { dof, rejected, next })
+}
+
+/// Whether few residuals widen the standard deviations so far that it is to be said.
+fn few_residuals(fit: &Fit) -> Option<Finding> {
+    const WORTH_SAYING: f64 = 1.2;
+    let dof = fit.noise_dof.filter(|_| !fit.inconsistent)?;
+    let factor = student_factor(dof);
+    (factor > WORTH_SAYING).then_some(Finding::FewResiduals { dof, factor })
 }
 
 fn pixels_off(fit: &Fit, source: Source) -> Option<f64> {

@@ -9,6 +9,8 @@ use crate::camera::{Lens, Pixel};
 use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
+pub use crate::single::endpoint::Endpoint;
+use crate::single::repeats::{Drawn, Repeats};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// The direction of a line in space.
@@ -23,16 +25,6 @@ pub enum Direction {
         /// At right angles to the direction of the group.
         orthogonal: bool,
     },
-}
-
-/// An end point of a segment with the covariance of its noise, in numbers `E`: values, or values with their
-/// derivatives by the coefficients of the lens.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Endpoint<E = f64> {
-    /// Undistorted pixel relative to the principal point.
-    pub point: [E; 2],
-    /// Covariance of `point` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
-    pub covariance: [E; 3],
 }
 
 /// A segment whose direction in space is constrained.
@@ -92,6 +84,8 @@ pub struct Constraints<E = f64> {
     pub deviations: Vec<Deviation>,
     /// How far the scene may be from what was drawn.
     pub scene: SceneErrors,
+    /// What is drawn more than once: the variance of its ends is so many times that of one.
+    pub repeats: Repeats,
     /// Standard deviation of a drawn coordinate of every annotation, in pixels, where it is not that of all.
     pub sigma_px: Vec<Option<f64>>,
     /// Segments that give no constraint, and why.
@@ -120,6 +114,7 @@ impl<E> Default for Constraints<E> {
             uprights: Vec::new(),
             deviations: Vec::new(),
             scene: SceneErrors::EXACT,
+            repeats: Repeats::NONE,
             sigma_px: Vec::new(),
             invalid: Vec::new(),
         }
@@ -156,6 +151,17 @@ impl Constraints<ByLens> {
     }
 }
 
+/// Segments on one edge share its noise.
+fn share_noise<E: Number>(drawn: &mut Constraints<E>) {
+    let lines = drawn.lines.iter_mut().map(|line| (line.source, line.ends.each_mut()));
+    drawn.repeats.share(lines.map(Drawn::new).collect());
+    let lengths = drawn.lengths.iter_mut().map(|length| (length.source, length.ends.each_mut()));
+    drawn.repeats.share(lengths.map(Drawn::new).collect());
+    let uprights =
+        drawn.uprights.iter_mut().map(|upright| (upright.source, [&mut upright.foot, &mut upright.head]));
+    drawn.repeats.share(uprights.map(Drawn::new).collect());
+}
+
 /// Constraints in the making.
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
@@ -181,6 +187,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 builder.add(index, annotation);
             }
         }
+        share_noise(&mut builder.constraints);
         builder.constraints
     }
 

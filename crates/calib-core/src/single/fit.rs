@@ -3,10 +3,11 @@
 //! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where the constraints
 //!    leave it open (`minima.rs`).
 //! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
-//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the one with the more usual focal is
-//!    chosen; the others are reported as alternatives.
+//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the most plausible one is chosen: of usual
+//!    focal, upright, with the floor in view; those that are not beyond belief are reported as alternatives.
 //! 4. The covariance of roll, pitch, log focal and log height is the inverse of the normal equations, scaled
-//!    by `chi2 / dof` where the noise was not given ([`inflation`]).
+//!    by `chi2 / dof` where the noise was not given, and by Student's factor where few residuals tell it
+//!    ([`Noise`]); it is unknown where no noise explains the residuals ([`is_inconsistent`]).
 //! 5. The predicted relative error of lengths on the floor, [`Fit::floor_length_rel`], is that covariance
 //!    propagated to the lengths between points of the EFOV (`accuracy.rs`).
 
@@ -21,7 +22,8 @@ use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State, predictable};
 use crate::single::minima::{Minimum, Solutions, weak_prior};
 use crate::single::orientation::Orientation;
-use crate::single::outliers::{OutlierSearch, inflation, is_misfit, solve_without_outliers};
+use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, is_misfit, solve_without_outliers};
+use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
 use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 
@@ -83,6 +85,10 @@ pub struct Fit {
     pub outliers: Vec<Source>,
     /// The chi-square is too large for the noise, and no outlier explains it.
     pub misfit: bool,
+    /// The residuals are so large that nothing can be said of the errors: the covariance is unknown.
+    pub inconsistent: bool,
+    /// Degrees of freedom from which the drawing noise was estimated; `None` where it was given or assumed.
+    pub noise_dof: Option<i64>,
     /// Other minima that the chi-square does not rule out, and the minimum without the weak prior.
     pub alternatives: Vec<LocalMinimum>,
     /// Whether one of them is a local minimum of the same problem (rather than the one without the weak
@@ -119,10 +125,7 @@ impl Fit {
         };
         let (found, rejected) = solve_without_outliers(&problem, search);
         let mut problem = Problem { rejected: &rejected, ..problem.clone() };
-        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| {
-            let best = found.without_weak_prior.as_ref().or(found.minima.first());
-            best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
-        });
+        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma());
         let weak_prior_used =
             found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
         if weak_prior_used {
@@ -130,15 +133,23 @@ impl Fit {
         }
         let chosen = choose(&found.minima, &problem, options).ok_or(Failure::NoOrientation)?;
         let dof = problem.dof();
-        let inflation = options.sigma.map_or_else(|| inflation(found.minima[chosen].chi2, dof), |_| 1.0);
         let best = &found.minima[chosen];
-        let camera = camera_of(best, &problem, options, inflation);
+        let noise = match options.sigma {
+            Some(_) => Noise::GIVEN,
+            None => Noise::estimated(best.chi2, dof, rejected.len()),
+        };
+        let inconsistent = is_inconsistent(best.chi2, dof);
+        let spread = noise.inflation * noise.widening().powi(2);
+        let camera = Camera {
+            covariance: if inconsistent { Covariance::UNKNOWN } else { covariance_of(best, spread) },
+            ..camera_of(best, &problem, options)
+        };
         let grid = grid(&camera, options.efov, options.size);
         let height_known = problem.free[LOG_HEIGHT] || options.fixed.height.is_some();
-        let core_covariance = best.uncertainty.covariance * inflation;
+        let core_covariance = best.uncertainty.covariance * spread;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_determined(best, rel, &problem)?;
-        let (alternatives, two_solutions) = alternatives(&found, chosen);
+        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options);
         // The residuals of outliers are reported, too, where there is a prediction.
         let with_outliers = predictable(constraints, &best.state.parameters);
         let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
@@ -146,13 +157,15 @@ impl Fit {
             camera,
             chi2: best.chi2,
             dof,
-            sigma: sigma * inflation.sqrt(),
-            floor_length_rel: rel,
+            sigma: sigma * noise.inflation.sqrt(),
+            floor_length_rel: rel.filter(|_| !inconsistent),
             residuals: everything.residuals_in_pixels(&best.state).unwrap_or_default(),
             misfit: is_misfit(best.chi2, dof),
+            inconsistent,
+            noise_dof: noise.dof,
             alternatives,
             two_solutions,
-            log_focal_sigma: log_focal_sigma.map(|s| s * inflation.sqrt()),
+            log_focal_sigma: log_focal_sigma.map(|s| s * spread.sqrt()),
             weak_prior_used,
             height_known,
             state: best.state.clone(),
@@ -169,9 +182,19 @@ impl Fit {
 }
 
 /// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
-fn alternatives(found: &Solutions, chosen: usize) -> (Vec<LocalMinimum>, bool) {
+fn alternatives(
+    found: &Solutions,
+    chosen: usize,
+    problem: &Problem,
+    options: &FitOptions,
+) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
-    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && minimum.chi2 < limit);
+    let implausibility =
+        |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov, options.size);
+    let beyond = implausibility(&found.minima[chosen]) + BEYOND_BELIEF;
+    let is_possible =
+        |minimum: &Minimum| minimum.chi2 < limit && (!options.weak_prior || implausibility(minimum) < beyond);
+    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && is_possible(minimum));
     let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| local_minimum(minimum)).collect();
     let two_solutions = !alternatives.is_empty();
     alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
@@ -187,24 +210,33 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     }
 }
 
-/// Of the minima that the chi-square does not rule out, the one whose focal is nearest to the mean of the
-/// weak prior; the lowest where the focal has a prior of its own, or the weak prior may not enter.
+/// Of the minima that the chi-square does not rule out, the most plausible one: of usual focal, upright, with
+/// the floor in view. The focal counts where it has no prior of its own, or else the chi-square does; the
+/// lowest where no weak prior may enter.
 fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
     let lowest = minima.first()?;
-    if problem.priors.focal.is_some() || !options.weak_prior {
+    if !options.weak_prior {
         return Some(0);
     }
-    let usual = weak_prior(problem.width).value;
+    let usual = weak_prior(problem.width);
     let possible = minima.iter().enumerate().filter(|(_, m)| m.chi2 < lowest.chi2 + RULED_OUT);
-    let distance = |m: &Minimum| (m.state.parameters[LOG_FOCAL] - usual).abs();
-    possible.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b))).map(|(i, _)| i)
+    let badness = |m: &Minimum| {
+        let camera = camera_of(m, problem, options);
+        let of_focal = match problem.priors.focal {
+            Some(_) => m.chi2,
+            None => ((m.state.parameters[LOG_FOCAL] - usual.value) / usual.sigma).powi(2),
+        };
+        of_focal + implausibility(&camera, options.efov, options.size)
+    };
+    possible.min_by(|(_, a), (_, b)| badness(a).total_cmp(&badness(b))).map(|(i, _)| i)
 }
 
 fn local_minimum(minimum: &Minimum) -> LocalMinimum {
     LocalMinimum { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
 }
 
-fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflation: f64) -> Camera {
+/// The camera at a minimum, without its covariance.
+fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions) -> Camera {
     let Orientation { roll, pitch, focal } = minimum.state.orientation();
     // A fixed focal is returned to the last bit.
     let focal = options.fixed.focal.unwrap_or(focal);
@@ -213,17 +245,6 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
         None if problem.free[LOG_HEIGHT] => minimum.state.parameters[LOG_HEIGHT].exp(),
         None => STAGE_1_HEIGHT,
     };
-    // From log focal and log height to focal and height.
-    let target = [(ROLL, Covariance::ROLL, 1.0), (PITCH, Covariance::PITCH, 1.0)]
-        .into_iter()
-        .chain([(LOG_FOCAL, Covariance::FOCAL, focal), (LOG_HEIGHT, Covariance::Z, height)]);
-    let target: Vec<(usize, usize, f64)> = target.collect();
-    let mut covariance = Covariance::EXACT;
-    for &(i, a, by_i) in &target {
-        for &(j, b, by_j) in &target {
-            covariance.0[a][b] = minimum.uncertainty.covariance[(i, j)] * by_i * by_j * inflation;
-        }
-    }
     Camera {
         position: WorldPoint::new(0.0, 0.0, height),
         yaw: 0.0,
@@ -231,8 +252,26 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions, inflati
         roll,
         focal,
         lens: options.lens,
-        covariance,
+        covariance: Covariance::UNKNOWN,
     }
+}
+
+/// The covariance of a minimum times `spread`, from log focal and log height to focal and height.
+fn covariance_of(minimum: &Minimum, spread: f64) -> Covariance {
+    let [_, _, log_focal, log_height] = minimum.state.parameters;
+    let target = [
+        (ROLL, Covariance::ROLL, 1.0),
+        (PITCH, Covariance::PITCH, 1.0),
+        (LOG_FOCAL, Covariance::FOCAL, log_focal.exp()),
+        (LOG_HEIGHT, Covariance::Z, log_height.exp()),
+    ];
+    let mut covariance = Covariance::EXACT;
+    for (i, a, by_i) in target {
+        for (j, b, by_j) in target {
+            covariance.0[a][b] = minimum.uncertainty.covariance[(i, j)] * by_i * by_j * spread;
+        }
+    }
+    covariance
 }
 
 fn check_not_empty(problem: &Problem) -> Result<(), Failure> {

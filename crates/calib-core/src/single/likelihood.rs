@@ -78,7 +78,7 @@ impl<'a> Problem<'a> {
     /// Number of residuals minus number of unknowns.
     pub(crate) fn dof(&self) -> i64 {
         let residuals = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
-        let mut count = residuals as i64;
+        let mut count = residuals as i64 - self.repeated();
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
         self.constraints.each_scene_prior(|_, _| count += 1);
@@ -86,6 +86,15 @@ impl<'a> Problem<'a> {
         let nuisances = self.used().iter().filter(|&&used| used).count();
         let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
         count - unknowns as i64
+    }
+
+    /// How many of the residuals are of what is drawn again; a part of one counts as one.
+    pub(crate) fn repeated(&self) -> i64 {
+        let again = |source: Source| 1.0 - self.constraints.repeats.times(source).recip();
+        let lines: f64 = self.lines().map(|line| again(line.source)).sum();
+        let lengths: f64 = self.lengths().map(|length| again(length.source)).sum();
+        let uprights: f64 = self.uprights().map(|upright| again(upright.source)).sum();
+        (lines + lengths + 2.0 * uprights - 1e-9).ceil() as i64
     }
 
     /// Which nuisance parameters any residual depends on.
@@ -163,6 +172,9 @@ impl<'a> Problem<'a> {
                 _ => residuals.push((source, residual)),
             }
         })?;
+        for (source, pixels) in &mut residuals {
+            *pixels *= self.constraints.repeats.times(*source).sqrt();
+        }
         Some(residuals)
     }
 

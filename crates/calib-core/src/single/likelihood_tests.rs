@@ -61,6 +61,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005 },
             ],
             scene: SceneErrors { floor_tilt: 0.02, ..SceneErrors::EXACT },
+            repeats: crate::single::Repeats::NONE,
             sigma_px: Vec::new(),
             invalid: Vec::new(),
         }

@@ -38,16 +38,48 @@ pub(crate) struct Minimum {
 pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
     let mut found: Vec<Minimum> = Vec::new();
     for start in starts(problem, fixed) {
-        let Some(summary) = least_squares(problem, start, MAX_STEPS) else { continue };
-        let Some(minimum) = minimum(problem, summary) else { continue };
-        match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
-            Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
-            Some(_) => {}
-            None => found.push(minimum),
-        }
+        found = with_minimum_from(start, problem, found);
+    }
+    let turned: Vec<State> = found.iter().filter_map(|minimum| turned(minimum, problem)).collect();
+    for start in turned {
+        found = with_minimum_from(start, problem, found);
     }
     found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     found
+}
+
+/// The minima with the one that a start leads to, if it is another or lower.
+fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -> Vec<Minimum> {
+    let summary = least_squares(problem, start, MAX_STEPS);
+    let Some(minimum) = summary.and_then(|summary| minimum(problem, summary)) else { return found };
+    match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
+        Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
+        Some(_) => {}
+        None => found.push(minimum),
+    }
+    found
+}
+
+/// A start from the camera turned by 180 degrees that lines fit alike (`plausibility.rs`), where a minimum is
+/// doubtful: on its side or beyond, looking up, or against a prior.
+fn turned(minimum: &Minimum, problem: &Problem) -> Option<State> {
+    use std::f64::consts::{FRAC_PI_4, PI, TAU};
+    /// Sigmas from which a minimum is against a prior.
+    const AGAINST: f64 = 2.0;
+    if !problem.free[ROLL] || !problem.free[PITCH] {
+        return None;
+    }
+    let [roll, pitch, log_focal, log_height] = minimum.state.parameters;
+    let is_against = |prior: Option<Prior>, value: f64| {
+        prior.is_some_and(|prior| (value - prior.value).abs() > AGAINST * prior.sigma)
+    };
+    let is_doubtful = roll.abs() > FRAC_PI_4
+        || pitch < 0.0
+        || is_against(problem.priors.roll, roll)
+        || is_against(problem.priors.pitch, pitch);
+    let middle = problem.priors.roll.map_or(0.0, |prior| prior.value);
+    let other = middle + (roll - middle).rem_euclid(TAU) - PI;
+    is_doubtful.then(|| problem.state_at([other, -pitch, log_focal, log_height])).flatten()
 }
 
 /// The chi-square reached from a state nearby, as when an annotation is left out; the minimum need not be
@@ -195,6 +227,14 @@ pub(crate) struct Solutions {
     pub(crate) minima: Vec<Minimum>,
     /// The lowest without the weak prior, where it entered.
     pub(crate) without_weak_prior: Option<Minimum>,
+}
+
+impl Solutions {
+    /// Standard deviation of the log focal without the weak prior.
+    pub(crate) fn log_focal_sigma(&self) -> f64 {
+        let best = self.without_weak_prior.as_ref().or(self.minima.first());
+        best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
+    }
 }
 
 /// Solves without the weak prior, and again with it where that leaves the focal open.

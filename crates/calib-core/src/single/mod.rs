@@ -13,12 +13,15 @@
 //! - `prior`, `nuisances`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
+//! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod usual_sizes;
 mod scene_errors;
+mod endpoint;
+mod repeats;
 mod constraints;
 mod straightness;
 mod edge_information;
@@ -35,6 +38,7 @@ mod likelihood;
 mod minima;
 mod outliers;
 mod accuracy;
+mod plausibility;
 mod fit;
 mod scene_likelihood;
 mod advice;
@@ -49,6 +53,7 @@ pub use fixed_parameters::FixedParameters;
 pub use orientation::Orientation;
 pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
+pub use repeats::Repeats;
 pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness_rms};
 pub use usual_sizes::{USUAL_SIZES, UsualSize};
@@ -61,6 +66,8 @@ pub(crate) use fit::grid;
 pub(crate) use likelihood::residuals_at;
 pub(crate) use likelihood::{Problem, State, predictable};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
-pub(crate) use outliers::{LEVEL, chi2_score, inflation, is_misfit, is_significant};
+pub(crate) use outliers::{
+    LEVEL, chi2_score, inflation, is_inconsistent, is_misfit, is_significant, student_factor,
+};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 pub(crate) use straightness::{edges, straightness_with_jacobian};

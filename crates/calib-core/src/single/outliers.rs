@@ -50,14 +50,67 @@ pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, cou
         return false;
     }
     let nu = dof_without as f64;
-    // The normal quantile for the largest of many, and Student's from it (Abramowitz and Stegun 1964,
-    // 26.7.5).
+    // The normal quantile for the largest of many, and Student's from it.
     let z = (TWO_SIDED * TWO_SIDED + 2.0 * (count as f64).ln()).sqrt();
-    let student = z
-        + (z.powi(3) + z) / (4.0 * nu)
-        + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
-        + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * nu.powi(3));
+    let student = student_quantile(z, nu);
     chi2 - chi2_without > student * student * chi2_without / nu
+}
+
+/// The quantile of Student's distribution at the level of a normal quantile `z`, for three degrees of freedom
+/// or more (Abramowitz and Stegun 1964, 26.7.5).
+fn student_quantile(z: f64, nu: f64) -> f64 {
+    z + (z.powi(3) + z) / (4.0 * nu)
+        + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
+        + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * nu.powi(3))
+}
+
+/// The factor by which a standard deviation is wider whose noise is estimated from residuals: so many times
+/// the normal interval is the interval of 95 % of Student's distribution.
+pub(crate) fn student_factor(dof: i64) -> f64 {
+    /// Normal quantile of 0.975.
+    const Z: f64 = 1.959_964;
+    // Of one and of two degrees of freedom the distribution has a closed form: tan(0.475 pi), and
+    // 0.95 sqrt(2 / (1 - 0.95^2)).
+    match dof {
+        ..=1 => 12.706_205 / Z,
+        2 => 4.302_653 / Z,
+        _ => student_quantile(Z, dof as f64) / Z,
+    }
+}
+
+/// Whether residuals are so large that what was drawn is no drawing of a scene of this kind: over five times
+/// the noise that was assumed. Hands and bent edges err by a few pixels; beyond that, lines are not what they
+/// are said to be, their errors are not noise, and no factor makes a standard deviation of them.
+pub(crate) fn is_inconsistent(chi2: f64, dof: i64) -> bool {
+    const MOST_SIGMAS: f64 = 5.0;
+    is_misfit(chi2, dof) && chi2 > MOST_SIGMAS * MOST_SIGMAS * dof as f64
+}
+
+/// What the residuals tell of the drawing noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Noise {
+    /// The factor of its assumed variance.
+    pub(crate) inflation: f64,
+    /// From how many degrees of freedom it is estimated; `None` where it is assumed.
+    pub(crate) dof: Option<i64>,
+}
+
+impl Noise {
+    /// The noise that was given.
+    pub(crate) const GIVEN: Self = Self { inflation: 1.0, dof: None };
+
+    /// The noise by [`inflation`]. Where lines were rejected so that the rest would agree, the noise that was
+    /// assumed is refuted, and only what is left speaks for it.
+    pub(crate) fn estimated(chi2: f64, dof: i64, rejected: usize) -> Self {
+        let inflation = inflation(chi2, dof);
+        let is_estimated = inflation > 1.0 || rejected > 0;
+        Self { inflation, dof: is_estimated.then_some(dof) }
+    }
+
+    /// The factor of standard deviations for so few degrees of freedom ([`student_factor`]).
+    pub(crate) fn widening(&self) -> f64 {
+        self.dof.map_or(1.0, student_factor)
+    }
 }
 
 /// How outliers are searched for.
@@ -157,6 +210,15 @@ fn sources(problem: &Problem) -> Vec<Source> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn intervals_of_few_residuals_are_those_of_student() {
+        // Quantiles of Student's distribution at 0.975 (any table).
+        for (dof, quantile) in [(1, 12.706), (2, 4.303), (3, 3.182), (4, 2.776), (6, 2.447), (30, 2.042)] {
+            let off = student_factor(dof) * 1.96 / quantile - 1.0;
+            assert!(off.abs() < 0.01, "dof {dof}: {off}");
+        }
+    }
 
     #[test]
     fn the_test_is_at_the_one_percent_level() {

@@ -15,6 +15,7 @@ mod site_solution;
 mod elements;
 mod scene;
 mod document;
+mod covariance_entry;
 mod conversions;
 mod english;
 mod camera_result;
@@ -32,7 +33,9 @@ mod single_step;
 mod observations;
 mod bundle_step;
 mod overlap;
+mod cross_covariance;
 mod quality;
+mod pose_findings;
 mod pipeline;
 mod lens_family;
 
@@ -49,7 +52,7 @@ pub use period::NoCamera;
 pub use pipeline::Report;
 pub use scene::{ExactScene, SceneEntry, SceneSigmas};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
-pub use site_solution::{ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
+pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
 pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
     Warning,

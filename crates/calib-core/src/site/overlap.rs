@@ -127,9 +127,9 @@ fn disagreement(
 ) -> Option<f64> {
     let jacobian = |camera: &Camera| camera.floor_jacobian(camera.world_to_pixel(at.at_height(0.0))?);
     let (ja, jb) = (jacobian(a)?, jacobian(b)?);
-    let own = |camera: &Camera, jacobian| -> f64 {
-        let [[xx, _], [_, yy]] = camera.covariance.carried(jacobian);
-        xx + yy
+    let own = |camera: &Camera, jacobian| {
+        let [[xx, _], [_, yy]] = camera.covariance.carried(jacobian)?;
+        Some(xx + yy)
     };
     let mut common = 0.0;
     if let Some(cross_covariance) = cross_covariance {
@@ -139,5 +139,5 @@ fn disagreement(
             }
         }
     }
-    Some(own(a, &ja) + own(b, &jb) - 2.0 * common)
+    Some(own(a, &ja)? + own(b, &jb)? - 2.0 * common)
 }

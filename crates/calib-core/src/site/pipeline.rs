@@ -6,7 +6,7 @@ use crate::bundle::CameraEstimate;
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
 use crate::floor::{default_efov, efov_on_floor};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
-use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, is_inconsistent};
 use crate::site::bounds::At;
 use crate::site::bundle_step::{BundleResult, refine_lenses};
 use crate::site::camera_result::CameraResult;
@@ -15,6 +15,7 @@ use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
+use crate::site::pose_findings::is_of_pose;
 use crate::site::single_step::{LensOwners, Lenses, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
@@ -174,6 +175,8 @@ impl Site {
         if entry.is_given() {
             // Residuals of shared elements are computed again.
             result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
+            result.solution.warnings.retain(|warning| !is_of_pose(warning.code));
+            result.findings = entry.pose_findings();
             return check_finite(result);
         }
         let Some(own) = result.solution.camera() else { return check_finite(result) };
@@ -188,6 +191,11 @@ impl Site {
                 (joined.camera, Stage::Refined)
             }
             _ => self.place(entry, own, &mut result.findings),
+        };
+        let camera = if is_inconsistent_with(first, joined) {
+            Camera { covariance: Covariance::UNKNOWN, ..camera }
+        } else {
+            camera
         };
         if let Some(joined) = joined {
             rewrite(entry, &camera, first, joined, &mut result);
@@ -205,9 +213,17 @@ impl Site {
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.solution.efov_m = efov(entry, &camera, &mut result.findings);
+        result.findings.retain(|finding| !is_of_pose(finding.code()));
+        result.findings.extend(entry.findings_at(&camera));
         self.add_control_residuals(entry, &camera, &mut result);
         check_finite(result)
     }
+}
+
+/// Whether what was drawn on a camera, or what it shares with others, contradicts itself beyond any noise.
+fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> bool {
+    first.fit.as_ref().is_some_and(|fit| fit.inconsistent)
+        || joined.is_some_and(|joined| is_inconsistent(joined.chi2, joined.dof))
 }
 
 /// The numbers of the joint fit in place of those of stage 1.
@@ -271,7 +287,8 @@ fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let solution = &result.solution;
     let pose = solution.camera().is_none_or(|camera| {
         let angles = [camera.roll, camera.pitch, camera.yaw, camera.focal];
-        let known = camera.covariance.0.iter().flatten().all(|value| value.is_finite());
+        let covariance = camera.covariance;
+        let known = !covariance.is_known() || covariance.0.iter().flatten().all(|value| value.is_finite());
         known && camera.position.is_finite() && angles.iter().all(|value| value.is_finite())
     });
     let quality =

@@ -8,7 +8,7 @@ use crate::outcome::{Code, Finding, Residual, ResidualOf};
 use crate::single::{floor_finding, grid, placed_floor_length_rel};
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{ControlPointEntry, Site, SiteCamera};
-use crate::site::solution::{CovarianceEntry, Sigmas, Solution, Stage};
+use crate::site::solution::{Solution, Stage};
 
 /// Relative standard deviation of a height by placement: of dragging and scaling a polygon over a plan.
 const HAND: f64 = 0.02;
@@ -148,8 +148,7 @@ fn scale_conflict(first: &Camera, placed: f64, is_fixed: bool, findings: &mut Ve
 pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, result: &mut CameraResult) {
     let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
     let rel = placed_floor_length_rel(camera, &grid);
-    result.solution.sigma = Some(Sigmas::of(camera, rel));
-    result.solution.covariance = CovarianceEntry::of(camera);
+    result.solution.set_uncertainty(camera, rel);
     result.findings.retain(|finding| !matches!(finding.code(), Code::Weak | Code::Unusable));
-    result.findings.extend(floor_finding(rel, result.suggestion()));
+    result.findings.extend(rel.and_then(|rel| floor_finding(rel, result.suggestion())));
 }

@@ -208,6 +208,7 @@ impl Site {
             scale,
             loop_closure_m: bundle.loop_closure,
             overlaps: self.overlaps(bundle, solutions),
+            cross_covariances: self.cross_covariances(bundle, solutions),
             warnings: Vec::new(),
         };
         (solution, findings)

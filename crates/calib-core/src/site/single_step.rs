@@ -150,8 +150,7 @@ fn likelihood(
     let fit = Fit::new(constraints, &options)?;
     let sketch = draw_next(&fit, constraints, &options);
     let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
-    solution.sigma = Some(Sigmas::of(&fit.camera, fit.floor_length_rel));
-    solution.covariance = CovarianceEntry::of(&fit.camera);
+    solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
     solution.dof = usize::try_from(fit.dof).ok();

@@ -49,9 +49,24 @@ document! {
         /// Pairs of cameras that see the same floor.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         overlaps: Vec<Overlap>,
+        /// Covariances of cameras that show something in common with each other.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        cross_covariances: Vec<CrossCovarianceEntry>,
         /// What the operator should know.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         warnings: Vec<Warning>,
+    }
+
+    /// The covariance of what was estimated of one camera with what was estimated of another.
+    struct CrossCovarianceEntry {
+        /// Their ids.
+        cameras: [String; 2],
+        /// Names as in the solution of the first, with their units.
+        rows: Vec<String>,
+        /// Names as in the solution of the second, with their units.
+        columns: Vec<String>,
+        /// Row by row.
+        values: Vec<f64>,
     }
 
     /// Two cameras that see the same floor, and how far they disagree there.
@@ -84,11 +99,12 @@ impl SiteSolution {
     /// Whether there is nothing to be said.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        let Self { components, scale, loop_closure_m, overlaps, warnings } = self;
+        let Self { components, scale, loop_closure_m, overlaps, cross_covariances, warnings } = self;
         components.is_empty()
             && scale.is_none()
             && loop_closure_m.is_none()
             && overlaps.is_empty()
+            && cross_covariances.is_empty()
             && warnings.is_empty()
     }
 }

@@ -3,8 +3,8 @@
 use crate::outcome::{Finding, Suggestion, WhyUnused};
 use crate::site::document::Site;
 use crate::site::english::phrase::{
-    English, Names, bent, corners, efov, estimator, evidence, field, floor, from_prior, joint_misfit,
-    open_focal, other_minima, scale_conflict,
+    English, Names, bent, corners, efov, estimator, evidence, few_residuals, field, floor, from_prior,
+    joint_misfit, open_focal, other_minima, scale_conflict, unchecked,
 };
 use crate::site::english::suggestion::what_to_draw;
 use crate::site::solution::Warning;
@@ -31,6 +31,10 @@ impl English<'_> {
             F::Weak { floor_length_rel, .. } | F::Unusable { floor_length_rel, .. } => {
                 floor(*floor_length_rel)
             }
+            F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
+            F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
+            F::UncertaintyUnknown => "Nothing tells how well the camera is known.".into(),
+            F::BelowFloor { height } => format!("The camera stands {:.2} m below the floor.", -height),
             F::NoFloor => "The camera sees no floor where its field of view is.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
@@ -89,7 +93,7 @@ fn advice(finding: &Finding) -> String {
             next()
         ),
         F::TwoSolutions { .. } => format!("One more line decides. {}", next()),
-        F::Weak { .. } | F::Unusable { .. } => next(),
+        F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),
         _ => fixed_advice(finding).into(),
     }
@@ -103,6 +107,11 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::NoFloor => {
             "Check that floor lines and verticals were not exchanged; draw the field of view on the floor."
         }
+        F::FewResiduals { .. } => "Draw more lines: each makes the noise better known.",
+        F::UncertaintyUnknown => {
+            "Draw lines on its image, or import it with standard deviations; \"sigma\" in the solution holds them."
+        }
+        F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
         F::LineOutlier { .. } => "Draw it again, delete it, or mark it \"keep\" if it is right.",
         F::Misfit { .. } => {
             "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens."
@@ -149,6 +158,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::TwoSolutions { .. }
         | F::Weak { .. }
         | F::Unusable { .. }
+        | F::Unchecked { .. }
         | F::Unused { .. } => "",
     }
 }

@@ -238,6 +238,29 @@ pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
     format!("The lines fit another camera as well: {}.", list.join("; "))
 }
 
+pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
+    let aside = match rejected {
+        0 => "",
+        1 => " after a line was set aside",
+        _ => " after lines were set aside",
+    };
+    match dof {
+        ..=0 => format!("Nothing checks the drawing{aside}: another camera would fit other lines as well."),
+        1 => format!(
+            "One line more than needed is drawn{aside}: it agrees by chance too often to check the rest."
+        ),
+        _ => {
+            format!("Only {dof} lines more than needed are drawn{aside}: choosing among them checks little.")
+        }
+    }
+}
+
+pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
+    format!(
+        "The drawing noise is estimated from {dof} line(s) more than needed: every \u{b1} is {factor:.1} times wider for it (Student's t)."
+    )
+}
+
 pub(super) fn floor(rel: f64) -> String {
     format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel)
 }
