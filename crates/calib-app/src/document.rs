@@ -64,7 +64,7 @@ impl App {
             return;
         }
         let (images, path) = (session.images.clone(), session.path.clone());
-        self.found.push((slot, Found { site: session.history.site(), images, path }));
+        self.found.push((slot, Found { site: session.kept(), images, path }));
         self.autosave = None;
         for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
@@ -118,7 +118,7 @@ impl App {
         }
         let session = self.editor.session();
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
-        let site = session.history.site();
+        let site = session.kept();
         if let Some(shelf) = &mut self.shelf {
             let last = session.history.undo_name().unwrap_or_default();
             shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });

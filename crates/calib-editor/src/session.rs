@@ -11,8 +11,13 @@ use calib_core::{
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::solved::{Solved, joint_of, keep_polygon, report_of};
+use crate::joint::{Joint, report_of};
+use crate::refine::{refined, rounded};
+use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
+
+/// What takes no longer is not waited for, in milliseconds.
+const BLINK: f64 = 80.0;
 
 /// A site that is being worked on.
 #[derive(Clone, Debug)]
@@ -51,6 +56,12 @@ pub struct Session {
     pub saved: u64,
     /// Poses at the last finished gesture: where polygons lie that are to stay.
     settled: Vec<Option<Camera>>,
+    /// The joint result held at the last finished gesture.
+    was_joint_current: bool,
+    /// How long the last joint solve took that was done on the way, in milliseconds.
+    joint_took: f64,
+    /// How long one may take for the next to be done on the way, in milliseconds.
+    pub joint_may_take: f64,
     /// Poses before the last joint solve.
     pub before_refine: Option<Vec<Option<Camera>>>,
 }
@@ -59,7 +70,7 @@ impl Session {
     /// A session on this site.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
-        let joint = joint_of(&site);
+        let joint = Joint::of_file(&site);
         for camera in &mut site.cameras {
             // Results are recomputed; what was entered as a result stays.
             if camera.solution.as_ref().is_some_and(|solution| solution.method != Method::Given) {
@@ -94,10 +105,13 @@ impl Session {
             generation: 0,
             saved: 0,
             settled: Vec::new(),
+            was_joint_current: false,
+            joint_took: 0.0,
+            joint_may_take: BLINK,
             before_refine: None,
         };
         if let Some(report) = joint {
-            session.solved.keep_joint(&session.site, report);
+            session.solved.keep_joint(Joint::new(&session.site, report));
         }
         session.solve();
         session.settle();
@@ -167,6 +181,7 @@ impl Session {
 
     /// Poses as they are now are those to come back to.
     fn settle(&mut self) {
+        self.was_joint_current = self.solved.is_joint_current();
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
@@ -193,11 +208,56 @@ impl Session {
             self.note = Some(format!("Not possible: {}.", error.message()));
         }
         self.solve();
+        self.refine_on_the_way();
         if self.history.commit(name, &self.site) {
             self.generation += 1;
             self.before_refine = None;
         }
         self.settle();
+    }
+
+    /// Solves together again what was solved together, where that takes no longer than a blink. A place that a
+    /// hand has just given is not taken back: then the joint result is out of date until the operator says so.
+    fn refine_on_the_way(&mut self) {
+        let may = self.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
+        if !may || self.joint_took > self.joint_may_take || self.is_placed_by_hand() {
+            return;
+        }
+        let start = web_time::Instant::now();
+        let refined = refined(self.site.clone());
+        self.joint_took = start.elapsed().as_secs_f64() * 1e3;
+        self.put_refined(&refined);
+        // Polygons lie where the joint result has them, not where they lay.
+        self.solved.update(&self.site);
+    }
+
+    /// Whether the gesture under way moves a camera on the floor and draws nothing on its image.
+    fn is_placed_by_hand(&self) -> bool {
+        let moved = |(index, camera): (usize, &SiteCamera)| {
+            let before = self.history.camera(index).filter(|before| before.id == camera.id);
+            before.is_some_and(|before| {
+                before.placement != camera.placement
+                    && (&before.annotations, &before.lens) == (&camera.annotations, &camera.lens)
+            })
+        };
+        self.site.cameras.iter().enumerate().any(moved)
+    }
+
+    /// Puts cameras and marks where a joint solve has them, and keeps its results.
+    fn put_refined(&mut self, refined: &Site) {
+        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
+            camera.placement.clone_from(&refined.placement);
+        }
+        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
+            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
+        }
+        self.solved.keep_joint(Joint::new(&self.site, report_of(refined)));
+    }
+
+    /// The site as the last finished gesture left it, with what was solved together.
+    #[must_use]
+    pub fn kept(&self) -> Site {
+        self.solved.write_joint_into(&self.history.site())
     }
 
     /// Puts the site back to where the gesture under way began.
@@ -346,27 +406,10 @@ impl Session {
             return;
         }
         let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
-        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
-            camera.placement.clone_from(&refined.placement);
-        }
-        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
-            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
-        }
-        self.solved.keep_joint(&self.site, report_of(refined));
+        self.put_refined(refined);
         self.commit("refine all cameras");
         self.before_refine = Some(before);
     }
-}
-
-/// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
-pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
-    let round = |value: f64, digits: f64| (value * digits).round() / digits;
-    let mut entry = PlacementEntry::from(placement);
-    entry.move_m.x = round(entry.move_m.x, 1e6);
-    entry.move_m.y = round(entry.move_m.y, 1e6);
-    entry.turn_deg = round(entry.turn_deg, 1e6);
-    entry.scale = round(entry.scale, 1e8);
-    entry
 }
 
 /// The corners of the field, or the lower part of the image where none is drawn.
