@@ -19,6 +19,7 @@ impl App {
 
     fn open(&mut self, opened: Opened) {
         self.put_aside();
+        (self.held, self.as_held, self.conflict) = (None, None, None);
         self.kept = u64::from(opened.is_unsaved);
         self.act(Action::Open(Box::new(opened)));
         if let Some(shelf) = &mut self.shelf {
@@ -38,8 +39,12 @@ impl App {
 
     /// Opens a site file; what is wrong with it is shown.
     pub fn open_path(&mut self, path: &Path) {
-        match files::open(path) {
-            Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
+        match files::open_stamped(path) {
+            Ok((site, images, held)) => {
+                let as_held = site.clone();
+                self.open_site(site, images, Some(path.to_path_buf()));
+                (self.held, self.as_held) = (Some(held), Some(as_held));
+            }
             Err(error) => self.act(Action::Fail(error)),
         }
     }
@@ -49,10 +54,10 @@ impl App {
         if index >= self.found.len() {
             return;
         }
-        let (slot, Found { site, images, path }) = self.found.remove(index);
+        let (slot, Found { site, images, path, held }) = self.found.remove(index);
         // It differs from its file, and is kept already.
         self.open(Opened { site, images, path, is_unsaved: true });
-        self.autosave = Some(slot);
+        (self.autosave, self.held) = (Some(slot), held);
     }
 
     /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
@@ -64,7 +69,8 @@ impl App {
             return;
         }
         let (images, path) = (session.images.clone(), session.path.clone());
-        self.found.push((slot, Found { site: session.kept(), images, path }));
+        let held = self.held;
+        self.found.push((slot, Found { site: session.kept(), images, path, held }));
         self.autosave = None;
         for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
@@ -94,7 +100,7 @@ impl App {
                 News::Opened(found) => {
                     // It stays the shelf's: what follows is kept in its place.
                     let shelf = self.shelf.take();
-                    let Found { site, images, path } = *found;
+                    let Found { site, images, path, .. } = *found;
                     self.open(Opened { site, images, path, is_unsaved: true });
                     self.shelf = shelf;
                 }
@@ -124,7 +130,7 @@ impl App {
             shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
         }
         let Some(autosave) = &self.autosave else { return };
-        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref()) {
+        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.held) {
             self.act(Action::Fail(format!("Autosave: {error}")));
         }
     }
@@ -137,32 +143,6 @@ impl App {
             Ok(()) => Action::Note(format!("Saved {} without its images.", path.display())),
             Err(error) => Action::Fail(error),
         });
-    }
-
-    /// Saves to the site's own file.
-    pub fn save(&mut self) {
-        if let Some(path) = self.editor.session().path.clone() {
-            self.save_to(path);
-        }
-    }
-
-    /// Saves to a file, which is the site's own from then on.
-    pub(crate) fn save_to(&mut self, path: PathBuf) {
-        let session = self.editor.session();
-        let solved = session.solved.write_into(&session.site);
-        if let Err(error) = files::save(&path, &solved, &session.images) {
-            self.act(Action::Fail(error));
-            return;
-        }
-        let folder = path.parent().filter(|_| Here::HAS_FOLDERS).map(Path::to_path_buf);
-        if folder.is_some() && folder != session.images.folder {
-            self.pictures.clear();
-        }
-        self.act(Action::Saved { path, folder });
-        if let Some(autosave) = &self.autosave {
-            autosave.forget();
-        }
-        self.kept = self.editor.session().generation;
     }
 
     /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.

@@ -24,6 +24,7 @@ pub mod demo;
 pub mod dialog;
 pub mod state;
 mod document;
+mod saving;
 mod stills;
 mod plan;
 mod import;

@@ -180,7 +180,10 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     still::paint(app, &painter, name.as_deref(), &mapping, rect);
     still::blend_old(app, &painter, camera, &mapping, size);
-    let overlay = still::overlay(app, ui, camera, mapping, place);
+    let is_own = camera == app.editor.session().camera && place != Place::Tile;
+    let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
+    let mut overlay = still::overlay(app, ui, camera, mapping, place);
+    overlay.suggested = suggested;
     overlay.paint(&painter);
     for points in app.editor.tool().rubber(pane) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();

@@ -93,6 +93,7 @@ pub(crate) fn overlay<'a>(
                 app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
             }),
         begun: app.editor.tool().begun(app.editor.session()),
+        suggested: Vec::new(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }

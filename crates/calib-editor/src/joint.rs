@@ -96,6 +96,11 @@ impl Joint {
             && ties(&self.site) == ties(site)
     }
 
+    /// Whether a camera of this id took part.
+    pub(crate) fn had(&self, id: &str) -> bool {
+        self.took_part().any(|camera| camera.id == id)
+    }
+
     fn took_part(&self) -> impl Iterator<Item = &SiteCamera> {
         self.site.cameras.iter().zip(&self.poses).filter(|(_, pose)| pose.is_some()).map(|(camera, _)| camera)
     }

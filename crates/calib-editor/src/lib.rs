@@ -15,6 +15,7 @@ mod number;
 mod units;
 mod input;
 pub mod file_name;
+mod difference;
 mod images;
 mod still;
 pub mod hit;
@@ -29,7 +30,10 @@ mod family;
 mod epipolar;
 mod refine;
 mod session;
+pub mod places;
+mod apart;
 pub mod steps;
+mod verdict;
 mod tools;
 pub mod command;
 mod import;
@@ -38,7 +42,9 @@ mod editor;
 mod apply;
 
 pub use action::{Action, NewStill, Opened};
+pub use apart::{Apart, apart, far_links};
 pub use command::Command;
+pub use difference::differences;
 pub use edges::Edge;
 pub use editor::{Editor, OldStill};
 pub use epipolar::{Trace, post_length};
@@ -57,3 +63,4 @@ pub use tools::{
     Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
 };
 pub use units::Units;
+pub use verdict::{Standing, Verdict, summary, verdict};

@@ -207,6 +207,13 @@ impl Solved {
         self.shown.as_ref().is_some_and(|shown| !shown.is_current)
     }
 
+    /// Whether a camera was solved together with others, and what that follows from differs by now.
+    #[must_use]
+    pub fn is_out_of_date(&self, index: usize) -> bool {
+        let id = self.entries.get(index).map(|entry| entry.id.as_str());
+        self.is_joint_out_of_date() && id.zip(self.joint()).is_some_and(|(id, joint)| joint.had(id))
+    }
+
     /// The lenses that were fitted for a camera.
     #[must_use]
     pub fn lenses(&self, index: usize) -> LensCache {

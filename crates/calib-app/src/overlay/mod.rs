@@ -5,12 +5,12 @@ mod lines;
 
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, Pixel, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Pixel, Site, SiteCamera, Solution};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
-use calib_editor::{Family, Part, Session, Trace, Units};
+use calib_editor::{Edge, Family, Part, Session, Trace, Units};
 use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -59,6 +59,8 @@ pub struct Overlay<'a> {
     pub family: Option<&'a Family>,
     /// The link that is to be shown in a further view.
     pub begun: Option<usize>,
+    /// Edges on which the lines that would help most can be drawn.
+    pub suggested: Vec<Edge>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
     /// Whether drawn lines are shown: among many views they hide what is compared.
@@ -104,7 +106,7 @@ impl Overlay<'_> {
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
         }
-        self.paint_suggestion(painter, solution, &view);
+        self.paint_suggestion(painter, solution);
         self.paint_selection(painter);
     }
 
@@ -251,24 +253,23 @@ impl Overlay<'_> {
         }
     }
 
-    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>, view: &ImageView) {
-        if !self.layers.suggestion || self.holding || !self.labels || self.session.camera != self.camera {
-            return;
-        }
-        /// Floors known better than this need no more lines.
-        const GOOD: f64 = 0.015;
-        let rel = solution.and_then(|s| s.sigma.as_ref()?.floor_length_rel);
-        let is_good = rel.is_some_and(|rel| rel < GOOD);
+    /// Ghosts of the lines that would help most, on edges of the image; numbered where it needs several.
+    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>) {
         let next = solution.and_then(|solution| solution.draw_next.as_ref());
-        let Some(next) = next.filter(|_| !is_good) else { return };
-        self.paint_items(painter, &items_on_image(view, &[ImageLayer::Suggestion]));
-        let Some(&[a, b]) = next.segments_px.first() else { return };
-        let (a, b) = (self.at(a), self.at(b));
-        let gain = 100.0 * next.floor_length_rel;
-        let title = next.kind.row().title.to_lowercase();
-        let text = format!("draw {title} here, then floor \u{b1} {gain:.1} %   N");
-        let at = a + 0.5 * (b - a) + Vec2::new(10.0, 0.0);
-        tag(painter, at, Align2::LEFT_CENTER, &text, theme::kind(next.kind));
+        let Some(next) = next.filter(|_| self.labels && self.session.camera == self.camera) else { return };
+        let colour = theme::kind(next.kind);
+        let look = Look::of(Meaning::Suggestion(next.kind));
+        for (index, edge) in self.suggested.iter().enumerate() {
+            let ends = edge.map(|end| self.at(end));
+            line(painter, &ends, Pen::of(look).coloured(colour));
+            let middle = ends[0] + 0.5 * (ends[1] - ends[0]) + Vec2::new(10.0, 0.0);
+            let text = match (index, self.suggested.len()) {
+                (0, 1) => proposal(next),
+                (0, _) => format!("1  {}", proposal(next)),
+                (index, _) => (index + 1).to_string(),
+            };
+            tag(painter, middle, Align2::LEFT_CENTER, &text, colour);
+        }
     }
 
     fn paint_selection(&self, painter: &Painter) {
@@ -283,6 +284,12 @@ impl Overlay<'_> {
             ring(painter, self.at(pixel), on_image::ACCENT, self.holding && !whole);
         }
     }
+}
+
+/// What drawing there would bring.
+fn proposal(next: &DrawNext) -> String {
+    let gain = 100.0 * next.floor_length_rel;
+    format!("{} here? then floor about \u{b1} {gain:.1} %   N", next.kind.row().title.to_lowercase())
 }
 
 fn diamond(painter: &Painter, at: Pos2, colour: Color32) {

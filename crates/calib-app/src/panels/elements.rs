@@ -1,11 +1,11 @@
 //! What cameras share: marks, links, control points, and how well views agree.
 
-use calib_core::{Link, LinkKind, Pixel, ResidualOf};
-use calib_editor::{Action, Part};
+use calib_core::{Known, Link, LinkKind, ResidualOf};
+use calib_editor::{Action, Apart, Part, apart, far_links, places};
 use egui::{RichText, Ui, Vec2};
 
 use crate::command::Command;
-use crate::icons::{self, Icon, Look};
+use crate::panels::measured::{TAPE, empty_field, known_fields};
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
@@ -43,12 +43,14 @@ pub fn links(app: &mut App, ui: &mut Ui) {
                 }
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let text = match (waits, apart(app, index)) {
-                    (true, _) => "1 view".into(),
-                    (false, Some(apart)) => app.editor.session().units.small(apart),
-                    (false, None) => "\u{2014}".into(),
+                let (text, colour) = match (waits, apart(app.editor.session(), link)) {
+                    (true, _) => ("1 view".into(), palette.text2),
+                    (false, Some(apart)) => {
+                        (how_far(app, apart), if apart.is_far() { palette.bad } else { palette.text2 })
+                    }
+                    (false, None) => ("\u{2014}".into(), palette.text2),
                 };
-                ui.label(RichText::new(text).color(palette.text2));
+                ui.label(RichText::new(text).color(colour));
             });
         });
         let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
@@ -73,8 +75,7 @@ pub fn links(app: &mut App, ui: &mut Ui) {
 /// How many pixels off a view is after a joint solve.
 fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let palette = theme::palette(ui.ctx());
-    let found =
-        app.editor.session().solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
+    let found = app.editor.session().solved.joint_link(app.editor.site(), link);
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
         return;
     };
@@ -139,16 +140,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
             }
         }
         LinkKind::Post => {
-            let mut is_measured = link.length_m.is_some();
-            let tick = ui.checkbox(&mut is_measured, "long").on_hover_text("The post was measured");
-            if tick.changed() {
-                let guess = estimated_length(app, link).unwrap_or(1.0);
-                new.length_m = is_measured.then(|| calib_core::Known::prior(guess, 0.01));
-            }
-            if let Some(length) = &mut new.length_m {
-                ui.add(length_field(app.editor.session().units, &mut length.value, 1e-3))
-                    .labelled_by(tick.id);
-            }
+            post_fields(app, ui, link, &mut new);
             if ui.button("It is a floor line").clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
                 for seen in &mut new.seen {
@@ -162,87 +154,43 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     (new != *link).then_some((index, new))
 }
 
-/// How long a post looks in a view that shows it.
-fn estimated_length(app: &App, link: &Link) -> Option<f64> {
-    link.seen.iter().find_map(|seen| {
-        let index = app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        let camera = app.editor.session().solved.pose(index)?;
-        let foot = camera.pixel_to_floor(seen.foot?, 0.0)?;
-        calib_editor::post_length(camera, foot, seen.head?)
-    })
+/// The length of a post: measured, or empty with what it looks like as a hint.
+fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
+    let session = app.editor.session();
+    let label = ui.label("long");
+    let Some(known) = &mut new.length_m else {
+        let estimate = places::estimated_post(session, link);
+        let metres = empty_field(ui, ("post", &link.id), label.id, session.units, estimate);
+        new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
+        return;
+    };
+    known_fields(ui, label.id, session.units, known);
+    if ui.button("Not measured").clicked() {
+        new.length_m = None;
+    }
 }
 
-/// Distances that were measured: they give the scale where no plan does.
-pub fn distances(app: &mut App, ui: &mut Ui) {
+/// A distance between views, with how far they may be apart by their own uncertainty.
+fn how_far(app: &App, apart: Apart) -> String {
+    let units = app.editor.session().units;
+    format!("{} \u{b1} {}", units.small(apart.metres), units.small(apart.sigma))
+}
+
+/// Links of the camera in hand that are farther apart than chance explains.
+pub fn far_apart(app: &mut App, ui: &mut Ui) {
+    let (far, all) = far_links(app.editor.session(), app.editor.session().camera);
+    if all == 0 {
+        return;
+    }
     let palette = theme::palette(ui.ctx());
-    heading(ui, "Distances", "measured");
-    let mut list = app.editor.session().site.distances.clone();
-    let mut removed = None;
-    for (index, distance) in list.iter_mut().enumerate() {
-        ui.horizontal(|ui| {
-            let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
-            let value = &mut distance.length_m.value;
-            ui.add(length_field(app.editor.session().units, value, 1e-3)).labelled_by(label.id);
-            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
-            if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
-                removed = Some(index);
-            }
-        });
-    }
-    if let Some(index) = removed {
-        list.remove(index);
-    }
-    let links = app.editor.session().site.links.iter().filter_map(|link| link.id.clone());
-    let ids: Vec<String> =
-        links.chain(app.editor.session().site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
-    if ids.len() >= 2 {
-        pick_pair(app, ui, &ids, &mut list);
-    } else {
-        ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
-    }
-    if list != app.editor.session().site.distances {
-        app.send(Action::SetDistances(list));
-    }
-}
-
-/// Two ids to choose, and a button that adds a distance between them.
-fn pick_pair(app: &mut App, ui: &mut Ui, ids: &[String], list: &mut Vec<calib_core::Distance>) {
-    ui.horizontal(|ui| {
-        let [a, b] = &mut app.pair;
-        for (salt, chosen) in [("from", a), ("to", b)] {
-            egui::ComboBox::from_id_salt(salt).width(80.0).selected_text(chosen.as_str()).show_ui(ui, |ui| {
-                for id in ids {
-                    ui.selectable_value(chosen, id.clone(), id);
-                }
-            });
-        }
-        let is_pair = app.pair[0] != app.pair[1] && app.pair.iter().all(|id| ids.contains(id));
-        if ui.add_enabled(is_pair, egui::Button::new("Add")).clicked() {
-            list.push(calib_core::Distance {
-                id: None,
-                name: None,
-                off: false,
-                keep: false,
-                between: app.pair.clone(),
-                length_m: calib_core::Known::prior(1.0, 0.01),
-            });
-        }
+    let text = format!("{far} of {all} links apart by more than 3 \u{3c3}");
+    let shows = ui.horizontal(|ui| {
+        ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
+        far > 0 && ui.button("Show").clicked()
     });
-}
-
-/// The greatest distance between where two views say a point link is, in metres.
-fn apart(app: &App, index: usize) -> Option<f64> {
-    let link = app.editor.session().site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
-    let height = link.height_m.unwrap_or(0.0);
-    let places: Vec<_> =
-        link.seen.iter().filter_map(|seen| place(app, &seen.camera, seen.px?, height)).collect();
-    let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(|b| a.distance(*b)));
-    pairs.max_by(f64::total_cmp)
-}
-
-fn place(app: &App, id: &str, px: Pixel, height: f64) -> Option<calib_core::FloorPoint> {
-    let camera = app.editor.session().site.cameras.iter().position(|camera| camera.id == id)?;
-    app.editor.session().solved.placed(camera)?.pixel_to_floor(px, height)
+    if shows.inner {
+        app.tell(Command::ViewAll);
+    }
 }
 
 /// Refine, and what it changed.
@@ -280,10 +228,12 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
         app.editor.session().solved.joint_report().map(|report| report.site.overlaps.clone())
     {
         for overlap in overlaps {
-            let apart = overlap
-                .floor_rms_m
-                .map_or_else(|| "\u{2014}".into(), |rms| app.editor.session().units.small(rms));
-            ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
+            let units = app.editor.session().units;
+            let apart = overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| units.small(rms));
+            // Links that leave nothing to spare agree by themselves: what they say is in the \u{b1}.
+            let sure =
+                overlap.floor_sigma_m.map_or_else(String::new, |s| format!(" \u{b1} {}", units.small(s)));
+            ui.label(format!("{} and {}: {apart}{sure}", overlap.cameras[0], overlap.cameras[1]));
         }
     }
     if let Some(command) = chosen {

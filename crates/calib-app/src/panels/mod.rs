@@ -1,12 +1,16 @@
 //! The panels about the canvas, one a file.
 
+mod out_of_date;
+pub mod lens;
 pub mod above;
+mod measured;
 pub mod annotations;
+pub mod asked;
 pub mod cameras;
 pub mod dock;
 pub mod elements;
+pub mod distances;
 pub mod export;
-pub mod lens;
 pub mod marks;
 pub mod palette;
 pub mod result;
@@ -83,6 +87,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     tour::show(app, ui);
     palette::show(app, ui.ctx());
     export::show(app, ui.ctx());
+    asked::show(app, ui.ctx());
 }
 
 fn right(app: &mut App, ui: &mut Ui) {
@@ -90,6 +95,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     if app.editor.session().entry().is_none() {
         return;
     }
+    out_of_date::show(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
@@ -105,7 +111,10 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| annotations::show(app, ui));
             }
             Mode::Plan => {
-                section(ui, |ui| placement::show(app, ui));
+                section(ui, |ui| {
+                    placement::show(app, ui);
+                    elements::far_apart(app, ui);
+                });
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
                 section(ui, |ui| elements::controls(app, ui));
@@ -113,7 +122,7 @@ fn right(app: &mut App, ui: &mut Ui) {
             Mode::All | Mode::Scene => {
                 section(ui, |ui| marks::show(app, ui));
                 section(ui, |ui| elements::links(app, ui));
-                section(ui, |ui| elements::distances(app, ui));
+                section(ui, |ui| distances::show(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
             }

@@ -65,6 +65,9 @@ pub(crate) trait Platform {
     /// When the folder cannot be written to.
     fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
+    /// Whether a file is there and may not be written to.
+    fn is_read_only(path: &Path) -> bool;
+
     /// Where autosaves and the demonstration's images live.
     fn data_dir() -> Option<PathBuf>;
 

@@ -2,6 +2,8 @@
 
 use calib_editor::{Action, Command};
 
+use super::{Decision, PathField};
+
 /// What panels asked for in this frame.
 #[derive(Debug)]
 pub(crate) enum Sent {
@@ -9,4 +11,8 @@ pub(crate) enum Sent {
     Command(Command),
     Recover(usize),
     Discard(usize),
+    /// What becomes of a file that is not written without asking.
+    Decide(Decision),
+    /// A path was typed, or is not to be.
+    Typed(Option<PathField>),
 }

@@ -52,6 +52,9 @@ impl Segment {
             let name = format!("add {}", session.part_name(part));
             session.fresh_group = false;
             session.commit(name);
+            if self.kind.row().has_length {
+                session.note = Some("Enter its length in the list: until then it says nothing.".into());
+            }
         }
         Gesture::Idle
     }

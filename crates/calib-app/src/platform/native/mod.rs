@@ -46,6 +46,10 @@ impl Platform for Native {
         files::write_quickly(path, bytes)
     }
 
+    fn is_read_only(path: &Path) -> bool {
+        std::fs::metadata(path).is_ok_and(|file| file.permissions().readonly())
+    }
+
     fn data_dir() -> Option<PathBuf> {
         files::data_dir()
     }

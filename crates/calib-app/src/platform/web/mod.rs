@@ -56,6 +56,10 @@ impl Platform for Web {
         Err(format!("{}: there are no files here", path.display()))
     }
 
+    fn is_read_only(_: &Path) -> bool {
+        false
+    }
+
     fn data_dir() -> Option<PathBuf> {
         None
     }
