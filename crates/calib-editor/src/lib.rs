@@ -30,6 +30,7 @@ mod family;
 mod epipolar;
 mod refine;
 mod session;
+mod together;
 pub mod places;
 mod apart;
 pub mod steps;

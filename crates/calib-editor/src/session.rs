@@ -11,8 +11,8 @@ use calib_core::{
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::joint::{Joint, report_of};
-use crate::refine::{refined, rounded};
+use crate::joint::Joint;
+use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
 
@@ -57,9 +57,9 @@ pub struct Session {
     /// Poses at the last finished gesture: where polygons lie that are to stay.
     settled: Vec<Option<Camera>>,
     /// The joint result held at the last finished gesture.
-    was_joint_current: bool,
+    pub(crate) was_joint_current: bool,
     /// How long the last joint solve took that was done on the way, in milliseconds.
-    joint_took: f64,
+    pub(crate) joint_took: f64,
     /// How long one may take for the next to be done on the way, in milliseconds.
     pub joint_may_take: f64,
     /// Poses before the last joint solve.
@@ -216,50 +216,6 @@ impl Session {
         self.settle();
     }
 
-    /// Solves together again what was solved together, where that takes no longer than a blink. A place that a
-    /// hand has just given is not taken back: then the joint result is out of date until the operator says so.
-    fn refine_on_the_way(&mut self) {
-        let may = self.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
-        if !may || self.joint_took > self.joint_may_take || self.is_placed_by_hand() {
-            return;
-        }
-        let start = web_time::Instant::now();
-        let refined = refined(self.site.clone());
-        self.joint_took = start.elapsed().as_secs_f64() * 1e3;
-        self.put_refined(&refined);
-        // Polygons lie where the joint result has them, not where they lay.
-        self.solved.update(&self.site);
-    }
-
-    /// Whether the gesture under way moves a camera on the floor and draws nothing on its image.
-    fn is_placed_by_hand(&self) -> bool {
-        let moved = |(index, camera): (usize, &SiteCamera)| {
-            let before = self.history.camera(index).filter(|before| before.id == camera.id);
-            before.is_some_and(|before| {
-                before.placement != camera.placement
-                    && (&before.annotations, &before.lens) == (&camera.annotations, &camera.lens)
-            })
-        };
-        self.site.cameras.iter().enumerate().any(moved)
-    }
-
-    /// Puts cameras and marks where a joint solve has them, and keeps its results.
-    fn put_refined(&mut self, refined: &Site) {
-        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
-            camera.placement.clone_from(&refined.placement);
-        }
-        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
-            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
-        }
-        self.solved.keep_joint(Joint::new(&self.site, report_of(refined)));
-    }
-
-    /// The site as the last finished gesture left it, with what was solved together.
-    #[must_use]
-    pub fn kept(&self) -> Site {
-        self.solved.write_joint_into(&self.history.site())
-    }
-
     /// Puts the site back to where the gesture under way began.
     pub fn revert(&mut self) {
         self.history.put_back(&mut self.site);
@@ -396,19 +352,6 @@ impl Session {
         self.history.map(|site| images.rebased(site, folder));
         self.images.folder = Some(folder.to_path_buf());
         self.images.missing = None;
-    }
-
-    /// Takes over what refining `from` gave, as one step that undo takes back. Whatever was changed meanwhile
-    /// is worth more than a result that does not know of it.
-    pub fn take_refined(&mut self, from: &Site, refined: &Site) {
-        if self.site != *from {
-            self.note = Some("The site was changed while it was refined: refine again.".into());
-            return;
-        }
-        let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
-        self.put_refined(refined);
-        self.commit("refine all cameras");
-        self.before_refine = Some(before);
     }
 }
 

@@ -84,27 +84,33 @@ fn drawn(session: &Session, camera: usize, kind: Kind) -> (usize, usize) {
     (lines, groups)
 }
 
+/// Where the lens comes from, and whether it is known.
+fn lens(session: &Session, camera: usize) -> (String, bool) {
+    let entry = session.site.cameras.get(camera).and_then(|entry| entry.lens.as_ref());
+    let like = entry.and_then(|lens| lens.like.as_ref());
+    let distortion = entry.and_then(|lens| lens.distortion.as_ref());
+    let edges = drawn(session, camera, Kind::Straight).0;
+    let is_fitted = session.solved.solution(camera).is_some_and(|solution| solution.distortion.is_some());
+    if let Some(px) = bent_px(session, camera) {
+        return (format!("bent by {px:.0} px, not fitted"), false);
+    }
+    let from = match (like, distortion, edges) {
+        (Some(like), ..) => format!("like {like}"),
+        (_, Some(given), _) if given.fit.is_none() => "given".into(),
+        (.., 0) => "taken as straight".into(),
+        (.., edges) if is_fitted => format!("from {edges} straight edges"),
+        (.., edges) => format!("{edges} straight edges, not fitted"),
+    };
+    (from, is_fitted || like.is_some())
+}
+
 /// The steps of a camera, in the order in which they are done.
 #[must_use]
 pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let Some(entry) = session.site.cameras.get(camera) else { return Vec::new() };
     let count = |kind| drawn(session, camera, kind);
     let solution = session.solved.solution(camera);
-    let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
-    let edges = count(Kind::Straight).0;
-    let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
-    let is_fitted = solution.is_some_and(|solution| solution.distortion.is_some());
-    let lens = match (distortion, edges) {
-        _ if like.is_some() => format!("like {}", like.map_or("", String::as_str)),
-        _ if bent_px(session, camera).is_some() => {
-            format!("bent by {:.0} px, not fitted", bent_px(session, camera).unwrap_or_default())
-        }
-        (Some(given), _) if given.fit.is_none() => "given".into(),
-        (_, 0) => "taken as straight".into(),
-        (_, edges) if is_fitted => format!("from {edges} straight edges"),
-        (_, edges) => format!("{edges} straight edges, not fitted"),
-    };
-    let has_lens = bent_px(session, camera).is_none() && (is_fitted || like.is_some());
+    let (lens, has_lens) = lens(session, camera);
     let doubted = doubted(session, camera);
     let (verticals, uprights) = (count(Kind::Vertical).0, count(Kind::Upright).0);
     let plumb = verticals + uprights;

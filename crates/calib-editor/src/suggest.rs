@@ -70,7 +70,8 @@ fn agrees(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
 }
 
 /// How far an edge leans from what is plumb at its middle, on the image, in radians.
-fn lean(camera: &Camera, edge: &Edge) -> Option<f64> {
+#[must_use]
+pub fn lean(camera: &Camera, edge: &Edge) -> Option<f64> {
     /// A place along the ray, in metres; how far does not matter.
     const FAR: f64 = 5.0;
     let ray = camera.pixel_to_ray(middle(edge))?;

@@ -2,6 +2,7 @@
 
 mod out_of_date;
 pub mod lens;
+pub mod tour;
 pub mod above;
 mod measured;
 pub mod annotations;
@@ -20,7 +21,6 @@ pub mod status;
 pub mod steps;
 pub mod toolstrip;
 pub mod topbar;
-pub mod tour;
 pub mod views;
 pub mod warnings;
 
@@ -44,6 +44,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
     Panel::top("top").exact_size(40.0).frame(bar(palette.panel)).show(ui, |ui| topbar::show(app, ui));
     Panel::bottom("status").exact_size(28.0).frame(bar(palette.panel)).show(ui, |ui| status::show(app, ui));
+    tour::show(app, ui);
     let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;
@@ -84,7 +85,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             start::show(app, ui);
         }
     });
-    tour::show(app, ui);
     palette::show(app, ui.ctx());
     export::show(app, ui.ctx());
     asked::show(app, ui.ctx());

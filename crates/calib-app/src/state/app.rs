@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use calib_core::{LensEntry, Site};
-use calib_editor::{Action, Command, Edge, Editor, Pane, Part, edges, edit, hit};
+use calib_editor::{Action, Command, Edge, Editor, Pane, Part, TOOLS, edges, edit, hit};
 use egui::Context;
 
 use super::{
@@ -219,6 +219,12 @@ impl App {
             self.act(Action::Drop);
         }
         self.mode = mode;
+        // What draws on an image has nothing to do on the plan: there the handles are meant.
+        let drew =
+            self.editor.tool_kind().is_some() || TOOLS[self.editor.tool_row()].title == "Field of view";
+        if mode == Mode::Plan && drew {
+            self.act(Action::TakeTool(0));
+        }
     }
 
     /// Closes what is open above the window. Whether anything was.

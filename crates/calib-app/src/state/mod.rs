@@ -27,7 +27,7 @@ pub use orbit::Orbit;
 pub use palette::Palette;
 pub use panes::{Panes, Place};
 pub use path_field::PathField;
-pub use tour::Tour;
+pub use tour::{STEPS, Tour, TourButton, TourStep};
 
 pub(crate) use export::{Asked, formats};
 pub(crate) use orbit::NEAR;
