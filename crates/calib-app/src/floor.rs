@@ -108,7 +108,12 @@ impl Floor<'_> {
                 let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
                 let points = self.path(&closed);
                 let pen = match meaning {
-                    Meaning::Efov(index) => self.paint_cover(painter, index, &points, pen),
+                    Meaning::Efov(index) => {
+                        if self.coverage {
+                            fill(painter, &closed, &points, pen.colour.gamma_multiply(0.10));
+                        }
+                        self.field_pen(index, pen)
+                    }
                     _ => pen,
                 };
                 line(painter, &points, pen);
@@ -120,11 +125,8 @@ impl Floor<'_> {
         }
     }
 
-    /// Fills a field where overlap is to show; the outline of the one in hand is bold and solid.
-    fn paint_cover(&self, painter: &Painter, index: usize, points: &[Pos2], pen: Pen) -> Pen {
-        if self.coverage {
-            fill(painter, points, pen.colour.gamma_multiply(0.10));
-        }
+    /// The outline of the field in hand is bold and solid.
+    fn field_pen(&self, index: usize, pen: Pen) -> Pen {
         if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
     }
 
