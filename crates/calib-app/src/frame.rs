@@ -12,6 +12,7 @@ impl App {
     pub fn show_ui(&mut self, ui: &mut Ui) {
         self.logic(&ui.ctx().clone());
         self.editor.solve();
+        self.editor.begin_frame();
         self.watch_suspect(ui);
         self.panes.begin_frame();
         panels::show(self, ui);

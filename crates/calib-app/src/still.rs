@@ -1,7 +1,7 @@
 //! A still on a canvas: its picture, and what lies on it.
 
 use calib_core::Pixel;
-use calib_editor::{OldStill, Pane, Part, hit};
+use calib_editor::{Icon, OldStill, Pane, Part, TOOLS, hit};
 use egui::{Color32, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
@@ -83,6 +83,10 @@ pub(crate) fn overlay<'a>(
         cursor: cursor.filter(|_| app.editor.tool().is_idle()),
         lit,
         holding: !app.editor.tool().is_idle(),
+        drawing: !app.editor.tool().is_idle()
+            && TOOLS
+                .get(app.editor.tool_row())
+                .is_some_and(|row| !row.acts_on_plan() && row.icon != Icon::Link),
         time: ui.input(|i| i.time) - app.suspect_since,
         family: app
             .editor

@@ -120,9 +120,15 @@ impl Editor {
         self.session.images.store(bytes, mime, name)
     }
 
-    /// Solves what differs from what was solved before. Whether anything did.
+    /// Solves what differs from what was solved before, and whatever was put off. Whether anything did.
     pub fn solve(&mut self) -> bool {
+        self.session.catch_up();
         self.session.solve()
+    }
+
+    /// A frame begins: whatever comes in, what takes long is solved once in it.
+    pub fn begin_frame(&mut self) {
+        self.session.begin_frame();
     }
 
     /// Finds out what else fits the camera in hand, for whoever shows it. Whether anything does.

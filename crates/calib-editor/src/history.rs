@@ -160,6 +160,23 @@ impl History {
         true
     }
 
+    /// Every camera as the last finished gesture left it.
+    #[must_use]
+    pub(crate) fn cameras(&self) -> &[Arc<SiteCamera>] {
+        &self.now().cameras
+    }
+
+    /// Makes what followed from the last gesture a part of it.
+    pub(crate) fn amend(&mut self, site: &Site) {
+        if self.is_at(site) {
+            return;
+        }
+        let after = Snapshot::of(site, Some(self.now()));
+        if let Some(step) = self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
+            step.after = after;
+        }
+    }
+
     /// What undo would take back.
     #[must_use]
     pub fn undo_name(&self) -> Option<&str> {

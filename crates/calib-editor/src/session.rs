@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use calib_core::{
     Camera, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Site, SiteCamera, Solution,
@@ -56,6 +57,12 @@ pub struct Session {
     pub saved: u64,
     /// Poses at the last finished gesture: where polygons lie that are to stay.
     settled: Vec<Option<Camera>>,
+    /// What those poses follow from.
+    pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
+    /// How many solves that take long are left in this frame; as many as are wanted where there are no frames.
+    pub(crate) solves_left: Option<u32>,
+    /// A gesture ended and was not solved.
+    pub(crate) is_put_off: bool,
     /// The joint result held at the last finished gesture.
     pub(crate) was_joint_current: bool,
     /// How long the last joint solve took that was done on the way, in milliseconds.
@@ -105,6 +112,9 @@ impl Session {
             generation: 0,
             saved: 0,
             settled: Vec::new(),
+            settled_cameras: Vec::new(),
+            solves_left: None,
+            is_put_off: false,
             was_joint_current: false,
             joint_took: 0.0,
             joint_may_take: BLINK,
@@ -153,7 +163,8 @@ impl Session {
     fn keep_polygons(&mut self) -> bool {
         let mut moved = false;
         for index in 0..self.site.cameras.len() {
-            let (Some(before), Some(Some(settled))) = (self.history.camera(index), self.settled.get(index))
+            let (Some(before), Some(Some(settled))) =
+                (self.settled_cameras.get(index), self.settled.get(index))
             else {
                 continue;
             };
@@ -180,7 +191,8 @@ impl Session {
     }
 
     /// Poses as they are now are those to come back to.
-    fn settle(&mut self) {
+    pub(crate) fn settle(&mut self) {
+        self.settled_cameras = self.history.cameras().to_vec();
         self.was_joint_current = self.solved.is_joint_current();
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
@@ -207,13 +219,18 @@ impl Session {
             self.revert();
             self.note = Some(format!("Not possible: {}.", error.message()));
         }
-        self.solve();
-        self.refine_on_the_way();
+        let is_solved = self.solve_in_frame();
+        if is_solved {
+            self.refine_on_the_way();
+        }
         if self.history.commit(name, &self.site) {
             self.generation += 1;
             self.before_refine = None;
         }
-        self.settle();
+        self.is_put_off = !is_solved;
+        if is_solved {
+            self.settle();
+        }
     }
 
     /// Puts the site back to where the gesture under way began.
@@ -242,6 +259,7 @@ impl Session {
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
         self.generation += 1;
         self.note = Some(note);
+        self.is_put_off = false;
         // Before solving, so that no polygon is held to what was undone.
         self.settled.clear();
         self.solve();

@@ -25,7 +25,7 @@ impl Session {
     /// Whether the gesture under way moves a camera on the floor and draws nothing on its image.
     fn is_placed_by_hand(&self) -> bool {
         let moved = |(index, camera): (usize, &SiteCamera)| {
-            let before = self.history.camera(index).filter(|before| before.id == camera.id);
+            let before = self.settled_cameras.get(index).filter(|before| before.id == camera.id);
             before.is_some_and(|before| {
                 before.placement != camera.placement
                     && (&before.annotations, &before.lens) == (&camera.annotations, &camera.lens)

@@ -53,6 +53,8 @@ pub struct Overlay<'a> {
     pub lit: Option<(usize, usize)>,
     /// Whether a handle is in the hand.
     pub holding: bool,
+    /// Whether something is being drawn: then what does not help to see the edge steps back.
+    pub drawing: bool,
     /// Seconds, for what blinks.
     pub time: f64,
     /// What fits as well as the solution, where anything does.
@@ -114,21 +116,21 @@ impl Overlay<'_> {
     fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
         let grid = ImageLayer::Grid(grid_step(polygon, self.session.units));
-        let prism = self.layers.prism.then_some(ImageLayer::DrawnPrism);
-        self.layers.grid.then_some(grid).into_iter().chain(prism).collect()
+        let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::DrawnPrism);
+        (self.layers.grid && !self.drawing).then_some(grid).into_iter().chain(prism).collect()
     }
 
     /// What was drawn, from the lowest.
     fn drawn(&self) -> Vec<ImageLayer> {
-        let field = self.layers.field;
+        let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
             (field, ImageLayer::DrawnEfov),
-            (field, ImageLayer::OtherEfovs),
-            (true, ImageLayer::Marks),
-            (true, ImageLayer::Pins),
+            (field && free, ImageLayer::OtherEfovs),
+            (free, ImageLayer::Marks),
+            (free, ImageLayer::Pins),
             (self.lines, ImageLayer::Annotations(Signs::OfKinds)),
-            (true, ImageLayer::ControlPoints),
-            (true, ImageLayer::Links { begun: self.begun }),
+            (free, ImageLayer::ControlPoints),
+            (free, ImageLayer::Links { begun: self.begun }),
         ];
         layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
     }

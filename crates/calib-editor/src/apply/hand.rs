@@ -23,7 +23,7 @@ impl Editor {
         if self.tool.is_over() {
             self.take_tool(0);
         }
-        self.session.solve();
+        self.session.solve_in_frame();
     }
 
     pub(super) fn cancel(&mut self) {
