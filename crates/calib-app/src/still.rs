@@ -7,7 +7,7 @@ use egui::{Color32, Painter, Rect, Ui};
 use crate::canvas::Mapping;
 use crate::overlay::Overlay;
 use crate::picture::Piece;
-use crate::state::{App, Place};
+use crate::state::{App, Mode, Place};
 use crate::theme;
 
 /// Paints a still, or says why it is not there.
@@ -98,6 +98,7 @@ pub(crate) fn overlay<'a>(
             }),
         begun: app.editor.tool().begun(app.editor.session()),
         suggested: Vec::new(),
+        names_elements: app.mode == Mode::All,
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }

@@ -1,6 +1,6 @@
 //! How far two views put one link from each other, and how far they may by their own uncertainty.
 
-use calib_core::{FloorPoint, Link, LinkKind, LinkSeen};
+use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen};
 
 use crate::session::Session;
 
@@ -41,6 +41,21 @@ fn place(session: &Session, seen: &LinkSeen, height: f64) -> Option<(FloorPoint,
     let drawn = session.site.cameras[index].sigma_px.unwrap_or(1.0);
     let sigma = camera.floor_covariance(px, drawn).map_or(0.0, |covariance| covariance.worst_sigma());
     Some((camera.pixel_to_floor(px, height)?, sigma))
+}
+
+/// How far two cameras of these poses put the points that both show from each other on the floor: root mean
+/// square, in metres.
+#[must_use]
+pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
+    let put = |link: &Link, camera: usize| {
+        let id = &session.site.cameras.get(camera)?.id;
+        let seen = link.seen.iter().find(|seen| seen.camera == *id)?;
+        poses.get(camera)?.as_ref()?.pixel_to_floor(seen.px?, link.height_m.unwrap_or(0.0))
+    };
+    let points = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Point);
+    let squares: Vec<f64> =
+        points.filter_map(|link| Some(put(link, pair[0])?.distance(put(link, pair[1])?).powi(2))).collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
 /// Of the links of which a camera shows a part: how many are farther apart than chance explains, and of how many.

@@ -44,7 +44,7 @@ mod editor;
 mod apply;
 
 pub use action::{Action, NewStill, Opened};
-pub use apart::{Apart, apart, far_links};
+pub use apart::{Apart, apart, far_links, pair_apart};
 pub use command::Command;
 pub use difference::differences;
 pub use edges::Edge;

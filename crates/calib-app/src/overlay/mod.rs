@@ -65,6 +65,8 @@ pub struct Overlay<'a> {
     pub suggested: Vec<Edge>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
+    /// Whether links and marks say their names without being asked.
+    pub names_elements: bool,
     /// Whether drawn lines are shown: among many views they hide what is compared.
     pub lines: bool,
 }
@@ -200,11 +202,14 @@ impl Overlay<'_> {
     fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
         let is_selected = self.is_selected(meaning);
         let (is_shown, by, align) = match meaning {
+            // Where cameras are compared, one thing is known in all of them by its name.
             Meaning::Mark(_) => {
-                (is_selected || self.says_name(at, false), Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
+                let is_shown = is_selected || self.names_elements || self.says_name(at, false);
+                (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
             }
             Meaning::Link { waits, .. } => {
-                (waits || self.says_name(at, false), Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
+                let is_shown = waits || self.names_elements || self.says_name(at, false);
+                (is_shown, Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
             }
             _ => (self.says_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
         };

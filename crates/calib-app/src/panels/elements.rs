@@ -1,88 +1,13 @@
-//! What cameras share: marks, links, control points, and how well views agree.
+//! What cameras share: control points, and how well views agree.
 
-use calib_core::{Known, Link, LinkKind, ResidualOf};
-use calib_editor::{Action, Apart, Part, apart, far_links, places};
-use egui::{RichText, Ui, Vec2};
+use calib_core::ResidualOf;
+use calib_editor::{Action, Part, pair_apart};
+use egui::{RichText, Ui};
 
 use crate::command::Command;
-use crate::panels::measured::{TAPE, empty_field, known_fields};
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
-
-/// Links: who sees each, how far the views are apart on the floor.
-pub fn links(app: &mut App, ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    heading(ui, "Links", "apart on the floor");
-    if app.editor.session().site.links.is_empty() {
-        ui.label(RichText::new("K links what two views show.").color(palette.text2));
-    }
-    let mut chosen = None;
-    let mut change = None;
-    for (index, link) in app.editor.session().site.links.iter().enumerate() {
-        let waits = link.seen.len() < 2;
-        let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
-        ui.horizontal(|ui| {
-            let mut on = !link.off;
-            if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
-                change = Some((index, Link { off: !on, ..link.clone() }));
-            }
-            let colour = if waits { palette.warn } else { palette.text };
-            let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
-            let response = ui.add(egui::Button::new(text).frame(false));
-            if response.clicked() {
-                chosen = Some(index);
-            }
-            for seen in &link.seen {
-                let camera =
-                    app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera);
-                if let Some(camera) = camera {
-                    let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
-                    crate::paint::chip(ui.painter(), rect.center(), camera);
-                    joint_residual(app, ui, index, &seen.camera);
-                }
-            }
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let (text, colour) = match (waits, apart(app.editor.session(), link)) {
-                    (true, _) => ("1 view".into(), palette.text2),
-                    (false, Some(apart)) => {
-                        (how_far(app, apart), if apart.is_far() { palette.bad } else { palette.text2 })
-                    }
-                    (false, None) => ("\u{2014}".into(), palette.text2),
-                };
-                ui.label(RichText::new(text).color(colour));
-            });
-        });
-        let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
-        if app.editor.session().selection.iter().any(is_own) {
-            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(app, ui, index)));
-        }
-    }
-    if let Some((index, link)) = change {
-        app.send(Action::SetLink(index, Box::new(link)));
-    }
-    if let Some(link) = chosen {
-        let seen = app.editor.session().site.links.get(link).and_then(|link| link.seen.first()).cloned();
-        let camera =
-            seen.and_then(|seen| app.editor.session().site.cameras.iter().position(|c| c.id == seen.camera));
-        if let Some(camera) = camera {
-            app.send(Action::Drop);
-            app.send(Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }));
-        }
-    }
-}
-
-/// How many pixels off a view is after a joint solve.
-fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
-    let palette = theme::palette(ui.ctx());
-    let found = app.editor.session().solved.joint_link(app.editor.site(), link);
-    let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
-        return;
-    };
-    let sigma = app.editor.session().site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
-    let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
-    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
-}
 
 /// How a saved version differs from this one.
 pub fn compared(app: &mut App, ui: &mut Ui) {
@@ -116,81 +41,29 @@ fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
     by.min(360.0 - by)
 }
 
-/// What a link is and how high it is; the link as it is to become.
-fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
-    let link = app.editor.session().site.links.get(index)?;
-    let mut new = link.clone();
-    match link.kind {
-        LinkKind::Point => {
-            let mut height = link.height_m.unwrap_or(0.0);
-            let label = ui.label("above the floor");
-            if ui
-                .add(length_field(app.editor.session().units, &mut height, -1e5))
-                .labelled_by(label.id)
-                .changed()
-            {
-                new.height_m = Some(height).filter(|height| *height != 0.0);
-            }
-        }
-        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
-            new.kind = LinkKind::Post;
-            for seen in &mut new.seen {
-                let ends = seen.segment.take().unwrap_or_default();
-                (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
-            }
-        }
-        LinkKind::Post => {
-            post_fields(app, ui, link, &mut new);
-            if ui.button("It is a floor line").clicked() {
-                (new.kind, new.length_m) = (LinkKind::Line, None);
-                for seen in &mut new.seen {
-                    seen.segment =
-                        seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
-                }
-            }
-        }
-        LinkKind::Line => {}
-    }
-    (new != *link).then_some((index, new))
-}
-
-/// The length of a post: measured, or empty with what it looks like as a hint.
-fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
+/// For every pair of cameras that see the same floor: how far they are apart there, before and after.
+fn pairs(app: &App, ui: &mut Ui) {
     let session = app.editor.session();
-    let label = ui.label("long");
-    let Some(known) = &mut new.length_m else {
-        let estimate = places::estimated_post(session, link);
-        let metres = empty_field(ui, ("post", &link.id), label.id, session.units, estimate);
-        new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
-        return;
-    };
-    known_fields(ui, label.id, session.units, known);
-    if ui.button("Not measured").clicked() {
-        new.length_m = None;
-    }
-}
-
-/// A distance between views, with how far they may be apart by their own uncertainty.
-fn how_far(app: &App, apart: Apart) -> String {
-    let units = app.editor.session().units;
-    format!("{} \u{b1} {}", units.small(apart.metres), units.small(apart.sigma))
-}
-
-/// Links of the camera in hand that are farther apart than chance explains.
-pub fn far_apart(app: &mut App, ui: &mut Ui) {
-    let (far, all) = far_links(app.editor.session(), app.editor.session().camera);
-    if all == 0 {
-        return;
-    }
-    let palette = theme::palette(ui.ctx());
-    let text = format!("{far} of {all} links apart by more than 3 \u{3c3}");
-    let shows = ui.horizontal(|ui| {
-        ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
-        far > 0 && ui.button("Show").clicked()
+    let Some(report) = session.solved.joint_report() else { return };
+    let units = session.units;
+    let index = |id: &String| session.site.cameras.iter().position(|camera| camera.id == *id);
+    egui::Grid::new("pairs").num_columns(3).show(ui, |ui| {
+        for overlap in &report.site.overlaps {
+            let [a, b] = &overlap.cameras;
+            ui.label(format!("{a} and {b}"));
+            let before = session.before_refine.as_ref().zip(index(a).zip(index(b)));
+            let was = before.and_then(|(poses, (a, b))| pair_apart(session, poses, [a, b]));
+            let now = overlap.floor_rms_m.map_or_else(|| "no link".into(), |rms| units.small(rms));
+            let change =
+                was.map_or_else(|| now.clone(), |was| format!("{} \u{2192} {now}", units.small(was)));
+            ui.label(change);
+            // Links that leave nothing to spare agree by themselves: what they say is in the \u{b1}.
+            let sure =
+                overlap.floor_sigma_m.map_or_else(String::new, |s| format!("\u{b1} {}", units.small(s)));
+            ui.label(sure);
+            ui.end_row();
+        }
     });
-    if shows.inner {
-        app.tell(Command::ViewAll);
-    }
 }
 
 /// Refine, and what it changed.
@@ -224,18 +97,7 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
         }
         ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
     }
-    if let Some(overlaps) =
-        app.editor.session().solved.joint_report().map(|report| report.site.overlaps.clone())
-    {
-        for overlap in overlaps {
-            let units = app.editor.session().units;
-            let apart = overlap.floor_rms_m.map_or_else(|| "\u{2014}".into(), |rms| units.small(rms));
-            // Links that leave nothing to spare agree by themselves: what they say is in the \u{b1}.
-            let sure =
-                overlap.floor_sigma_m.map_or_else(String::new, |s| format!(" \u{b1} {}", units.small(s)));
-            ui.label(format!("{} and {}: {apart}{sure}", overlap.cameras[0], overlap.cameras[1]));
-        }
-    }
+    pairs(app, ui);
     if let Some(command) = chosen {
         app.tell(command);
     }

@@ -9,6 +9,7 @@ pub mod annotations;
 pub mod asked;
 pub mod cameras;
 pub mod dock;
+pub mod links;
 pub mod elements;
 pub mod distances;
 pub mod export;
@@ -35,8 +36,31 @@ use crate::theme;
 /// In a window narrower than this, a phone's, panels lie below each other.
 pub(crate) const PHONE: f32 = 640.0;
 
-/// The narrowest window in which the right panel shows more than its steps, in points.
-const NARROW: f32 = 1000.0;
+/// In a window narrower than this the list of cameras is a rail, and words give way to icons.
+pub(crate) const NARROW: f32 = 1000.0;
+
+/// In a window at least this wide the right panel has its full width.
+const WIDE: f32 = 1280.0;
+
+/// How wide the panels beside the canvas are: by the window as it is now, not as it was when they were shown first.
+#[derive(Clone, Copy)]
+struct Widths {
+    /// What the panels are remembered by: in a window of another kind they begin anew.
+    kind: &'static str,
+    has_rail: bool,
+    right: f32,
+    right_most: f32,
+}
+
+impl Widths {
+    fn of(window: f32) -> Self {
+        match window {
+            w if w >= WIDE => Self { kind: "wide", has_rail: false, right: 296.0, right_most: 480.0 },
+            w if w >= NARROW => Self { kind: "middle", has_rail: false, right: 256.0, right_most: 320.0 },
+            _ => Self { kind: "narrow", has_rail: true, right: 216.0, right_most: 240.0 },
+        }
+    }
+}
 
 /// The whole window.
 pub fn show(app: &mut App, ui: &mut Ui) {
@@ -48,7 +72,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;
-        let rail = phone || matches!(app.mode, Mode::Plan | Mode::All);
+        let widths = Widths::of(ui.ctx().content_rect().width());
+        let rail = widths.has_rail || matches!(app.mode, Mode::Plan | Mode::All);
         let side = Frame::NONE.fill(palette.panel);
         Panel::left(if rail { "rail" } else { "cameras" })
             .resizable(!rail)
@@ -69,11 +94,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 .frame(inset)
                 .show(ui, |ui| right(app, ui));
         }
-        let narrow = ui.ctx().content_rect().width() < NARROW;
         if !phone {
-            Panel::right("right")
-                .default_size(if narrow { 220.0 } else { 296.0 })
-                .size_range(200.0..=480.0)
+            Panel::right(egui::Id::unique(("right", widths.kind)))
+                .default_size(widths.right)
+                .size_range(200.0..=widths.right_most)
                 .frame(inset)
                 .show(ui, |ui| right(app, ui));
         }
@@ -113,7 +137,7 @@ fn right(app: &mut App, ui: &mut Ui) {
             Mode::Plan => {
                 section(ui, |ui| {
                     placement::show(app, ui);
-                    elements::far_apart(app, ui);
+                    links::far_apart(app, ui);
                 });
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
@@ -121,7 +145,7 @@ fn right(app: &mut App, ui: &mut Ui) {
             }
             Mode::All | Mode::Scene => {
                 section(ui, |ui| marks::show(app, ui));
-                section(ui, |ui| elements::links(app, ui));
+                section(ui, |ui| links::show(app, ui));
                 section(ui, |ui| distances::show(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
@@ -145,7 +169,8 @@ pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
 pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
-        ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        let title = ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        title.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Heading, true, text));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(RichText::new(right).small().color(palette.text3));
         });
