@@ -25,6 +25,8 @@ pub struct Found {
     pub path: Option<PathBuf>,
     /// What that file held when it was read or written last.
     pub held: Option<u64>,
+    /// When it was kept, in seconds since 1970.
+    pub at: Option<u64>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -33,6 +35,8 @@ struct Kept {
     folder: Option<PathBuf>,
     #[serde(default)]
     held: Option<u64>,
+    #[serde(default)]
+    at: Option<u64>,
     stored: BTreeMap<String, String>,
     site: String,
 }
@@ -87,7 +91,7 @@ impl Autosave {
         }
         let stored = images.stored().map(|(id, mime, ..)| (id.to_owned(), mime.to_owned())).collect();
         let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
-        let kept = Kept { path, folder, held, stored, site: site.to_json() };
+        let kept = Kept { path, folder, held, at: Here::now(), stored, site: site.to_json() };
         Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
@@ -102,7 +106,7 @@ impl Autosave {
                 images.restore(&id, bytes.into(), &mime, None);
             }
         }
-        Some(Found { site, images, path: kept.path, held: kept.held })
+        Some(Found { site, images, path: kept.path, held: kept.held, at: kept.at })
     }
 
     /// Forgets what was kept: it is saved elsewhere, or not wanted.

@@ -8,6 +8,7 @@ use calib_editor::{Action, Images, Opened};
 use crate::autosave::{Autosave, Found};
 use crate::files;
 use crate::platform::{Here, Platform as _};
+use crate::recent::{self, Recent};
 use crate::shelf::{News, Work};
 use crate::state::{App, Panes, Sheet, Tour};
 
@@ -43,9 +44,17 @@ impl App {
             Ok((site, images, held)) => {
                 let as_held = site.clone();
                 self.open_site(site, images, Some(path.to_path_buf()));
+                self.remember_recent(path, &as_held);
                 (self.held, self.as_held) = (Some(held), Some(as_held));
             }
             Err(error) => self.act(Action::Fail(error)),
+        }
+    }
+
+    /// Remembers a site for the start page.
+    pub(crate) fn remember_recent(&mut self, path: &Path, site: &Site) {
+        if let Some((folder, now)) = self.folder.as_deref().zip(Here::now()) {
+            self.recent = recent::remember(folder, Recent::of(path, site, now));
         }
     }
 
@@ -54,7 +63,7 @@ impl App {
         if index >= self.found.len() {
             return;
         }
-        let (slot, Found { site, images, path, held }) = self.found.remove(index);
+        let (slot, Found { site, images, path, held, .. }) = self.found.remove(index);
         // It differs from its file, and is kept already.
         self.open(Opened { site, images, path, is_unsaved: true });
         (self.autosave, self.held) = (Some(slot), held);
@@ -70,7 +79,7 @@ impl App {
         }
         let (images, path) = (session.images.clone(), session.path.clone());
         let held = self.held;
-        self.found.push((slot, Found { site: session.kept(), images, path, held }));
+        self.found.push((slot, Found { site: session.kept(), images, path, held, at: Here::now() }));
         self.autosave = None;
         for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());

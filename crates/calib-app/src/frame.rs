@@ -50,6 +50,7 @@ impl App {
                 Sent::Action(action) => self.act(action),
                 Sent::Recover(index) => self.recover(index),
                 Sent::Discard(index) => self.discard_found(index),
+                Sent::OpenPath(path) => self.open_path(&path),
                 Sent::Decide(decision) => self.decide_on_file(decision),
                 Sent::Typed(typed) => self.typed(ctx, typed),
                 Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),

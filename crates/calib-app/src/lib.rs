@@ -19,6 +19,7 @@ pub mod edges;
 pub mod refine;
 pub mod files;
 pub mod autosave;
+pub mod recent;
 pub mod shelf;
 pub mod demo;
 pub mod dialog;

@@ -22,8 +22,11 @@ fn main() -> std::process::ExitCode {
     match window(paths) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
+            let has_display =
+                ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+            let why = if has_display { error.to_string() } else { "there is no display".into() };
             eprintln!(
-                "The window does not open: {error}.\nThe app needs a display: start it in a desktop session, or set \
+                "The window does not open: {why}.\nThe app needs a display: start it in a desktop session, or set \
                  DISPLAY or WAYLAND_DISPLAY. Without one, `calib solve` does the same work on a site file."
             );
             ExitCode::FAILURE

@@ -64,7 +64,10 @@ impl App {
         let session = self.editor.session();
         let solved = session.solved.write_into(&session.site);
         match files::save(&path, &solved, &session.images) {
-            Ok(held) => (self.held, self.as_held) = (Some(held), Some(solved)),
+            Ok(held) => {
+                self.remember_recent(&path, &solved);
+                (self.held, self.as_held) = (Some(held), Some(solved));
+            }
             Err(error) => {
                 self.act(Action::Fail(error));
                 return;

@@ -122,11 +122,9 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
                 }
             }
             (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
-                if app.is_enabled(Command::TakeSuggestion) =>
+                if app.is_enabled(Command::TakeSuggestion) && ui.button("Show what helps   N").clicked() =>
             {
-                if ui.button("Show what helps   N").clicked() {
-                    *wish = Some(Deed::Tell(Command::TakeSuggestion));
-                }
+                *wish = Some(Deed::Tell(Command::TakeSuggestion));
             }
             _ => {}
         }

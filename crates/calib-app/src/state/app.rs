@@ -17,6 +17,7 @@ use crate::dialog::Dialog;
 use crate::edges::Edges;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
+use crate::recent::{self, Recent};
 use crate::refine::Refining;
 use crate::shelf::Shelf;
 use crate::theme;
@@ -77,6 +78,8 @@ pub struct App {
     pub list: List,
     /// Work of crashed sessions, offered, each with where it is kept.
     pub found: Vec<(Autosave, Found)>,
+    /// Sites that were opened or saved last.
+    pub recent: Vec<Recent>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
     /// Where a browser keeps sites.
@@ -141,6 +144,7 @@ impl App {
             pair: Default::default(),
             list: List::default(),
             found,
+            recent: folder.as_deref().map(recent::list).unwrap_or_default(),
             chooser: Dialog::open,
             shelf: None,
             arriving: Vec::new(),
@@ -176,6 +180,11 @@ impl App {
     /// Asks for a command to be run at the end of the frame.
     pub fn tell(&mut self, command: Command) {
         self.sent.push(Sent::Command(command));
+    }
+
+    /// Asks for a site file to be opened, at the end of the frame.
+    pub(crate) fn open_later(&mut self, path: PathBuf) {
+        self.sent.push(Sent::OpenPath(path));
     }
 
     /// Asks for what a crashed session left to be gone on with, or to be discarded.

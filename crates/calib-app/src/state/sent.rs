@@ -1,5 +1,7 @@
 //! What panels ask for in a frame, to be done at its end.
 
+use std::path::PathBuf;
+
 use calib_editor::{Action, Command};
 
 use super::{Decision, PathField};
@@ -11,6 +13,8 @@ pub(crate) enum Sent {
     Command(Command),
     Recover(usize),
     Discard(usize),
+    /// A site file is opened.
+    OpenPath(PathBuf),
     /// What becomes of a file that is not written without asking.
     Decide(Decision),
     /// A path was typed, or is not to be.
