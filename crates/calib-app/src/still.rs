@@ -1,5 +1,7 @@
 //! A still on a canvas: its picture, and what lies on it.
 
+use std::cell::RefCell;
+
 use calib_core::Pixel;
 use calib_editor::{Icon, OldStill, Pane, Part, TOOLS, hit};
 use egui::{Color32, Painter, Rect, Ui};
@@ -99,6 +101,7 @@ pub(crate) fn overlay<'a>(
         begun: app.editor.tool().begun(app.editor.session()),
         suggested: Vec::new(),
         names_elements: app.mode == Mode::All,
+        named: RefCell::default(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }

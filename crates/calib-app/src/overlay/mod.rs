@@ -3,6 +3,7 @@
 mod horizon;
 mod lines;
 
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 use calib_core::{Camera, DrawNext, Pixel, Site, SiteCamera, Solution};
@@ -11,7 +12,7 @@ use calib_draw::{
     reach, seen,
 };
 use calib_editor::{Edge, Family, Part, Session, Trace, Units};
-use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
+use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::paint::{Pen, handle, line, ring, tag};
@@ -65,8 +66,10 @@ pub struct Overlay<'a> {
     pub suggested: Vec<Edge>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
-    /// Whether links and marks say their names without being asked.
+    /// Whether links and marks say their names without being asked, where that covers no other name.
     pub names_elements: bool,
+    /// Where names stand already.
+    pub(crate) named: RefCell<Vec<Rect>>,
     /// Whether drawn lines are shown: among many views they hide what is compared.
     pub lines: bool,
 }
@@ -213,9 +216,25 @@ impl Overlay<'_> {
             }
             _ => (self.says_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
         };
-        if is_shown {
+        let is_asked = !self.names_elements || is_selected || self.says_name(at, false);
+        if is_shown && (self.has_room(align, at + by, text) || is_asked) {
             tag(painter, at + by, align, text, theme::colour(Look::of(meaning).colour));
         }
+    }
+
+    /// Whether a name covers no other one; then its place is taken.
+    fn has_room(&self, align: Align2, at: Pos2, text: &str) -> bool {
+        /// A letter and a tag, in points.
+        const LETTER: f32 = 6.5;
+        const TAG: Vec2 = Vec2::new(14.0, 18.0);
+        let size = TAG + Vec2::new(LETTER * text.chars().count() as f32, 0.0);
+        let place = align.anchor_size(at, size);
+        let mut named = self.named.borrow_mut();
+        let is_free = named.iter().all(|taken| !taken.intersects(place));
+        if is_free {
+            named.push(place);
+        }
+        is_free
     }
 
     /// A person on the floor under the cursor: a thing to judge height and plumb by.

@@ -21,7 +21,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let cameras = linked(app);
     let mut wishes = Vec::new();
     ScrollArea::horizontal().id_salt("links").show(ui, |ui| {
-        egui::Grid::new("links").num_columns(cameras.len() + 3).spacing([6.0, 2.0]).show(ui, |ui| {
+        egui::Grid::new("links").num_columns(cameras.len() + 3).spacing([4.0, 2.0]).show(ui, |ui| {
             titles(ui, &cameras);
             for index in 0..app.editor.session().site.links.len() {
                 link_row(app, ui, index, &cameras, &mut wishes);
@@ -71,7 +71,7 @@ fn titles(ui: &mut Ui, cameras: &[usize]) {
     ui.label("");
     ui.label("");
     for &camera in cameras {
-        let (rect, _) = ui.allocate_exact_size(Vec2::new(28.0, 16.0), egui::Sense::hover());
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(24.0, 16.0), egui::Sense::hover());
         crate::paint::chip(ui.painter(), rect.right_center() - Vec2::new(8.0, 0.0), camera);
     }
     ui.end_row();
@@ -88,13 +88,14 @@ fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mu
     }
     let colour = if waits { palette.warn } else { palette.text };
     let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
-    if ui.add(egui::Button::new(text).frame(false)).clicked() {
+    let button = egui::Button::new(text).frame(false).truncate();
+    if ui.add_sized([80.0, 16.0], button).on_hover_text(&name).clicked() {
         wishes.push(Wish::Select(index));
     }
     for &camera in cameras {
         let id = &app.editor.site().cameras[camera].id;
         let is_seen = link.seen.iter().any(|seen| seen.camera == *id);
-        right(ui, 28.0, |ui| {
+        right(ui, 24.0, |ui| {
             if is_seen {
                 joint_residual(app, ui, index, id);
             }
@@ -107,7 +108,7 @@ fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mu
         }
         (false, None) => ("\u{2014}".into(), palette.text2),
     };
-    right(ui, 104.0, |ui| {
+    right(ui, 84.0, |ui| {
         ui.label(RichText::new(text).color(colour));
     });
 }
@@ -190,8 +191,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
 
 /// A distance between views, with how far they may be apart by their own uncertainty.
 fn how_far(app: &App, apart: Apart) -> String {
-    let units = app.editor.session().units;
-    format!("{} \u{b1} {}", units.small(apart.metres), units.small(apart.sigma))
+    app.editor.session().units.small_and_sigma(apart.metres, apart.sigma)
 }
 
 /// Links of the camera in hand that are farther apart than chance explains.

@@ -170,7 +170,7 @@ fn pictures(ui: &mut Ui) {
     ui.horizontal(|ui| {
         ui.add_space((0.5 * (ui.available_width() - 3.0 * (WIDTH + 8.0))).max(0.0));
         for (icon, title, text) in steps {
-            ui.allocate_ui(Vec2::new(WIDTH, 96.0), |ui| {
+            ui.allocate_ui_with_layout(Vec2::new(WIDTH, 104.0), Layout::top_down(Align::Min), |ui| {
                 egui::Frame::NONE.fill(palette.panel).corner_radius(8).inner_margin(10).show(ui, |ui| {
                     ui.set_width(WIDTH - 20.0);
                     let (rect, _) = ui.allocate_exact_size(Vec2::new(28.0, 28.0), Sense::hover());
