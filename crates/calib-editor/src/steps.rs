@@ -25,6 +25,11 @@ pub(crate) const FLOOR_LINES: &str = "Floor lines";
 pub(crate) const FIELD: &str = "Field of view";
 pub(crate) const PLACE: &str = "Place on the site";
 
+/// What is contradicted by a warning about no line in particular; what merely says too little is right as it is.
+fn contradicted(code: Code) -> Vec<&'static str> {
+    if matches!(code, Code::Outlier | Code::Misfit) { vec![VERTICALS, FLOOR_LINES] } else { Vec::new() }
+}
+
 /// The steps of which a grave warning says that something is wrong.
 fn doubted(session: &Session, camera: usize) -> Vec<&'static str> {
     let Some((entry, solution)) = session.site.cameras.get(camera).zip(session.solved.solution(camera))
@@ -43,9 +48,9 @@ fn doubted(session: &Session, camera: usize) -> Vec<&'static str> {
             Subject::Placement | Subject::OwnControlPoint(_) | Subject::ControlPoint { .. } => vec![PLACE],
             Subject::Parameter(Parameter::Height) => vec![PLACE],
             Subject::Efov => vec![FIELD],
-            _ => vec![VERTICALS, FLOOR_LINES],
+            _ => contradicted(warning.code),
         },
-        None => vec![VERTICALS, FLOOR_LINES, PLACE],
+        None => contradicted(warning.code),
     };
     solution.warnings.iter().filter(|warning| is_grave(warning.code)).flat_map(of).collect()
 }

@@ -3,7 +3,7 @@
 //! What the solution proposes is an example, placed where the estimate has floor and no one has looked. Only an
 //! edge of the image is evidence, and only once the operator has taken it.
 
-use calib_core::{Camera, DrawNext, FloorPoint, Kind, Pixel, WorldPoint};
+use calib_core::{Camera, Covariance, DrawNext, FloorPoint, Kind, Pixel, WorldPoint};
 
 use crate::edges::Edge;
 
@@ -47,13 +47,19 @@ fn long_enough(edge: &Edge, example: &Edge) -> bool {
     edge[0].distance(edge[1]) >= LONG * example[0].distance(example[1])
 }
 
+/// How far the estimate itself may be off, in radians: what little is drawn tells little of directions.
+fn doubt(camera: &Camera) -> f64 {
+    const MOST: f64 = 0.3;
+    camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MOST))
+}
+
 /// Whether an edge may be what the example stands for. Which edges are of one length, no image tells.
 fn runs_like(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
     match kind {
-        Kind::Vertical => lean(camera, edge).is_some_and(|lean| lean < LEAN),
+        Kind::Vertical => lean(camera, edge).is_some_and(|lean| lean < LEAN + doubt(camera)),
         Kind::Parallel | Kind::Perpendicular => {
             let turned = azimuth(camera, edge).zip(azimuth(camera, example)).map(|(a, b)| between(a, b));
-            turned.is_some_and(|turned| turned < TURN)
+            turned.is_some_and(|turned| turned < TURN + doubt(camera))
         }
         _ => false,
     }
@@ -62,9 +68,10 @@ fn runs_like(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
 /// Whether an edge goes with the first one of the proposal.
 fn agrees(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
     let apart = || Some(between(azimuth(camera, edge)?, azimuth(camera, first)?));
+    let agree = AGREE + doubt(camera);
     match kind {
-        Kind::Parallel => apart().is_some_and(|apart| apart < AGREE),
-        Kind::Perpendicular => apart().is_some_and(|apart| std::f64::consts::FRAC_PI_2 - apart < AGREE),
+        Kind::Parallel => apart().is_some_and(|apart| apart < agree),
+        Kind::Perpendicular => apart().is_some_and(|apart| std::f64::consts::FRAC_PI_2 - apart < agree),
         _ => true,
     }
 }
@@ -102,7 +109,7 @@ fn between(a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::{Covariance, Lens};
+    use calib_core::Lens;
 
     fn camera() -> Camera {
         Camera {

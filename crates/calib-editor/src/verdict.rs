@@ -163,6 +163,19 @@ mod tests {
     }
 
     #[test]
+    fn what_is_drawn_right_and_says_too_little_is_not_doubted() {
+        let few = session(|site| {
+            let camera = &mut site.cameras[0];
+            camera.annotations.retain(|drawn| drawn.kind == Kind::Vertical);
+            (camera.control_points, camera.placement) = Default::default();
+        });
+        let solution = few.solved.solution(0).unwrap();
+        assert!(solution.warnings.iter().any(|warning| is_grave(warning.code)), "the floor is hardly known");
+        assert!(steps(&few, 0).iter().all(|step| !step.is_doubted));
+        assert!(verdict(&few, 0).text.starts_with("floor lines"), "{:?}", verdict(&few, 0));
+    }
+
+    #[test]
     fn without_edges_the_lens_is_not_ticked() {
         let straight = session(|site| {
             site.cameras[0].annotations.retain(|drawn| drawn.kind != Kind::Straight);

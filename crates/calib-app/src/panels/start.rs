@@ -96,7 +96,7 @@ fn told(found: &Found) -> [String; 2] {
         found.path.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
     let name = found.site.name.clone().or_else(|| file.clone()).unwrap_or_else(|| "A new site".into());
     let when = found.at.zip(Here::now()).map(|(at, now)| ago(at, now));
-    let count = format!("{} cameras", found.site.cameras.len());
+    let count = cameras(found.site.cameras.len());
     let parts = [Some("Not saved".to_owned()), when, Some(count), file];
     [name, parts.into_iter().flatten().collect::<Vec<_>>().join(", ")]
 }
@@ -152,7 +152,7 @@ fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
             if open.on_hover_text(recent.path.display().to_string()).clicked() {
                 app.open_later(recent.path.clone());
             }
-            let words = format!("{} cameras, {}", recent.cameras, ago(recent.at, now));
+            let words = format!("{}, {}", cameras(recent.cameras), ago(recent.at, now));
             ui.label(RichText::new(words).color(palette.text2));
         });
     });
@@ -218,7 +218,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
         shelf.open(&entry.id);
     }
-    let words = format!("{} cameras, {}, {}", entry.cameras, entry.when, size(entry.bytes));
+    let words = format!("{}, {}, {}", cameras(entry.cameras), entry.when, size(entry.bytes));
     ui.label(RichText::new(words).color(palette.text2));
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         // What is removed is gone: the second press means it.
@@ -234,6 +234,10 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
             ui.data_mut(|data| data.insert_temp(id, true));
         }
     });
+}
+
+fn cameras(count: usize) -> String {
+    if count == 1 { "1 camera".into() } else { format!("{count} cameras") }
 }
 
 /// Bytes for the eye.
