@@ -54,7 +54,11 @@ impl Joint {
         let is_refined = |camera: &SiteCamera| {
             camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
         };
-        site.cameras.iter().any(is_refined).then(|| report_of(site))
+        // A camera that is held counts as refined by itself: only what was found of things in common tells.
+        let has_shared = site.solution.is_some()
+            || site.links.iter().any(|link| link.solution.is_some())
+            || site.marks.iter().any(|mark| mark.solution.is_some());
+        (has_shared && site.cameras.iter().any(is_refined)).then(|| report_of(site))
     }
 
     pub(crate) const fn report(&self) -> &Report {

@@ -194,6 +194,9 @@ impl Session {
     pub(crate) fn settle(&mut self) {
         self.settled_cameras = self.history.cameras().to_vec();
         self.was_joint_current = self.solved.is_joint_current();
+        let number = self.solved.joint_number();
+        self.solved.descend_from(number);
+        self.history.set_joint(number);
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
@@ -260,6 +263,7 @@ impl Session {
         self.generation += 1;
         self.note = Some(note);
         self.is_put_off = false;
+        self.solved.descend_from(self.history.joint());
         // Before solving, so that no polygon is held to what was undone.
         self.settled.clear();
         self.solve();

@@ -49,7 +49,10 @@ struct Entry {
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
     entries: Vec<Entry>,
-    joint: Vec<Joint>,
+    /// With the number that each was given when it came.
+    joint: Vec<(u64, Joint)>,
+    /// The number of the one from which the site came to be what it is, even where that is out of date.
+    lineage: Option<u64>,
     /// What the site has of a joint result.
     shown: Option<Shown>,
     /// How long the last solve took, in milliseconds.
@@ -159,10 +162,13 @@ impl Solved {
     /// The joint result that holds for a site; else the last one that some of its cameras still have.
     fn find_joint(&self, site: &Site) -> Option<Shown> {
         let newest = || self.joint.iter().enumerate().rev();
-        let current = newest().find(|(_, joint)| joint.holds_for(site)).map(|(index, _)| (index, true));
-        let last = || newest().find(|(_, joint)| joint.is_of_any(site)).map(|(index, _)| (index, false));
+        let current = newest().find(|(_, (_, joint))| joint.holds_for(site)).map(|(index, _)| (index, true));
+        // A site that undo has put back to before the cameras were refined has nothing that is out of date.
+        let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.is_of_any(site);
+        let last =
+            || newest().find(|(_, (number, joint))| is_own(*number, joint)).map(|(index, _)| (index, false));
         let (joint, is_current) = current.or_else(last)?;
-        Some(Shown { joint, places: self.joint[joint].places(site), is_current })
+        Some(Shown { joint, places: self.joint[joint].1.places(site), is_current })
     }
 
     /// Keeps the results of a joint solve as those of this site.
@@ -170,11 +176,23 @@ impl Solved {
         if self.joint.len() >= MOST_JOINT {
             self.joint.remove(0);
         }
-        self.joint.push(joint);
+        let number = self.joint.last().map_or(0, |(last, _)| last + 1);
+        self.joint.push((number, joint));
+        self.lineage = Some(number);
+    }
+
+    /// The number of the joint result that the site has, current or out of date.
+    pub(crate) fn joint_number(&self) -> Option<u64> {
+        self.shown.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
+    }
+
+    /// From which joint result the site came to be what it is.
+    pub(crate) const fn descend_from(&mut self, number: Option<u64>) {
+        self.lineage = number;
     }
 
     fn joint(&self) -> Option<&Joint> {
-        self.joint.get(self.shown.as_ref()?.joint)
+        self.joint.get(self.shown.as_ref()?.joint).map(|(_, joint)| joint)
     }
 
     /// What a joint solve says of a camera, while what is entered of the camera is what it was then.
@@ -285,7 +303,7 @@ impl Solved {
     pub fn write_joint_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
         let Some(shown) = self.find_joint(site) else { return solved };
-        let joint = &self.joint[shown.joint];
+        let (_, joint) = &self.joint[shown.joint];
         for (camera, place) in solved.cameras.iter_mut().zip(shown.places) {
             if let Some(solution) = place.and_then(|place| joint.solution(place)) {
                 camera.solution = Some(solution.clone());

@@ -129,3 +129,33 @@ fn without_one_of_its_cameras_it_is_out_of_date() {
     editor.apply(Action::Cameras(Cameras::RemoveCamera));
     assert!(editor.session().solved.is_joint_out_of_date());
 }
+
+#[test]
+fn undo_of_refining_leaves_nothing_that_is_out_of_date() {
+    let mut editor = Editor::default();
+    let mut site = calib_demo::demo_site().site;
+    // What is held stands where it stood, refined or not.
+    site.cameras[1].placement.as_mut().unwrap().fixed = true;
+    open(&mut editor, site);
+    let (before, alone) = (editor.site().clone(), stages(&editor));
+    let (saved, _) = parse(&editor.session().solved.write_into(&before).to_json(), None).unwrap();
+    let mut again = Editor::default();
+    open(&mut again, saved);
+    assert!(!again.session().solved.is_joint_out_of_date(), "it was never refined");
+    editor.apply(Action::Refined(Box::new((before.clone(), refined(before)))));
+    assert!(editor.session().solved.is_joint_current());
+    editor.apply(Action::Gesture(Gesture::Undo));
+    let solved = &editor.session().solved;
+    assert!(!solved.is_joint_out_of_date() && !solved.is_joint_current());
+    assert_eq!(stages(&editor), alone);
+    editor.apply(Action::Gesture(Gesture::Redo));
+    assert!(editor.session().solved.is_joint_current());
+    // And what was out of date is so again when undo comes back to it.
+    editor.apply(Action::JointMayTake(-1.0));
+    change(&mut editor, move_a_line);
+    change(&mut editor, |site| site.name = Some("Shop".into()));
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert!(editor.session().solved.is_joint_out_of_date());
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert!(editor.session().solved.is_joint_current());
+}
