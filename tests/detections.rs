@@ -249,7 +249,7 @@ fn every_point_says_how_sure_it_is() {
         let run = scratch.calib(&args).expect_code(0);
         let rows = rows(&run.stdout);
         let expected = entry.camera().unwrap().plane_covariance(Pixel::new(u, v), 2.0, height).unwrap();
-        for (prefix, matrix) in [("", expected.pixel), ("calibration_", expected.calibration)] {
+        for (prefix, matrix) in [("", expected.pixel), ("calibration_", expected.calibration.unwrap())] {
             let [x, y] = [0, 1].map(|i: usize| matrix[i][i].sqrt());
             let near = |name: &str, value: f64| {
                 let found = number(&rows[0], &format!("{prefix}{name}"));

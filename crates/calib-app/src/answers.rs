@@ -6,7 +6,7 @@ use calib_editor::{Action, parse};
 use egui::Context;
 
 use crate::choice::{Chosen, Purpose};
-use crate::state::App;
+use crate::state::{App, PathField};
 
 impl App {
     pub(crate) fn poll_dialog(&mut self, ctx: &Context) {
@@ -18,13 +18,33 @@ impl App {
         let (purpose, is_just_opened) = (dialog.purpose, dialog.is_just_opened());
         self.dialog = None;
         if chosen.is_empty() && is_just_opened {
-            self.act(Action::Fail(
-                "The system's file chooser did not open: install xdg-desktop-portal or zenity. Files can also be \
-                 dropped on this window, or named when it is started."
-                    .into(),
-            ));
+            self.type_path(purpose);
+            return;
         }
         self.take_chosen(ctx, purpose, chosen);
+    }
+
+    /// Where the system has no file chooser, the path is typed.
+    pub fn type_path(&mut self, purpose: Purpose) {
+        let own = self.editor.session().path.as_ref().map(|path| path.display().to_string());
+        let text =
+            own.filter(|_| matches!(purpose, Purpose::SaveSite | Purpose::OpenSite)).unwrap_or_default();
+        self.path_field = Some(PathField { purpose, text });
+    }
+
+    /// Takes a path that was typed.
+    pub(crate) fn typed(&mut self, ctx: &Context, typed: Option<PathField>) {
+        self.path_field = None;
+        let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
+            return;
+        };
+        let path = PathBuf::from(text.trim());
+        if purpose == Purpose::AddImages {
+            self.take_path(ctx, path);
+            return;
+        }
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        self.take_chosen(ctx, purpose, vec![Chosen { name, path: Some(path), bytes: None }]);
     }
 
     /// What was chosen goes where it was asked for: every purpose has its arm.

@@ -23,12 +23,20 @@ pub struct Found {
     pub images: Images,
     /// The file it was opened from.
     pub path: Option<PathBuf>,
+    /// What that file held when it was read or written last.
+    pub held: Option<u64>,
+    /// When it was kept, in seconds since 1970.
+    pub at: Option<u64>,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Kept {
     path: Option<PathBuf>,
     folder: Option<PathBuf>,
+    #[serde(default)]
+    held: Option<u64>,
+    #[serde(default)]
+    at: Option<u64>,
     stored: BTreeMap<String, String>,
     site: String,
 }
@@ -68,7 +76,13 @@ impl Autosave {
     ///
     /// # Errors
     /// When the folder cannot be written to.
-    pub fn keep(&self, site: &Site, images: &Images, path: Option<&Path>) -> FileResult<()> {
+    pub fn keep(
+        &self,
+        site: &Site,
+        images: &Images,
+        path: Option<&Path>,
+        held: Option<u64>,
+    ) -> FileResult<()> {
         for (id, _, _, bytes) in images.stored() {
             let file = self.image_file(id);
             if !file.exists() {
@@ -77,7 +91,7 @@ impl Autosave {
         }
         let stored = images.stored().map(|(id, mime, ..)| (id.to_owned(), mime.to_owned())).collect();
         let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
-        let kept = Kept { path, folder, stored, site: site.to_json() };
+        let kept = Kept { path, folder, held, at: Here::now(), stored, site: site.to_json() };
         Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
@@ -92,7 +106,7 @@ impl Autosave {
                 images.restore(&id, bytes.into(), &mime, None);
             }
         }
-        Some(Found { site, images, path: kept.path })
+        Some(Found { site, images, path: kept.path, held: kept.held, at: kept.at })
     }
 
     /// Forgets what was kept: it is saved elsewhere, or not wanted.
@@ -142,10 +156,10 @@ mod tests {
         let mut camera = SiteCamera::new("a", [4, 3]);
         camera.image = Some(images.store((*b"hello").into(), "image/png", None));
         let site = Site { cameras: vec![camera], ..Site::new() };
-        autosave.keep(&site, &images, Some(Path::new("/x/site.json"))).unwrap();
+        autosave.keep(&site, &images, Some(Path::new("/x/site.json")), Some(7)).unwrap();
         let found = autosave.find().unwrap();
         assert_eq!(found.images.put_into(&found.site, None), images.put_into(&site, None));
-        assert_eq!(found.path.as_deref(), Some(Path::new("/x/site.json")));
+        assert_eq!((found.path.as_deref(), found.held), (Some(Path::new("/x/site.json")), Some(7)));
         autosave.forget();
         assert!(autosave.find().is_none());
     }

@@ -72,7 +72,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
 }
 
 fn open_demonstration(app: &mut App, with_tour: bool) {
-    let (mut site, images) = crate::demo::open();
+    let (mut site, images, truth) = crate::demo::open_with_truth();
     // With the tour the first camera is the newcomer's to do.
     if let Some(camera) = site.cameras.first_mut().filter(|_| with_tour) {
         camera.annotations.clear();
@@ -81,7 +81,8 @@ fn open_demonstration(app: &mut App, with_tour: bool) {
     }
     app.open_site(site, images, None);
     if with_tour {
-        app.tour = Tour::begun();
+        let marks = app.editor.site().marks.clone();
+        app.tour = Tour::begun(truth, marks);
     }
 }
 

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use calib_core::Site;
+use calib_core::{Camera, Site};
 use calib_editor::Images;
 
 use crate::platform::{Here, Platform as _};
@@ -16,8 +16,16 @@ fn folder() -> Option<PathBuf> {
 /// The site, and where its images come from.
 #[must_use]
 pub fn open() -> (Site, Images) {
-    let site = calib_demo::demo_site().site;
-    (site, Images::beside(folder(), Some(render)))
+    let (site, images, _) = open_with_truth();
+    (site, images)
+}
+
+/// The site, where its images come from, and its first camera as it truly is.
+#[must_use]
+pub fn open_with_truth() -> (Site, Images, Option<Camera>) {
+    let demo = calib_demo::demo_site();
+    let truth = demo.truth.first().map(|(_, camera)| *camera);
+    (demo.site, Images::beside(folder(), Some(render)), truth)
 }
 
 /// Renders one image of the site as PNG.

@@ -39,6 +39,12 @@ impl Dialog {
         Self { purpose, opened: None, answer: Box::pin(std::future::ready(chosen)) }
     }
 
+    /// A chooser that the system does not have: it is closed as soon as it is opened.
+    #[must_use]
+    pub fn refused(purpose: Purpose) -> Self {
+        Self { opened: Some(Instant::now()), ..Self::answered(purpose, Vec::new()) }
+    }
+
     /// Whether it has been open for so short a time that nobody can have seen it.
     #[must_use]
     pub fn is_just_opened(&self) -> bool {

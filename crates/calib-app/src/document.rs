@@ -8,6 +8,7 @@ use calib_editor::{Action, Images, Opened};
 use crate::autosave::{Autosave, Found};
 use crate::files;
 use crate::platform::{Here, Platform as _};
+use crate::recent::{self, Recent};
 use crate::shelf::{News, Work};
 use crate::state::{App, Panes, Sheet, Tour};
 
@@ -19,6 +20,7 @@ impl App {
 
     fn open(&mut self, opened: Opened) {
         self.put_aside();
+        (self.held, self.as_held, self.conflict) = (None, None, None);
         self.kept = u64::from(opened.is_unsaved);
         self.act(Action::Open(Box::new(opened)));
         if let Some(shelf) = &mut self.shelf {
@@ -38,9 +40,21 @@ impl App {
 
     /// Opens a site file; what is wrong with it is shown.
     pub fn open_path(&mut self, path: &Path) {
-        match files::open(path) {
-            Ok((site, images)) => self.open_site(site, images, Some(path.to_path_buf())),
+        match files::open_stamped(path) {
+            Ok((site, images, held)) => {
+                let as_held = site.clone();
+                self.open_site(site, images, Some(path.to_path_buf()));
+                self.remember_recent(path, &as_held);
+                (self.held, self.as_held) = (Some(held), Some(as_held));
+            }
             Err(error) => self.act(Action::Fail(error)),
+        }
+    }
+
+    /// Remembers a site for the start page.
+    pub(crate) fn remember_recent(&mut self, path: &Path, site: &Site) {
+        if let Some((folder, now)) = self.folder.as_deref().zip(Here::now()) {
+            self.recent = recent::remember(folder, Recent::of(path, site, now));
         }
     }
 
@@ -49,10 +63,10 @@ impl App {
         if index >= self.found.len() {
             return;
         }
-        let (slot, Found { site, images, path }) = self.found.remove(index);
+        let (slot, Found { site, images, path, held, .. }) = self.found.remove(index);
         // It differs from its file, and is kept already.
         self.open(Opened { site, images, path, is_unsaved: true });
-        self.autosave = Some(slot);
+        (self.autosave, self.held) = (Some(slot), held);
     }
 
     /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
@@ -64,7 +78,8 @@ impl App {
             return;
         }
         let (images, path) = (session.images.clone(), session.path.clone());
-        self.found.push((slot, Found { site: session.history.site(), images, path }));
+        let held = self.held;
+        self.found.push((slot, Found { site: session.kept(), images, path, held, at: Here::now() }));
         self.autosave = None;
         for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
@@ -94,7 +109,7 @@ impl App {
                 News::Opened(found) => {
                     // It stays the shelf's: what follows is kept in its place.
                     let shelf = self.shelf.take();
-                    let Found { site, images, path } = *found;
+                    let Found { site, images, path, .. } = *found;
                     self.open(Opened { site, images, path, is_unsaved: true });
                     self.shelf = shelf;
                 }
@@ -118,13 +133,13 @@ impl App {
         }
         let session = self.editor.session();
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
-        let site = session.history.site();
+        let site = session.kept();
         if let Some(shelf) = &mut self.shelf {
             let last = session.history.undo_name().unwrap_or_default();
             shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
         }
         let Some(autosave) = &self.autosave else { return };
-        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref()) {
+        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.held) {
             self.act(Action::Fail(format!("Autosave: {error}")));
         }
     }
@@ -137,32 +152,6 @@ impl App {
             Ok(()) => Action::Note(format!("Saved {} without its images.", path.display())),
             Err(error) => Action::Fail(error),
         });
-    }
-
-    /// Saves to the site's own file.
-    pub fn save(&mut self) {
-        if let Some(path) = self.editor.session().path.clone() {
-            self.save_to(path);
-        }
-    }
-
-    /// Saves to a file, which is the site's own from then on.
-    pub(crate) fn save_to(&mut self, path: PathBuf) {
-        let session = self.editor.session();
-        let solved = session.solved.write_into(&session.site);
-        if let Err(error) = files::save(&path, &solved, &session.images) {
-            self.act(Action::Fail(error));
-            return;
-        }
-        let folder = path.parent().filter(|_| Here::HAS_FOLDERS).map(Path::to_path_buf);
-        if folder.is_some() && folder != session.images.folder {
-            self.pictures.clear();
-        }
-        self.act(Action::Saved { path, folder });
-        if let Some(autosave) = &self.autosave {
-            autosave.forget();
-        }
-        self.kept = self.editor.session().generation;
     }
 
     /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.

@@ -2,7 +2,7 @@
 
 use calib_core::{Camera, FloorPoint};
 use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
-use calib_editor::{Part, PlanHandle, Session, plan_handles, plan_scale};
+use calib_editor::{Part, PlanHandle, Session, number, plan_handles, plan_scale};
 use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -108,7 +108,12 @@ impl Floor<'_> {
                 let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
                 let points = self.path(&closed);
                 let pen = match meaning {
-                    Meaning::Efov(index) => self.paint_cover(painter, index, &points, pen),
+                    Meaning::Efov(index) => {
+                        if self.coverage {
+                            fill(painter, &closed, &points, pen.colour.gamma_multiply(0.10));
+                        }
+                        self.field_pen(index, pen)
+                    }
                     _ => pen,
                 };
                 line(painter, &points, pen);
@@ -120,11 +125,8 @@ impl Floor<'_> {
         }
     }
 
-    /// Fills a field where overlap is to show; the outline of the one in hand is bold and solid.
-    fn paint_cover(&self, painter: &Painter, index: usize, points: &[Pos2], pen: Pen) -> Pen {
-        if self.coverage {
-            fill(painter, points, pen.colour.gamma_multiply(0.10));
-        }
+    /// The outline of the field in hand is bold and solid.
+    fn field_pen(&self, index: usize, pen: Pen) -> Pen {
         if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
     }
 
@@ -206,10 +208,34 @@ impl Floor<'_> {
                 painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::ACCENT));
             }
         }
+        self.paint_told(painter);
         if let Some(pivot) = self.session.pivot {
             let at = self.mapping.screen(pivot);
             painter.circle_stroke(at, 6.0, Stroke::new(1.5, on_image::WAITING));
             painter.circle_filled(at, 2.0, on_image::WAITING);
+        }
+    }
+
+    /// At the foot of a camera in the hand: how it stands now, and how it stood before.
+    fn paint_told(&self, painter: &Painter) {
+        let camera = self.session.camera;
+        let (Some(Some(before)), Some(now)) = (self.before.get(camera), self.session.solved.pose(camera))
+        else {
+            return;
+        };
+        let turn = |pose: &Camera| number(pose.yaw.to_degrees(), 1);
+        let height = |pose: &Camera| self.session.units.length(pose.position.z, 2);
+        let moved = now.position.on_floor().distance(before.position.on_floor());
+        let told = [
+            (turn(now) != turn(before), format!("turn {}\u{b0}, was {}\u{b0}", turn(now), turn(before))),
+            (height(now) != height(before), format!("height {}, was {}", height(now), height(before))),
+            (moved > 0.005, format!("moved {}", self.session.units.small(moved))),
+        ];
+        let told: Vec<String> =
+            told.into_iter().filter(|(differs, _)| *differs).map(|(_, text)| text).collect();
+        let at = self.at(now.position.on_floor()) + Vec2::new(14.0, 10.0);
+        for (row, text) in told.iter().enumerate() {
+            tag(painter, at + Vec2::new(0.0, 20.0 * row as f32), Align2::LEFT_TOP, text, on_image::WHITE);
         }
     }
 

@@ -12,6 +12,7 @@ impl App {
     pub fn show_ui(&mut self, ui: &mut Ui) {
         self.logic(&ui.ctx().clone());
         self.editor.solve();
+        self.editor.begin_frame();
         self.watch_suspect(ui);
         self.panes.begin_frame();
         panels::show(self, ui);
@@ -49,6 +50,9 @@ impl App {
                 Sent::Action(action) => self.act(action),
                 Sent::Recover(index) => self.recover(index),
                 Sent::Discard(index) => self.discard_found(index),
+                Sent::OpenPath(path) => self.open_path(&path),
+                Sent::Decide(decision) => self.decide_on_file(decision),
+                Sent::Typed(typed) => self.typed(ctx, typed),
                 Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),
             }
         }

@@ -64,9 +64,11 @@ fn fits(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> b
         || keys.logical_key == Key::Plus && key == Key::Equals
         || keys.logical_key == Key::CloseBracket && key == Key::CloseCurlyBracket
         || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket;
+    // Alt pulls the line onto its edge while Enter ends it.
+    let is_end = key == Key::Enter && keys.logical_key == Key::Enter;
     same_key
         && modifiers.command == keys.modifiers.command
-        && modifiers.alt == keys.modifiers.alt
+        && (is_end || modifiers.alt == keys.modifiers.alt)
         && (is_nudge || is_sign || modifiers.shift == keys.modifiers.shift)
 }
 

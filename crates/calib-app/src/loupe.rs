@@ -13,17 +13,24 @@ const SIDE: f32 = 172.0;
 /// How much it enlarges.
 const ZOOM: f64 = 6.0;
 
+/// Up and left of what is held, else on the side where there is room; never off the canvas.
+fn beside(held: Pos2, canvas: Rect) -> Rect {
+    const GAP: Vec2 = Vec2::new(62.0, 44.0);
+    let side = SIDE.min(0.45 * canvas.width()).min(0.6 * canvas.height());
+    let mut corner = held - GAP - Vec2::splat(side);
+    if corner.x < canvas.left() {
+        corner.x = held.x + GAP.x;
+    }
+    if corner.y < canvas.top() {
+        corner.y = held.y + GAP.y;
+    }
+    let most = (canvas.max - Vec2::splat(side)).max(canvas.min);
+    Rect::from_min_size(corner.clamp(canvas.min, most), Vec2::splat(side))
+}
+
 /// The neighbourhood of what is held, enlarged, lines and all.
 pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2]) {
-    let here = mapping.screen(at);
-    let mut corner = here - Vec2::new(62.0 + SIDE, 44.0 + SIDE);
-    if corner.x < mapping.rect.left() {
-        corner.x = here.x + 62.0;
-    }
-    if corner.y < mapping.rect.top() {
-        corner.y = here.y + 44.0;
-    }
-    let rect = Rect::from_min_size(corner, Vec2::splat(SIDE));
+    let rect = beside(mapping.screen(at), mapping.rect);
     let view = View { centre: mapping.flat(at), zoom: ZOOM * mapping.view.zoom, y_up: false };
     let large = Mapping { view, rect, ..*mapping };
     let painter = ui.painter().with_clip_rect(rect);
@@ -45,4 +52,21 @@ pub(crate) fn show(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at:
     painter.text(bar.center(), egui::Align2::CENTER_CENTER, text, theme::regular(11.0), Color32::WHITE);
     let outside = ui.painter();
     outside.rect_stroke(rect, 3.0, egui::Stroke::new(2.0, Color32::WHITE), egui::StrokeKind::Outside);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loupe_stays_on_the_canvas_wherever_the_hand_is() {
+        for size in [Vec2::new(320.0, 400.0), Vec2::new(1200.0, 800.0)] {
+            let canvas = Rect::from_min_size(Pos2::new(44.0, 68.0), size);
+            for step in 0..400_u16 {
+                let share = [f32::from(step % 20) / 19.0, f32::from(step / 20) / 19.0];
+                let held = canvas.min + Vec2::new(share[0] * size.x, share[1] * size.y);
+                assert!(canvas.contains_rect(beside(held, canvas)), "{held:?} on {canvas:?}");
+            }
+        }
+    }
 }

@@ -1,14 +1,59 @@
 //! The native window, and the canvas of the browser.
 
 #[cfg(not(target_arch = "wasm32"))]
-fn main() -> eframe::Result {
+fn main() -> std::process::ExitCode {
+    use std::process::ExitCode;
+
+    let paths: Vec<std::path::PathBuf> = std::env::args_os().skip(1).map(Into::into).collect();
+    let said = paths.iter().find_map(|path| match path.to_str() {
+        Some("--help" | "-h") => Some((HELP.to_owned(), ExitCode::SUCCESS)),
+        Some("--version" | "-V") => {
+            Some((format!("calib-app {}", env!("CARGO_PKG_VERSION")), ExitCode::SUCCESS))
+        }
+        Some(other) if other.starts_with('-') => {
+            Some((format!("{other}: no such option.\n\n{HELP}"), ExitCode::from(2)))
+        }
+        _ => None,
+    });
+    if let Some((words, code)) = said {
+        println!("{words}");
+        return code;
+    }
+    match window(paths) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let has_display =
+                ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+            let why = if has_display { error.to_string() } else { "there is no display".into() };
+            eprintln!(
+                "The window does not open: {why}.\nThe app needs a display: start it in a desktop session, or set \
+                 DISPLAY or WAYLAND_DISPLAY. Without one, `calib solve` does the same work on a site file."
+            );
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+const HELP: &str = "Calibrates cameras from their still images, in a window.
+
+Usage: calib-app [FILE]...
+
+FILE is a site (.json), an image (.png, .jpg), a folder of images, or a floor plan (.svg).
+
+Options:
+  -h, --help     say this
+  -V, --version  say the version";
+
+/// Opens the window, and in it what was named.
+#[cfg(not(target_arch = "wasm32"))]
+fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
     let viewport = egui::ViewportBuilder::default()
         .with_title("calib")
         .with_inner_size([1440.0, 900.0])
         .with_min_inner_size([800.0, 500.0])
         .with_drag_and_drop(true);
     let options = eframe::NativeOptions { viewport, ..Default::default() };
-    let paths: Vec<std::path::PathBuf> = std::env::args_os().skip(1).map(Into::into).collect();
     eframe::run_native(
         "calib",
         options,

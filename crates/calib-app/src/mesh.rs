@@ -1,13 +1,27 @@
 //! Areas as triangles: fields that are filled, and images laid on the floor.
 
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+
 use calib_core::{Camera, FloorPoint, Pixel};
-use egui::{Color32, Mesh, Painter, Pos2, Shape};
+use egui::cache::{ComputerMut, FrameCache};
+use egui::{Color32, Context, Mesh, Painter, Pos2, Shape};
 
 use crate::canvas::Mapping;
 use crate::picture::Picture;
 
-/// Cells of the mesh on which an image is laid on the floor.
+/// Most cells of the mesh on which an image is laid on the floor, along a side of a triangle.
 const CELLS: usize = 12;
+/// A cell need not be smaller than this, in points.
+const CELL: f32 = 24.0;
+
+/// Into how many cells the sides of a triangle are cut: what is small on the screen is flat enough.
+fn cells(mapping: &Mapping, triangle: &[[f64; 2]; 3]) -> usize {
+    let [a, b, c] = triangle.map(|corner| mapping.screen(corner));
+    let side = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    ((side / CELL).ceil() as usize).clamp(1, CELLS)
+}
+
 /// The image inside its field: the field cut into small triangles, each corner looked up in the image.
 pub(crate) fn lay(
     painter: &Painter,
@@ -20,16 +34,17 @@ pub(crate) fn lay(
 ) {
     let mut mesh = Mesh::with_texture(picture.overview.id());
     let corners: Vec<[f64; 2]> = field.iter().map(|&point| point.into()).collect();
-    for triangle in triangles(&corners) {
+    for triangle in triangles_of(painter.ctx(), &corners).iter().map(|corner| corner.map(|i| corners[i])) {
+        let cells = cells(mapping, &triangle);
         let base = mesh.vertices.len() as u32;
         let at = |s: f64, t: f64| -> [f64; 2] {
             let [a, b, c] = triangle;
             std::array::from_fn(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
         };
         let mut is_whole = true;
-        for i in 0..=CELLS {
-            for j in 0..=CELLS - i {
-                let point = at(i as f64 / CELLS as f64, j as f64 / CELLS as f64);
+        for i in 0..=cells {
+            for j in 0..=cells - i {
+                let point = at(i as f64 / cells as f64, j as f64 / cells as f64);
                 let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
                 is_whole &= seen.is_some();
                 let Pixel { u, v } = seen.unwrap_or_default();
@@ -42,11 +57,11 @@ pub(crate) fn lay(
             mesh.vertices.truncate(base as usize);
             continue;
         }
-        let index = |i: usize, j: usize| base + (i * (CELLS + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
-        for i in 0..CELLS {
-            for j in 0..CELLS - i {
+        let index = |i: usize, j: usize| base + (i * (cells + 1) - i * i.saturating_sub(1) / 2 + j) as u32;
+        for i in 0..cells {
+            for j in 0..cells - i {
                 mesh.add_triangle(index(i, j), index(i + 1, j), index(i, j + 1));
-                if j + 1 < CELLS - i {
+                if j + 1 < cells - i {
                     mesh.add_triangle(index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
                 }
             }
@@ -55,25 +70,53 @@ pub(crate) fn lay(
     painter.add(Shape::mesh(mesh));
 }
 
-/// Fills a polygon that need not be convex.
-pub(crate) fn fill(painter: &Painter, points: &[Pos2], colour: Color32) {
-    let corners: Vec<[f64; 2]> = points.iter().map(|p| [f64::from(p.x), f64::from(p.y)]).collect();
+/// Fills a polygon of the floor that need not be convex, which the screen shows at `points`.
+pub(crate) fn fill(painter: &Painter, polygon: &[FloorPoint], points: &[Pos2], colour: Color32) {
+    let corners: Vec<[f64; 2]> = polygon.iter().map(|&point| point.into()).collect();
     let mut mesh = Mesh::default();
-    for triangle in triangles(&corners) {
+    for corner in triangles_of(painter.ctx(), &corners).iter() {
         let base = mesh.vertices.len() as u32;
-        for [x, y] in triangle {
-            mesh.colored_vertex(Pos2::new(x as f32, y as f32), colour);
+        for at in corner.iter().filter_map(|&i| points.get(i)) {
+            mesh.colored_vertex(*at, colour);
         }
         mesh.add_triangle(base, base + 1, base + 2);
     }
     painter.add(Shape::mesh(mesh));
 }
 
-/// A simple polygon as triangles, cut off at its ears (Meisters 1975).
-fn triangles(polygon: &[[f64; 2]]) -> Vec<[[f64; 2]; 3]> {
+/// The corners of a polygon, by which its triangles are found again.
+#[derive(Clone, Copy)]
+struct Corners<'a>(&'a [[f64; 2]]);
+
+impl Hash for Corners<'_> {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.iter().flatten().for_each(|value| value.to_bits().hash(state));
+    }
+}
+
+/// Cuts polygons into triangles.
+#[derive(Default)]
+struct Cutter;
+
+impl ComputerMut<Corners<'_>, Arc<Vec<[usize; 3]>>> for Cutter {
+    fn compute(&mut self, corners: Corners<'_>) -> Arc<Vec<[usize; 3]>> {
+        Arc::new(triangles(corners.0))
+    }
+}
+
+/// The triangles of a polygon of the floor: cut once, for how it is looked at does not change them.
+fn triangles_of(ctx: &Context, corners: &[[f64; 2]]) -> Arc<Vec<[usize; 3]>> {
+    type Cache = FrameCache<Arc<Vec<[usize; 3]>>, Cutter>;
+    ctx.memory_mut(|memory| Arc::clone(memory.caches.cache::<Cache>().get(Corners(corners))))
+}
+
+/// A simple polygon as triangles, cut off at its ears (Meisters 1975): the indices of their corners.
+fn triangles(polygon: &[[f64; 2]]) -> Vec<[usize; 3]> {
+    let mut left: Vec<usize> = (0..polygon.len()).collect();
     let mut ring = polygon.to_vec();
     if ring.len() > 1 && ring.first() == ring.last() {
         ring.pop();
+        left.pop();
     }
     let cross =
         |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -95,8 +138,9 @@ fn triangles(polygon: &[[f64; 2]]) -> Vec<[[f64; 2]; 3]> {
         };
         // A polygon that crosses itself has no ear at some point: then any corner goes.
         let i = (0..count).find(is_ear).unwrap_or(0);
-        found.push(around(i));
+        found.push([(i + count - 1) % count, i, (i + 1) % count].map(|i| left[i]));
         ring.remove(i);
+        left.remove(i);
     }
     found
 }
@@ -111,7 +155,7 @@ mod tests {
         let area = |[a, b, c]: [[f64; 2]; 3]| {
             0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
         };
-        let total: f64 = triangles(&polygon).into_iter().map(area).sum();
+        let total: f64 = triangles(&polygon).into_iter().map(|corner| area(corner.map(|i| polygon[i]))).sum();
         assert!((total - 10.0).abs() < 1e-12, "{total}");
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::{Distortion, Pixel};
-use calib_editor::{Action, Pane, Phase, Pointer, hit};
+use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::canvas::{Mapping, View};
@@ -20,8 +20,6 @@ use crate::theme::{self, on_image};
 
 /// Movement less than this is a click, in points.
 const CLICK: f32 = 4.0;
-/// An edge this near to the cursor is offered, in points.
-const OFFER: f32 = 5.0;
 /// Two clicks within this are a double click, in seconds.
 const DOUBLE: f64 = 0.4;
 
@@ -63,8 +61,13 @@ fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
 /// Sends what the pointer did on this canvas to the tool.
 fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
     let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
-    for event in events {
+    let is_move = |event: &Event| matches!(event, Event::PointerMoved(_));
+    let mut events =
+        events.into_iter().filter(|e| is_move(e) || matches!(e, Event::PointerButton { .. })).peekable();
+    while let Some(event) = events.next() {
         match event {
+            // Of several moves in a row the last one is seen.
+            Event::PointerMoved(_) if events.peek().is_some_and(is_move) => {}
             Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {
                 pressed(app, ui, key, mapping, (pos, time), modifiers);
@@ -127,7 +130,7 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
     if let Pane::Image(camera) = pane {
         let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
-        offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), mapping.units(OFFER));
+        offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), snap::RADIUS);
     }
     let pointer = Pointer {
         pane,
@@ -180,7 +183,10 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     still::paint(app, &painter, name.as_deref(), &mapping, rect);
     still::blend_old(app, &painter, camera, &mapping, size);
-    let overlay = still::overlay(app, ui, camera, mapping, place);
+    let is_own = camera == app.editor.session().camera && place != Place::Tile;
+    let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
+    let mut overlay = still::overlay(app, ui, camera, mapping, place);
+    overlay.suggested = suggested;
     overlay.paint(&painter);
     for points in app.editor.tool().rubber(pane) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
@@ -208,7 +214,7 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     if !app.editor.tool().is_idle() {
         return;
     }
-    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), mapping.units(OFFER)) else { return };
+    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::RADIUS) else { return };
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
     let ends = edge.map(|pixel| mapping.screen(pixel.into()));
     line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));

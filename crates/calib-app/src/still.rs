@@ -1,13 +1,15 @@
 //! A still on a canvas: its picture, and what lies on it.
 
+use std::cell::RefCell;
+
 use calib_core::Pixel;
-use calib_editor::{OldStill, Pane, Part, hit};
+use calib_editor::{Icon, OldStill, Pane, Part, TOOLS, hit};
 use egui::{Color32, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
 use crate::overlay::Overlay;
 use crate::picture::Piece;
-use crate::state::{App, Place};
+use crate::state::{App, Mode, Place};
 use crate::theme;
 
 /// Paints a still, or says why it is not there.
@@ -83,6 +85,10 @@ pub(crate) fn overlay<'a>(
         cursor: cursor.filter(|_| app.editor.tool().is_idle()),
         lit,
         holding: !app.editor.tool().is_idle(),
+        drawing: !app.editor.tool().is_idle()
+            && TOOLS
+                .get(app.editor.tool_row())
+                .is_some_and(|row| !row.acts_on_plan() && row.icon != Icon::Link),
         time: ui.input(|i| i.time) - app.suspect_since,
         family: app
             .editor
@@ -93,6 +99,9 @@ pub(crate) fn overlay<'a>(
                 app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
             }),
         begun: app.editor.tool().begun(app.editor.session()),
+        suggested: Vec::new(),
+        names_elements: app.mode == Mode::All,
+        named: RefCell::default(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.editor.tool_kind().is_some(),
     }

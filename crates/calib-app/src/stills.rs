@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use calib_editor::file_name::mime;
+use calib_editor::file_name::{camera_name, mime};
 use calib_editor::{Action, NewStill};
 use egui::Context;
 
@@ -18,9 +18,7 @@ impl App {
     }
 
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
-        let title = Path::new(&file.name)
-            .file_stem()
-            .map_or_else(|| file.name.clone(), |stem| stem.to_string_lossy().into_owned());
+        let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
         let name = match (&file.path, file.bytes) {
             (Some(path), _) => path.to_string_lossy().into_owned(),
             (None, Some(bytes)) => self.editor.store_image(bytes.into(), mime(&file.name), Some(&file.name)),

@@ -145,7 +145,7 @@ pub fn kind_icon(kind: Kind, dark: bool) -> Color32 {
     colour(if dark { look.colour } else { look.on_light })
 }
 
-/// The colour of a camera; after eight they start again, the letters go on.
+/// The colour of a camera.
 #[must_use]
 pub fn camera(index: usize) -> Color32 {
     colour(Rgb::camera(index))
@@ -265,5 +265,7 @@ fn visuals(base: Visuals, p: &Palette) -> Visuals {
         state.corner_radius = radius;
         state.expansion = 0.0;
     }
+    // What has the focus is in this state, too: it is seen wherever the Tab key goes.
+    w.active.bg_stroke = Stroke::new(1.5, p.accent);
     v
 }

@@ -131,7 +131,7 @@
   const want = (wish) => { calib.queue.push(wish); calib.wake(); };
 
   // Every word the app would say, to those who do not see it.
-  const ROLES = { Button: "button", CheckBox: "checkbox", RadioButton: "radio", Slider: "slider", TextInput: "textbox", MultilineTextInput: "textbox", SpinButton: "spinbutton", Link: "link", Image: "img", ComboBox: "combobox", MenuItem: "menuitem" };
+  const ROLES = { Button: "button", CheckBox: "checkbox", RadioButton: "radio", Slider: "slider", TextInput: "textbox", MultilineTextInput: "textbox", SpinButton: "spinbutton", Link: "link", Image: "img", ComboBox: "combobox", MenuItem: "menuitem", Heading: "heading" };
   const nodes = new Map();
   calib.mirror = (text) => {
     const tree = JSON.parse(text);

@@ -18,8 +18,6 @@ pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
     /// In which detections are made.
     pub(crate) stream: Stream,
-    /// Whether anything is known of how uncertain it is.
-    pub(crate) is_uncertain: bool,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
     entry: Entry,
@@ -88,7 +86,6 @@ impl Calibration {
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
             stream: stream.unwrap_or(Stream::STILL),
-            is_uncertain: entry.solution.as_ref().is_some_and(|solution| solution.covariance.is_some()),
             size: entry.size(),
             efov: entry.floor_polygon(),
             entry: Entry { camera: entry.id.clone(), from, to, period },

@@ -24,7 +24,7 @@ impl Sigmas {
         let mut sigmas = Self::unknown(u.len());
         for (row, (&u, &v)) in u.iter().zip(v).enumerate() {
             let Some(found) = camera.plane_covariance(Pixel { u, v }, sigma, height) else { continue };
-            let known = calibration.is_uncertain.then(|| ellipse(found.calibration));
+            let known = found.calibration.map(ellipse);
             let parts = ellipse(found.pixel).into_iter().chain(known.unwrap_or([f64::NAN; 3]));
             put(&mut sigmas.0, row, parts);
         }

@@ -35,16 +35,30 @@ impl Rgb {
     /// Text and lines on a light plan.
     pub const INK: Self = Self::hex(0x1B1F23);
 
-    /// The colour of a camera; after eight they start again, so it never stands without a name.
+    /// The colour of a camera; hues come near each other where there are many, so it never stands without a name.
     #[must_use]
     pub fn camera(index: usize) -> Self {
-        CAMERAS[index % CAMERAS.len()][0]
+        CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.74), |[on_dark, _]| *on_dark)
     }
 
     /// The same hue, dark enough for lines on a light plan.
     #[must_use]
     pub fn camera_on_light(index: usize) -> Self {
-        CAMERAS[index % CAMERAS.len()][1]
+        CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.37), |[_, on_light]| *on_light)
+    }
+
+    /// A colour whose hue no lower index has: each turns by the golden angle from the one before.
+    fn of_hue(index: usize, saturation: f64, lightness: f64) -> Self {
+        const GOLDEN: f64 = 0.381_966_011_250_105;
+        let hue = (index as f64 * GOLDEN).fract() * 6.0;
+        let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
+        // One channel after the other is at its most, 120 degrees apart.
+        let channel = |shift: f64| {
+            let from_top = ((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0;
+            let value = lightness + chroma * (from_top.clamp(0.0, 1.0) - 0.5);
+            (255.0 * value).round() as u8
+        };
+        Self([channel(0.0), channel(4.0), channel(2.0)])
     }
 }
 
@@ -78,10 +92,10 @@ mod tests {
     }
 
     #[test]
-    fn no_two_cameras_of_a_round_share_a_colour() {
+    fn no_two_cameras_share_a_colour() {
         for colour in [Rgb::camera, Rgb::camera_on_light] {
-            let all: std::collections::HashSet<Rgb> = (0..CAMERAS.len()).map(colour).collect();
-            assert_eq!(all.len(), CAMERAS.len());
+            let all: std::collections::HashSet<Rgb> = (0..64).map(colour).collect();
+            assert_eq!(all.len(), 64);
         }
     }
 }

@@ -85,7 +85,6 @@ fn a_layer_has_its_own_meanings_and_no_others() {
         }
         ImageLayer::Links { .. } => matches!(meaning, Meaning::Link { .. }),
         ImageLayer::Sightings => matches!(meaning, Meaning::Seen(_) | Meaning::Solved(_)),
-        ImageLayer::Suggestion => matches!(meaning, Meaning::Suggestion(_)),
     };
     let layers = [
         ImageLayer::LensGrid,
@@ -101,7 +100,6 @@ fn a_layer_has_its_own_meanings_and_no_others() {
         ImageLayer::ControlPoints,
         ImageLayer::Links { begun: None },
         ImageLayer::Sightings,
-        ImageLayer::Suggestion,
     ];
     for camera in 0..site.cameras.len() {
         let view = ImageView::new(site, camera).with_letters(1.0);

@@ -201,6 +201,8 @@ pub enum Action {
     Import(Box<Site>, Vec<String>),
     /// Takes over what refining the first gave: the second.
     Refined(Box<(Site, Site)>),
+    /// How long a joint solve may take to be done on the way, after every gesture, in milliseconds.
+    JointMayTake(f64),
     /// A saved version to compare with, or none.
     Compare(Option<Box<Site>>),
     /// Solving waits, or goes on.

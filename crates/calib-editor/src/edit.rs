@@ -103,8 +103,10 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
                 !fresh && (kind != Kind::Perpendicular || count < row.least)
             };
             let index = last.filter(|&index| is_open(&entry.annotations[index])).unwrap_or_else(|| {
-                let length_m = row.has_length.then_some(1.0);
-                entry.annotations.push(Annotation { length_m, ..Annotation::of_segments(kind, Vec::new()) });
+                // A length that was not measured says nothing: it is off until one is entered.
+                let (length_m, off) = (row.has_length.then_some(1.0), row.has_length);
+                let empty = Annotation::of_segments(kind, Vec::new());
+                entry.annotations.push(Annotation { length_m, off, ..empty });
                 entry.annotations.len() - 1
             });
             let segments = entry.annotations[index].segments.get_or_insert_default();

@@ -28,6 +28,8 @@ pub struct OldStill {
 pub struct Editor {
     pub(crate) session: Session,
     pub(crate) tool: Box<dyn Tool>,
+    /// What moves the handles of the plan while a tool is in the hand that does nothing there.
+    pub(crate) on_plan: Box<dyn Tool>,
     /// The row of the tool in the list.
     pub(crate) tool_row: usize,
     /// Annotations that were copied, with the size of their image.
@@ -46,6 +48,7 @@ impl Default for Editor {
         Self {
             session: Session::new(Site::new(), Images::default(), None),
             tool: (TOOLS[0].make)(),
+            on_plan: (TOOLS[0].make)(),
             tool_row: 0,
             copied: None,
             old_still: None,
@@ -69,10 +72,10 @@ impl Editor {
         &self.session.site
     }
 
-    /// The tool in hand.
+    /// The tool in hand; while a handle of the plan is held, what holds it.
     #[must_use]
     pub fn tool(&self) -> &dyn Tool {
-        &*self.tool
+        if self.on_plan.is_idle() { &*self.tool } else { &*self.on_plan }
     }
 
     /// The row of the tool in hand.
@@ -117,9 +120,15 @@ impl Editor {
         self.session.images.store(bytes, mime, name)
     }
 
-    /// Solves what differs from what was solved before. Whether anything did.
+    /// Solves what differs from what was solved before, and whatever was put off. Whether anything did.
     pub fn solve(&mut self) -> bool {
+        self.session.catch_up();
         self.session.solve()
+    }
+
+    /// A frame begins: whatever comes in, what takes long is solved once in it.
+    pub fn begin_frame(&mut self) {
+        self.session.begin_frame();
     }
 
     /// Finds out what else fits the camera in hand, for whoever shows it. Whether anything does.
@@ -128,7 +137,7 @@ impl Editor {
         let camera = session.camera;
         let Some(entry) = session.entry() else { return false };
         // While a line is in the hand the last answer stands.
-        if !self.tool.is_idle() || session.solved.paused {
+        if !self.tool().is_idle() || session.solved.paused {
             return self.family.as_ref().is_some_and(|(of, _)| *of == camera);
         }
         let is_known = self.family.as_ref().is_some_and(|(of, family)| *of == camera && family.is_of(entry));
@@ -158,7 +167,7 @@ impl Editor {
     /// compared version or before refining.
     #[must_use]
     pub fn poses_before(&self, wanted: bool) -> Vec<Option<Camera>> {
-        if !self.tool.is_idle() {
+        if !self.tool().is_idle() {
             return self.session.settled().to_vec();
         }
         if let Some(compared) = self.compared.as_ref().filter(|_| wanted) {
@@ -177,8 +186,8 @@ impl Editor {
             Needs::Cameras => !session.site.cameras.is_empty(),
             Needs::Camera => session.entry().is_some(),
             Needs::Selection => !session.selection.is_empty(),
-            Needs::Undo => session.history.undo_name().is_some() || !self.tool.is_idle(),
-            Needs::Redo => session.history.redo_name().is_some() && self.tool.is_idle(),
+            Needs::Undo => session.history.undo_name().is_some() || !self.tool().is_idle(),
+            Needs::Redo => session.history.redo_name().is_some() && self.tool().is_idle(),
             Needs::Suggestion => session.solution().is_some_and(|solution| solution.draw_next.is_some()),
             Needs::SecondSolution => {
                 session.solution().is_some_and(|solution| !solution.alternatives.is_empty())

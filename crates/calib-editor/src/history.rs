@@ -107,12 +107,16 @@ struct Step {
     /// What the gesture did, as it reads after "Undo": "move V2".
     name: String,
     after: Snapshot,
+    /// The joint result that the site had then.
+    joint: Option<u64>,
 }
 
 /// Every state of the site since it was opened.
 #[derive(Clone, Debug)]
 pub struct History {
     first: Snapshot,
+    /// The joint result that the site was opened with.
+    first_joint: Option<u64>,
     steps: Vec<Step>,
     /// How many of the steps are done.
     done: usize,
@@ -122,7 +126,7 @@ impl History {
     /// A history that begins here.
     #[must_use]
     pub fn new(site: &Site) -> Self {
-        Self { first: Snapshot::of(site, None), steps: Vec::new(), done: 0 }
+        Self { first: Snapshot::of(site, None), first_joint: None, steps: Vec::new(), done: 0 }
     }
 
     fn now(&self) -> &Snapshot {
@@ -169,9 +173,40 @@ impl History {
         }
         let after = Snapshot::of(site, Some(self.now()));
         self.steps.truncate(self.done);
-        self.steps.push(Step { name: name.into(), after });
+        self.steps.push(Step { name: name.into(), after, joint: None });
         self.done += 1;
         true
+    }
+
+    /// Every camera as the last finished gesture left it.
+    #[must_use]
+    pub(crate) fn cameras(&self) -> &[Arc<SiteCamera>] {
+        &self.now().cameras
+    }
+
+    /// Makes what followed from the last gesture a part of it.
+    pub(crate) fn amend(&mut self, site: &Site) {
+        if self.is_at(site) {
+            return;
+        }
+        let after = Snapshot::of(site, Some(self.now()));
+        if let Some(step) = self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
+            step.after = after;
+        }
+    }
+
+    /// The joint result that the site had as the last finished gesture left it.
+    pub(crate) fn joint(&self) -> Option<u64> {
+        let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
+        last.map_or(self.first_joint, |step| step.joint)
+    }
+
+    /// Says which joint result the site has as the last finished gesture left it.
+    pub(crate) fn set_joint(&mut self, number: Option<u64>) {
+        match self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
+            Some(step) => step.joint = number,
+            None => self.first_joint = number,
+        }
     }
 
     /// What undo would take back.

@@ -1,8 +1,6 @@
 //! The joint solve of a whole site, written back as placements.
 
-use calib_core::{Options, Placement, Site, Solution, Stage};
-
-use crate::session::rounded;
+use calib_core::{Options, Placement, PlacementEntry, Site, Solution, Stage};
 
 /// The site with cameras and marks where all evidence together puts them, and with its results.
 #[must_use]
@@ -13,7 +11,7 @@ pub fn refined(mut site: Site) -> Site {
         if let Some(pose) = pose.and_then(Solution::camera) {
             let entry = &mut site.cameras[*index];
             let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
-            entry.placement = Some(calib_core::PlacementEntry { fixed, ..rounded(Placement::of(&pose)) });
+            entry.placement = Some(PlacementEntry { fixed, ..rounded(Placement::of(&pose)) });
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {
@@ -23,4 +21,15 @@ pub fn refined(mut site: Site) -> Site {
     }
     // From where they stand now, as whoever opens the file will find it.
     site.calibrate(&Options::default()).write_into(&site)
+}
+
+/// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
+pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
+    let round = |value: f64, digits: f64| (value * digits).round() / digits;
+    let mut entry = PlacementEntry::from(placement);
+    entry.move_m.x = round(entry.move_m.x, 1e6);
+    entry.move_m.y = round(entry.move_m.y, 1e6);
+    entry.turn_deg = round(entry.turn_deg, 1e6);
+    entry.scale = round(entry.scale, 1e8);
+    entry
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use calib_core::{
     Camera, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Site, SiteCamera, Solution,
@@ -11,8 +12,13 @@ use calib_core::{
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::solved::{Solved, joint_of, keep_polygon, report_of};
+use crate::joint::Joint;
+use crate::refine::rounded;
+use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
+
+/// What takes no longer is not waited for, in milliseconds.
+const BLINK: f64 = 80.0;
 
 /// A site that is being worked on.
 #[derive(Clone, Debug)]
@@ -51,6 +57,18 @@ pub struct Session {
     pub saved: u64,
     /// Poses at the last finished gesture: where polygons lie that are to stay.
     settled: Vec<Option<Camera>>,
+    /// What those poses follow from.
+    pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
+    /// How many solves that take long are left in this frame; as many as are wanted where there are no frames.
+    pub(crate) solves_left: Option<u32>,
+    /// A gesture ended and was not solved.
+    pub(crate) is_put_off: bool,
+    /// The joint result held at the last finished gesture.
+    pub(crate) was_joint_current: bool,
+    /// How long the last joint solve took that was done on the way, in milliseconds.
+    pub(crate) joint_took: f64,
+    /// How long one may take for the next to be done on the way, in milliseconds.
+    pub joint_may_take: f64,
     /// Poses before the last joint solve.
     pub before_refine: Option<Vec<Option<Camera>>>,
 }
@@ -59,7 +77,7 @@ impl Session {
     /// A session on this site.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
-        let joint = joint_of(&site);
+        let joint = Joint::of_file(&site);
         for camera in &mut site.cameras {
             // Results are recomputed; what was entered as a result stays.
             if camera.solution.as_ref().is_some_and(|solution| solution.method != Method::Given) {
@@ -94,10 +112,16 @@ impl Session {
             generation: 0,
             saved: 0,
             settled: Vec::new(),
+            settled_cameras: Vec::new(),
+            solves_left: None,
+            is_put_off: false,
+            was_joint_current: false,
+            joint_took: 0.0,
+            joint_may_take: BLINK,
             before_refine: None,
         };
         if let Some(report) = joint {
-            session.solved.keep_joint(&session.site, report);
+            session.solved.keep_joint(Joint::new(&session.site, report));
         }
         session.solve();
         session.settle();
@@ -139,7 +163,8 @@ impl Session {
     fn keep_polygons(&mut self) -> bool {
         let mut moved = false;
         for index in 0..self.site.cameras.len() {
-            let (Some(before), Some(Some(settled))) = (self.history.camera(index), self.settled.get(index))
+            let (Some(before), Some(Some(settled))) =
+                (self.settled_cameras.get(index), self.settled.get(index))
             else {
                 continue;
             };
@@ -166,7 +191,12 @@ impl Session {
     }
 
     /// Poses as they are now are those to come back to.
-    fn settle(&mut self) {
+    pub(crate) fn settle(&mut self) {
+        self.settled_cameras = self.history.cameras().to_vec();
+        self.was_joint_current = self.solved.is_joint_current();
+        let number = self.solved.joint_number();
+        self.solved.descend_from(number);
+        self.history.set_joint(number);
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
@@ -192,12 +222,18 @@ impl Session {
             self.revert();
             self.note = Some(format!("Not possible: {}.", error.message()));
         }
-        self.solve();
+        let is_solved = self.solve_in_frame();
+        if is_solved {
+            self.refine_on_the_way();
+        }
         if self.history.commit(name, &self.site) {
             self.generation += 1;
             self.before_refine = None;
         }
-        self.settle();
+        self.is_put_off = !is_solved;
+        if is_solved {
+            self.settle();
+        }
     }
 
     /// Puts the site back to where the gesture under way began.
@@ -226,6 +262,8 @@ impl Session {
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
         self.generation += 1;
         self.note = Some(note);
+        self.is_put_off = false;
+        self.solved.descend_from(self.history.joint());
         // Before solving, so that no polygon is held to what was undone.
         self.settled.clear();
         self.solve();
@@ -337,36 +375,6 @@ impl Session {
         self.images.folder = Some(folder.to_path_buf());
         self.images.missing = None;
     }
-
-    /// Takes over what refining `from` gave, as one step that undo takes back. Whatever was changed meanwhile
-    /// is worth more than a result that does not know of it.
-    pub fn take_refined(&mut self, from: &Site, refined: &Site) {
-        if self.site != *from {
-            self.note = Some("The site was changed while it was refined: refine again.".into());
-            return;
-        }
-        let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
-        for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
-            camera.placement.clone_from(&refined.placement);
-        }
-        for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
-            (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
-        }
-        self.solved.keep_joint(&self.site, report_of(refined));
-        self.commit("refine all cameras");
-        self.before_refine = Some(before);
-    }
-}
-
-/// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
-pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
-    let round = |value: f64, digits: f64| (value * digits).round() / digits;
-    let mut entry = PlacementEntry::from(placement);
-    entry.move_m.x = round(entry.move_m.x, 1e6);
-    entry.move_m.y = round(entry.move_m.y, 1e6);
-    entry.turn_deg = round(entry.turn_deg, 1e6);
-    entry.scale = round(entry.scale, 1e8);
-    entry
 }
 
 /// The corners of the field, or the lower part of the image where none is drawn.

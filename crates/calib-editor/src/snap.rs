@@ -10,8 +10,14 @@ use crate::hit::Part;
 
 /// Samples along the line, at most.
 const SAMPLES: usize = 160;
-/// How far to each side an edge is looked for, in pixels.
-const REACH: i32 = 8;
+/// How near an edge has to be to be offered or to pull a line, in pixels of the image, however it is zoomed.
+pub const RADIUS: f64 = 8.0;
+/// The same, in steps across a line.
+const REACH: i32 = RADIUS as i32;
+/// Places farther from a line than this are of another edge, in pixels.
+const ONE_EDGE: f64 = 1.0;
+/// So much of a line has to lie along its edge.
+const SHARE: f64 = 0.5;
 /// Brightness per pixel below which there is no edge.
 const LEAST: f64 = 4.0;
 
@@ -61,7 +67,7 @@ pub(crate) fn pull(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<[Pixel; 2]> {
             strongest(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
         })
         .collect();
-    let (offset, tilt) = robust_line(found, count / 3)?;
+    let (offset, tilt) = robust_line(&found, (SHARE * count as f64) as usize)?;
     let shifted = |p: Pixel, s: f64| {
         let t = offset + tilt * s;
         Pixel::new(p.u + t * across[0], p.v + t * across[1])
@@ -153,25 +159,28 @@ fn strongest(slope: &impl Fn(f64, f64) -> Option<f64>, s: f64, sign: Option<f64>
     Some((t + shift, peak))
 }
 
-/// Offset and tilt of the line through points, those that do not agree left out; `None` if fewer than
-/// `least` agree.
-fn robust_line(mut points: Vec<[f64; 2]>, least: usize) -> Option<(f64, f64)> {
-    const ROUNDS: usize = 6;
-    for round in 0..ROUNDS {
-        if points.len() < least.max(4) {
-            return None;
-        }
-        let (offset, tilt) = line_through(&points)?;
-        let mut off: Vec<f64> = points.iter().map(|[s, t]| (t - offset - tilt * s).abs()).collect();
-        off.sort_by(f64::total_cmp);
-        let most = (2.5 * off[off.len() / 2]).max(0.3);
-        let before = points.len();
-        points.retain(|[s, t]| (t - offset - tilt * s).abs() <= most);
-        if points.len() == before || round + 1 == ROUNDS {
-            return Some((offset, tilt));
-        }
+/// Offset and tilt of the line on which most points lie; `None` if fewer than `least` do.
+///
+/// Every pair of a few points proposes a line, and the one that most points agree with is fitted to them alone
+/// (Fischler and Bolles 1981, without chance): where two edges run beside each other, a mean of both is no edge.
+fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64)> {
+    const PROPOSERS: usize = 32;
+    let step = points.len().div_ceil(PROPOSERS).max(1);
+    let few: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
+    let agree = |(offset, tilt): (f64, f64)| {
+        points.iter().copied().filter(move |[s, t]| (t - offset - tilt * s).abs() <= ONE_EDGE)
+    };
+    let pairs = few.iter().enumerate().flat_map(|(i, a)| few[..i].iter().map(move |b| (a, b)));
+    let proposed = pairs.filter(|(a, b)| a[0] != b[0]).map(|([s, t], [from, low])| {
+        let tilt = (t - low) / (s - from);
+        (low - tilt * from, tilt)
+    });
+    let best = proposed.max_by_key(|&line| agree(line).count())?;
+    let inliers: Vec<[f64; 2]> = agree(best).collect();
+    if inliers.len() < least.max(4) {
+        return None;
     }
-    None
+    line_through(&inliers)
 }
 
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
@@ -223,6 +232,23 @@ mod tests {
             let off = p.u - edge(p.v);
             assert!(off.abs() < 0.35, "{off} px off the edge at {}", p.v);
         }
+    }
+
+    #[test]
+    fn of_two_edges_beside_each_other_one_is_taken_whole() {
+        // The upper part of the line runs along one edge, the lower along another 7 px aside.
+        let at = |v: f64| if v < 85.0 { 78.0 } else { 85.0 };
+        let picture = RgbImage::from_fn(200, 150, |x, y| {
+            let off = f64::from(x) + 0.5 - at(f64::from(y) + 0.5);
+            Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+        });
+        let pulled = pull(&picture, [Pixel::new(81.0, 10.0), Pixel::new(81.0, 140.0)]);
+        let on_one = |p: Pixel, edge: f64| (p.u - edge).abs() < 0.4;
+        let [a, b] = pulled.expect("one of them is caught");
+        assert!(
+            [78.0, 85.0].iter().any(|&edge| on_one(a, edge) && on_one(b, edge)),
+            "{a:?} {b:?} is neither"
+        );
     }
 
     #[test]

@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use calib_core::{
-    Camera, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement, Plan, Report,
-    Site, SiteCamera, Solution, Stage, Warning,
+    Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
+    Plan, Report, Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
+
+use crate::joint::{Joint, same_input, unsolved};
 
 /// What the results of cameras that share a lens follow from, and the lenses that were fitted for them.
 #[derive(Clone, Debug)]
@@ -30,25 +32,6 @@ impl Family {
     }
 }
 
-/// The camera as drawn and entered; a given result is entered.
-fn unsolved(camera: &SiteCamera) -> SiteCamera {
-    let given = camera.solution.as_ref().filter(|s| s.method == calib_core::Method::Given).cloned();
-    SiteCamera { solution: given, error: None, ..camera.clone() }
-}
-
-fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
-    // Field by field, so that no camera is cloned to be compared.
-    known.id == camera.id
-        && known.size_px == camera.size_px
-        && known.lens == camera.lens
-        && known.height_m == camera.height_m
-        && known.sigma_px == camera.sigma_px
-        && known.annotations == camera.annotations
-        && known.efov_px == camera.efov_px
-        && known.placement == camera.placement
-        && known.control_points == camera.control_points
-}
-
 /// A camera's result as a report has it.
 type Told = (usize, Result<Solution, FailureEntry>);
 
@@ -62,21 +45,16 @@ struct Entry {
     pose: Option<Camera>,
 }
 
-/// The results of a joint solve, for as long as the site is what it was then.
-#[derive(Clone, Debug)]
-struct Joint {
-    site: Site,
-    report: Report,
-    poses: Vec<Option<Camera>>,
-}
-
 /// Every camera's result, in the order of the site.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
     entries: Vec<Entry>,
-    joint: Vec<Joint>,
-    /// Which of the joint results is the site's.
-    current: Option<usize>,
+    /// With the number that each was given when it came.
+    joint: Vec<(u64, Joint)>,
+    /// The number of the one from which the site came to be what it is, even where that is out of date.
+    lineage: Option<u64>,
+    /// What the site has of a joint result.
+    shown: Option<Shown>,
     /// How long the last solve took, in milliseconds.
     pub milliseconds: f64,
     /// Solving waits.
@@ -84,16 +62,27 @@ pub struct Solved {
 }
 
 /// How many joint results are kept, so that undo finds them again.
-const MOST_JOINT: usize = 16;
+const MOST_JOINT: usize = 64;
+
+/// What a site has of a joint result that is kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Shown {
+    /// Which.
+    joint: usize,
+    /// For every camera of the site its place in that result, while what is entered of it is what it was then.
+    places: Vec<Option<usize>>,
+    /// All that the result follows from is what it was then.
+    is_current: bool,
+}
 
 impl Solved {
     /// Solves what differs from what was solved before. Whether anything did.
     pub fn update(&mut self, site: &Site) -> bool {
+        self.shown = self.find_joint(site);
         if self.paused {
             self.realign(site);
             return false;
         }
-        self.current = self.joint.iter().rposition(|joint| is_same_site(&joint.site, site));
         let start = Instant::now();
         let families = site.lens_families();
         let is_known = |family: &Vec<usize>| {
@@ -144,7 +133,6 @@ impl Solved {
             .iter()
             .map(|camera| known(camera).cloned().unwrap_or_else(|| waits(camera)))
             .collect();
-        self.current = None;
     }
 
     /// The results of cameras that share a lens, each with its index.
@@ -171,29 +159,77 @@ impl Solved {
         family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
     }
 
+    /// The joint result that holds for a site; else the last one that some of its cameras still have.
+    fn find_joint(&self, site: &Site) -> Option<Shown> {
+        let newest = || self.joint.iter().enumerate().rev();
+        let current = newest().find(|(_, (_, joint))| joint.holds_for(site)).map(|(index, _)| (index, true));
+        // A site that undo has put back to before the cameras were refined has nothing that is out of date.
+        let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.is_of_any(site);
+        let last =
+            || newest().find(|(_, (number, joint))| is_own(*number, joint)).map(|(index, _)| (index, false));
+        let (joint, is_current) = current.or_else(last)?;
+        Some(Shown { joint, places: self.joint[joint].1.places(site), is_current })
+    }
+
     /// Keeps the results of a joint solve as those of this site.
-    pub fn keep_joint(&mut self, site: &Site, report: Report) {
-        let mut poses = vec![None; site.cameras.len()];
-        for (index, result) in &report.cameras {
-            if let Some(pose) = poses.get_mut(*index) {
-                *pose = result.as_ref().ok().and_then(Solution::camera);
-            }
-        }
+    pub(crate) fn keep_joint(&mut self, joint: Joint) {
         if self.joint.len() >= MOST_JOINT {
             self.joint.remove(0);
         }
-        self.joint.push(Joint { site: site.clone(), report, poses });
-        self.current = Some(self.joint.len() - 1);
+        let number = self.joint.last().map_or(0, |(last, _)| last + 1);
+        self.joint.push((number, joint));
+        self.lineage = Some(number);
+    }
+
+    /// The number of the joint result that the site has, current or out of date.
+    pub(crate) fn joint_number(&self) -> Option<u64> {
+        self.shown.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
+    }
+
+    /// From which joint result the site came to be what it is.
+    pub(crate) const fn descend_from(&mut self, number: Option<u64>) {
+        self.lineage = number;
     }
 
     fn joint(&self) -> Option<&Joint> {
-        self.joint.get(self.current?)
+        self.joint.get(self.shown.as_ref()?.joint).map(|(_, joint)| joint)
     }
 
-    /// What a joint solve found out about the site as it is now.
+    /// What a joint solve says of a camera, while what is entered of the camera is what it was then.
+    fn of_joint(&self, index: usize) -> Option<(&Joint, usize)> {
+        let place = *self.shown.as_ref()?.places.get(index)?;
+        Some((self.joint()?, place?))
+    }
+
+    /// What a joint solve found out about the site, out of date or not.
     #[must_use]
     pub fn joint_report(&self) -> Option<&Report> {
-        self.joint().map(|joint| &joint.report)
+        self.joint().map(Joint::report)
+    }
+
+    /// What a joint solve found out about a link of the site as the link is now.
+    #[must_use]
+    pub fn joint_link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
+        self.joint()?.link(site, link)
+    }
+
+    /// Whether cameras were solved together, and nothing that this follows from differs.
+    #[must_use]
+    pub fn is_joint_current(&self) -> bool {
+        self.shown.as_ref().is_some_and(|shown| shown.is_current)
+    }
+
+    /// Whether cameras were solved together, and what this follows from differs by now.
+    #[must_use]
+    pub fn is_joint_out_of_date(&self) -> bool {
+        self.shown.as_ref().is_some_and(|shown| !shown.is_current)
+    }
+
+    /// Whether a camera was solved together with others, and what that follows from differs by now.
+    #[must_use]
+    pub fn is_out_of_date(&self, index: usize) -> bool {
+        let id = self.entries.get(index).map(|entry| entry.id.as_str());
+        self.is_joint_out_of_date() && id.zip(self.joint()).is_some_and(|(id, joint)| joint.had(id))
     }
 
     /// The lenses that were fitted for a camera.
@@ -205,10 +241,8 @@ impl Solved {
     /// A camera's result.
     #[must_use]
     pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
-        if let Some(joint) = self.joint()
-            && let Some((_, result)) = joint.report.cameras.iter().find(|(camera, _)| *camera == index)
-        {
-            return Some(result.as_ref());
+        if let Some((joint, place)) = self.of_joint(index) {
+            return Some(Ok(joint.solution(place)?));
         }
         self.entries.get(index).map(|entry| entry.result.as_ref())
     }
@@ -232,8 +266,8 @@ impl Solved {
     /// A camera's pose and lens.
     #[must_use]
     pub fn pose(&self, index: usize) -> Option<&Camera> {
-        match self.joint() {
-            Some(joint) => joint.poses.get(index)?.as_ref(),
+        match self.of_joint(index) {
+            Some((joint, place)) => joint.pose(place),
             None => self.entries.get(index)?.pose.as_ref(),
         }
     }
@@ -245,12 +279,10 @@ impl Solved {
         self.pose(index).filter(|_| stage >= Stage::Placed)
     }
 
-    /// The site with its results, as it is saved.
+    /// The site with its results, as it is saved. What was found out about the site as a whole is left out where
+    /// it is out of date, which tells whoever opens the file.
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
-        if let Some(report) = self.joint_report() {
-            return report.write_into(site);
-        }
         let mut solved = site.clone();
         for (index, camera) in solved.cameras.iter_mut().enumerate() {
             (camera.solution, camera.error) = match self.result(index) {
@@ -259,42 +291,26 @@ impl Solved {
                 None => (camera.solution.take(), camera.error.take()),
             };
         }
+        if let Some(joint) = self.joint() {
+            joint.write_shared(&mut solved, self.is_joint_current());
+        }
         solved
     }
-}
 
-fn is_same_site(known: &Site, site: &Site) -> bool {
-    known.cameras.len() == site.cameras.len()
-        && known.cameras.iter().zip(&site.cameras).all(|(a, b)| same_input(a, b))
-        && known.plan == site.plan
-        && known.links == site.links
-        && known.marks == site.marks
-        && known.distances == site.distances
-}
-
-/// The results of a joint solve that a file brings along.
-pub(crate) fn joint_of(site: &Site) -> Option<Report> {
-    let is_refined = |camera: &SiteCamera| {
-        camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
-    };
-    site.cameras.iter().any(is_refined).then(|| report_of(site))
-}
-
-/// The results that are written into a site.
-pub(crate) fn report_of(site: &Site) -> Report {
-    let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
-        (Some(solution), _) => Some(Ok(solution.clone())),
-        (None, error) => error.clone().map(Err),
-    };
-    let cameras = site.cameras.iter().enumerate();
-    Report {
-        cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
-        links: site.links.iter().map(|link| link.solution.clone()).collect(),
-        marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
-        site: site.solution.clone().unwrap_or_default(),
-        // A file has words alone.
-        findings: Vec::new(),
-        site_findings: Vec::new(),
+    /// A state of the site with what a joint solve made of it: what is solved camera by camera is solved anew by
+    /// whoever opens it.
+    #[must_use]
+    pub fn write_joint_into(&self, site: &Site) -> Site {
+        let mut solved = site.clone();
+        let Some(shown) = self.find_joint(site) else { return solved };
+        let (_, joint) = &self.joint[shown.joint];
+        for (camera, place) in solved.cameras.iter_mut().zip(shown.places) {
+            if let Some(solution) = place.and_then(|place| joint.solution(place)) {
+                camera.solution = Some(solution.clone());
+            }
+        }
+        joint.write_shared(&mut solved, shown.is_current);
+        solved
     }
 }
 

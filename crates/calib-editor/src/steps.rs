@@ -1,6 +1,6 @@
 //! The steps of one camera, and what each still needs.
 
-use calib_core::{Code, Kind, Severity, Stage};
+use calib_core::{Code, Kind, Parameter, Severity, Stage, Subject, straightness_rms};
 
 use crate::session::Session;
 
@@ -15,6 +15,66 @@ pub struct Step {
     pub is_done: bool,
     /// Nothing has to be done for it.
     pub is_optional: bool,
+    /// It is done, and a warning says that something of it is wrong.
+    pub is_doubted: bool,
+}
+
+pub(crate) const LENS: &str = "Lens";
+pub(crate) const VERTICALS: &str = "Verticals";
+pub(crate) const FLOOR_LINES: &str = "Floor lines";
+pub(crate) const FIELD: &str = "Field of view";
+pub(crate) const PLACE: &str = "Place on the site";
+
+/// What is contradicted by a warning about no line in particular; what merely says too little is right as it is.
+fn contradicted(code: Code) -> Vec<&'static str> {
+    if matches!(code, Code::Outlier | Code::Misfit) { vec![VERTICALS, FLOOR_LINES] } else { Vec::new() }
+}
+
+/// The steps of which a grave warning says that something is wrong.
+fn doubted(session: &Session, camera: usize) -> Vec<&'static str> {
+    let Some((entry, solution)) = session.site.cameras.get(camera).zip(session.solved.solution(camera))
+    else {
+        return Vec::new();
+    };
+    let of_annotation = |index: usize| match entry.annotations.get(index).map(|drawn| drawn.kind.row()) {
+        Some(row) if row.is_upright() => vec![VERTICALS],
+        Some(row) if row.is_level() => vec![FLOOR_LINES],
+        _ => vec![LENS],
+    };
+    let of = |warning: &calib_core::Warning| match session.solved.finding(&session.site, camera, warning) {
+        Some(finding) => match finding.subject() {
+            Subject::Line(line) if warning.code == Code::Outlier => of_annotation(line.annotation),
+            Subject::Lens => vec![LENS],
+            Subject::Placement | Subject::OwnControlPoint(_) | Subject::ControlPoint { .. } => vec![PLACE],
+            Subject::Parameter(Parameter::Height) => vec![PLACE],
+            Subject::Efov => vec![FIELD],
+            _ => contradicted(warning.code),
+        },
+        None => contradicted(warning.code),
+    };
+    solution.warnings.iter().filter(|warning| is_grave(warning.code)).flat_map(of).collect()
+}
+
+/// How far edges that were drawn as straight are from it, in pixels, where no lens was fitted to them and drawing
+/// alone cannot explain it.
+#[must_use]
+pub fn bent_px(session: &Session, camera: usize) -> Option<f64> {
+    /// In standard deviations of a drawn point.
+    const DRAWN: f64 = 3.0;
+    let entry = session.site.cameras.get(camera)?;
+    let lens = &session.solved.pose(camera)?.lens;
+    let known = entry.lens.as_ref();
+    let is_fitted = known.is_some_and(|lens| {
+        lens.like.is_some() || lens.distortion.as_ref().is_some_and(|distortion| distortion.fit.is_some())
+    });
+    let is_given = known.is_some_and(|lens| lens.distortion.is_some());
+    if is_fitted || (!is_given && lens.distortion != calib_core::Distortion::None) {
+        return None;
+    }
+    let edges = entry.annotations.iter().filter(|drawn| !drawn.off && drawn.kind != Kind::Upright);
+    let off = edges.flat_map(|drawn| drawn.polylines().filter(|line| line.len() > 2).collect::<Vec<_>>());
+    let worst = off.filter_map(|line| straightness_rms(lens, &line)).max_by(f64::total_cmp)?;
+    (worst > DRAWN * entry.sigma_px.unwrap_or(1.0)).then_some(worst)
 }
 
 /// Segments of a kind, and annotations of it.
@@ -29,21 +89,34 @@ fn drawn(session: &Session, camera: usize, kind: Kind) -> (usize, usize) {
     (lines, groups)
 }
 
+/// Where the lens comes from, and whether it is known.
+fn lens(session: &Session, camera: usize) -> (String, bool) {
+    let entry = session.site.cameras.get(camera).and_then(|entry| entry.lens.as_ref());
+    let like = entry.and_then(|lens| lens.like.as_ref());
+    let distortion = entry.and_then(|lens| lens.distortion.as_ref());
+    let edges = drawn(session, camera, Kind::Straight).0;
+    let is_fitted = session.solved.solution(camera).is_some_and(|solution| solution.distortion.is_some());
+    if let Some(px) = bent_px(session, camera) {
+        return (format!("bent by {px:.0} px, not fitted"), false);
+    }
+    let from = match (like, distortion, edges) {
+        (Some(like), ..) => format!("like {like}"),
+        (_, Some(given), _) if given.fit.is_none() => "given".into(),
+        (.., 0) => "taken as straight".into(),
+        (.., edges) if is_fitted => format!("from {edges} straight edges"),
+        (.., edges) => format!("{edges} straight edges, not fitted"),
+    };
+    (from, is_fitted || like.is_some())
+}
+
 /// The steps of a camera, in the order in which they are done.
 #[must_use]
 pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let Some(entry) = session.site.cameras.get(camera) else { return Vec::new() };
     let count = |kind| drawn(session, camera, kind);
     let solution = session.solved.solution(camera);
-    let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
-    let edges = count(Kind::Straight).0;
-    let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
-    let lens = match (distortion, edges) {
-        _ if like.is_some() => format!("like {}", like.map_or("", String::as_str)),
-        (Some(given), _) if given.fit.is_none() => "given".into(),
-        (_, 0) => "taken as straight".into(),
-        (_, edges) => format!("from {edges} straight edges"),
-    };
+    let (lens, has_lens) = lens(session, camera);
+    let doubted = doubted(session, camera);
     let (verticals, uprights) = (count(Kind::Vertical).0, count(Kind::Upright).0);
     let plumb = verticals + uprights;
     let (parallels, angles) = (count(Kind::Parallel), count(Kind::Perpendicular));
@@ -52,17 +125,20 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let directions = parallels.1 + angles.0;
     let corners = entry.efov_px.as_ref().map_or(0, Vec::len);
     let placed = solution.is_some_and(|solution| solution.stage >= Stage::Placed);
-    let step = |title, state: String, is_done, is_optional| Step { title, state, is_done, is_optional };
+    let step = |title, state: String, is_done, is_optional| {
+        let is_doubted = is_done && doubted.contains(&title);
+        Step { title, state, is_done, is_optional, is_doubted }
+    };
     vec![
-        step("Lens", lens, true, true),
+        step(LENS, lens, has_lens, true),
         step(
-            "Verticals",
+            VERTICALS,
             if plumb >= 2 { format!("{plumb}, needs 2") } else { format!("needs 2, has {plumb}") },
             plumb >= 2 || session.solved.pose(camera).is_some() && floor >= 4,
             false,
         ),
         step(
-            "Floor lines",
+            FLOOR_LINES,
             match (floor, directions) {
                 (0 | 1, _) => format!("needs 2, has {floor}"),
                 (_, 0 | 1) => format!("{floor} lines"),
@@ -72,14 +148,15 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
             false,
         ),
         step(
-            "Field of view",
+            FIELD,
             if corners >= 3 { format!("{corners} corners") } else { "draw its corners".into() },
             corners >= 3,
             false,
         ),
         step(
-            "Place on the site",
+            PLACE,
             match (placed, session.is_held_by_points(camera)) {
+                (true, _) if session.solved.is_out_of_date(camera) => "refined, out of date".into(),
                 (true, true) => format!("{} control points", entry.control_points.len()),
                 (true, false) if solution.is_some_and(|s| s.stage == Stage::Refined) => {
                     "refined with the others".into()
@@ -96,7 +173,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
 /// How many steps are open.
 #[must_use]
 pub fn missing(session: &Session, camera: usize) -> usize {
-    steps(session, camera).iter().filter(|step| !step.is_done).count()
+    steps(session, camera).iter().filter(|step| !step.is_done && !step.is_optional).count()
 }
 
 /// Whether nothing is open and the result is fit for use.
@@ -106,58 +183,18 @@ pub fn is_finished(session: &Session, camera: usize) -> bool {
         .solved
         .solution(camera)
         .is_some_and(|s| !s.warnings.iter().any(|warning| is_grave(warning.code)));
-    is_good && missing(session, camera) == 0
+    let is_fresh = !session.solved.is_out_of_date(camera) && bent_px(session, camera).is_none();
+    is_good && is_fresh && missing(session, camera) == 0
 }
 
 /// Whether a warning has to be met before a camera is finished.
 #[must_use]
 pub fn is_grave(code: Code) -> bool {
-    code.severity() > Severity::Note
+    code.severity() > Severity::Note || code.fails_check()
 }
 
 /// The predicted relative error of lengths on a camera's floor.
 #[must_use]
 pub fn floor_sigma(session: &Session, camera: usize) -> Option<f64> {
     session.solved.solution(camera)?.sigma.as_ref()?.floor_length_rel
-}
-
-/// What to do next, in a few words, and whether that is nothing.
-#[must_use]
-pub fn next(session: &Session, camera: usize) -> (String, bool) {
-    let open = steps(session, camera).into_iter().find(|step| !step.is_done);
-    let count = |code| {
-        let warnings = session.solved.solution(camera).map(|solution| &solution.warnings);
-        warnings.into_iter().flatten().filter(|warning| warning.code == code).count()
-    };
-    let suspects = count(Code::Outlier);
-    match open {
-        Some(step) if step.title == "Place on the site" && suspects == 0 => ("ready to place".into(), true),
-        Some(step) if step.title == "Field of view" => ("draw the field of view".into(), false),
-        Some(step) if suspects == 0 => (format!("{}: {}", step.title.to_lowercase(), step.state), false),
-        _ if suspects > 0 => {
-            let noun = if suspects == 1 { "line needs" } else { "lines need" };
-            (format!("{suspects} {noun} a look"), false)
-        }
-        _ => match session.solved.solution(camera).and_then(|s| s.warnings.iter().find(|w| is_grave(w.code)))
-        {
-            Some(warning) => {
-                let message = session.as_on_screen(camera, warning);
-                (message.trim_end_matches('.').to_owned(), false)
-            }
-            None => ("done".into(), true),
-        },
-    }
-}
-
-/// A camera in a line, for a tooltip.
-#[must_use]
-pub fn summary(session: &Session, camera: usize) -> String {
-    let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
-    let name = entry.name.as_ref().map_or_else(String::new, |name| format!(", {name}"));
-    let [w, h] = entry.size_px;
-    let about = match session.solved.result(camera) {
-        Some(Err(failure)) => failure.to_string(),
-        _ => next(session, camera).0,
-    };
-    format!("{}{name}\n{w} \u{d7} {h} px\n{about}", entry.id)
 }

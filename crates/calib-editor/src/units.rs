@@ -68,6 +68,17 @@ impl Units {
         }
     }
 
+    /// A small length with its standard deviation, both in metres, in one unit.
+    #[must_use]
+    pub fn small_and_sigma(self, metres: f64, sigma: f64) -> String {
+        let (one, sign) = match self {
+            _ if metres.abs().max(sigma) >= 1.0 => (self.metres(), self.sign()),
+            Self::Metres => (0.01, "cm"),
+            Self::Feet => (INCH, "in"),
+        };
+        format!("{} \u{b1} {} {sign}", number(metres / one, 1), number(sigma / one, 1))
+    }
+
     /// A point of the floor, in metres: two numbers and the sign.
     #[must_use]
     pub fn point(self, [x, y]: [f64; 2], digits: usize) -> String {
@@ -94,6 +105,8 @@ mod tests {
         assert_eq!(Units::Feet.small(-0.0254), "\u{2212}1.0 in");
         assert_eq!(Units::Metres.small(0.034), "3.4 cm");
         assert_eq!(Units::Metres.small(9.987), "9.99 m");
+        assert_eq!(Units::Metres.small_and_sigma(0.053, 0.08), "5.3 \u{b1} 8.0 cm");
+        assert_eq!(Units::Metres.small_and_sigma(0.3, 2.0), "0.3 \u{b1} 2.0 m");
     }
 
     #[test]

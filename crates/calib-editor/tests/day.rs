@@ -317,3 +317,38 @@ fn the_steps_say_what_a_camera_still_needs() {
     assert!(steps::missing(operator.0.session(), 0) < missing);
     assert!(!steps::is_finished(operator.0.session(), 0), "it is not placed");
 }
+
+#[test]
+fn many_strokes_in_one_frame_are_all_there_and_solved_in_the_next() {
+    let mut operator = drawn();
+    operator.0.apply(Action::Choose(0));
+    operator.take("Vertical");
+    let (before, depth) = (operator.site().cameras[0].annotations.clone(), operator.depth());
+    let model = two().0.cameras[0].annotations.clone();
+    let plumb: Vec<_> = model
+        .iter()
+        .filter(|a| a.kind == Kind::Vertical)
+        .flat_map(|a| a.polylines().collect::<Vec<_>>())
+        .collect();
+    operator.0.begin_frame();
+    for line in &plumb {
+        operator.drag(Pane::Image(0), line[0].into(), line[1].into());
+    }
+    assert_eq!(operator.depth(), depth + plumb.len(), "every stroke is a gesture");
+    operator.0.solve();
+    let solved = operator.pose(0);
+    // The same, solved stroke by stroke.
+    for _ in &plumb {
+        operator.undo();
+    }
+    assert!(operator.site().cameras[0].annotations == before);
+    let mut slowly = drawn();
+    slowly.0.apply(Action::Choose(0));
+    slowly.take("Vertical");
+    for line in &plumb {
+        slowly.drag(Pane::Image(0), line[0].into(), line[1].into());
+    }
+    let apart =
+        (solved.pitch - slowly.pose(0).pitch).abs() + (solved.focal / slowly.pose(0).focal - 1.0).abs();
+    assert!(apart < 1e-6, "{apart}");
+}

@@ -313,7 +313,7 @@ fn found(kept: &JsValue) -> Result<(Record, Found), String> {
         images.restore(&id, bytes.into(), &known.mime, known.name.as_deref());
     }
     let path = record.path.clone();
-    Ok((record, Found { site, images, path }))
+    Ok((record, Found { site, images, path, held: None, at: None }))
 }
 
 /// An id that no other site has.

@@ -51,7 +51,13 @@ impl Overlay<'_> {
     }
 
     fn name_line(&self, painter: &Painter, drawn: &Line, points: &[Pos2]) {
-        let (Some(&at), Some(entry)) = (points.last(), self.entry()) else { return };
+        // That of a bad line stands on it, not where the next one begins.
+        let named = if drawn.is_outlier { points.get(points.len() / 2) } else { points.last() };
+        let (Some(&at), Some(entry)) = (named, self.entry()) else { return };
+        let at = match points {
+            [a, b] if drawn.is_outlier => a.lerp(*b, 0.5),
+            _ => at,
+        };
         let name = line_name(&entry.annotations, drawn.annotation, drawn.segment);
         let (text, colour) = match drawn.residual_px.map(f64::abs) {
             Some(px) if drawn.is_outlier => (format!("{name} set aside {px:.1} px"), on_image::BAD),

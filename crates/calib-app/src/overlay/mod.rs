@@ -3,15 +3,16 @@
 mod horizon;
 mod lines;
 
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, Pixel, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Pixel, Site, SiteCamera, Solution};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
-use calib_editor::{Family, Part, Session, Trace, Units};
-use egui::{Align2, Color32, Painter, Pos2, Stroke, Vec2};
+use calib_editor::{Edge, Family, Part, Session, Trace, Units};
+use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
 
 use crate::canvas::Mapping;
 use crate::paint::{Pen, handle, line, ring, tag};
@@ -53,14 +54,22 @@ pub struct Overlay<'a> {
     pub lit: Option<(usize, usize)>,
     /// Whether a handle is in the hand.
     pub holding: bool,
+    /// Whether something is being drawn: then what does not help to see the edge steps back.
+    pub drawing: bool,
     /// Seconds, for what blinks.
     pub time: f64,
     /// What fits as well as the solution, where anything does.
     pub family: Option<&'a Family>,
     /// The link that is to be shown in a further view.
     pub begun: Option<usize>,
+    /// Edges on which the lines that would help most can be drawn.
+    pub suggested: Vec<Edge>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
+    /// Whether links and marks say their names without being asked, where that covers no other name.
+    pub names_elements: bool,
+    /// Where names stand already.
+    pub(crate) named: RefCell<Vec<Rect>>,
     /// Whether drawn lines are shown: among many views they hide what is compared.
     pub lines: bool,
 }
@@ -104,7 +113,7 @@ impl Overlay<'_> {
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
         }
-        self.paint_suggestion(painter, solution, &view);
+        self.paint_suggestion(painter, solution);
         self.paint_selection(painter);
     }
 
@@ -112,21 +121,21 @@ impl Overlay<'_> {
     fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
         let grid = ImageLayer::Grid(grid_step(polygon, self.session.units));
-        let prism = self.layers.prism.then_some(ImageLayer::DrawnPrism);
-        self.layers.grid.then_some(grid).into_iter().chain(prism).collect()
+        let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::DrawnPrism);
+        (self.layers.grid && !self.drawing).then_some(grid).into_iter().chain(prism).collect()
     }
 
     /// What was drawn, from the lowest.
     fn drawn(&self) -> Vec<ImageLayer> {
-        let field = self.layers.field;
+        let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
             (field, ImageLayer::DrawnEfov),
-            (field, ImageLayer::OtherEfovs),
-            (true, ImageLayer::Marks),
-            (true, ImageLayer::Pins),
+            (field && free, ImageLayer::OtherEfovs),
+            (free, ImageLayer::Marks),
+            (free, ImageLayer::Pins),
             (self.lines, ImageLayer::Annotations(Signs::OfKinds)),
-            (true, ImageLayer::ControlPoints),
-            (true, ImageLayer::Links { begun: self.begun }),
+            (free, ImageLayer::ControlPoints),
+            (free, ImageLayer::Links { begun: self.begun }),
         ];
         layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
     }
@@ -196,17 +205,36 @@ impl Overlay<'_> {
     fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
         let is_selected = self.is_selected(meaning);
         let (is_shown, by, align) = match meaning {
+            // Where cameras are compared, one thing is known in all of them by its name.
             Meaning::Mark(_) => {
-                (is_selected || self.says_name(at, false), Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
+                let is_shown = is_selected || self.names_elements || self.says_name(at, false);
+                (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
             }
             Meaning::Link { waits, .. } => {
-                (waits || self.says_name(at, false), Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
+                let is_shown = waits || self.names_elements || self.says_name(at, false);
+                (is_shown, Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
             }
             _ => (self.says_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
         };
-        if is_shown {
+        let is_asked = !self.names_elements || is_selected || self.says_name(at, false);
+        if is_shown && (self.has_room(align, at + by, text) || is_asked) {
             tag(painter, at + by, align, text, theme::colour(Look::of(meaning).colour));
         }
+    }
+
+    /// Whether a name covers no other one; then its place is taken.
+    fn has_room(&self, align: Align2, at: Pos2, text: &str) -> bool {
+        /// A letter and a tag, in points.
+        const LETTER: f32 = 6.5;
+        const TAG: Vec2 = Vec2::new(14.0, 18.0);
+        let size = TAG + Vec2::new(LETTER * text.chars().count() as f32, 0.0);
+        let place = align.anchor_size(at, size);
+        let mut named = self.named.borrow_mut();
+        let is_free = named.iter().all(|taken| !taken.intersects(place));
+        if is_free {
+            named.push(place);
+        }
+        is_free
     }
 
     /// A person on the floor under the cursor: a thing to judge height and plumb by.
@@ -251,24 +279,23 @@ impl Overlay<'_> {
         }
     }
 
-    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>, view: &ImageView) {
-        if !self.layers.suggestion || self.holding || !self.labels || self.session.camera != self.camera {
-            return;
-        }
-        /// Floors known better than this need no more lines.
-        const GOOD: f64 = 0.015;
-        let rel = solution.and_then(|s| s.sigma.as_ref()?.floor_length_rel);
-        let is_good = rel.is_some_and(|rel| rel < GOOD);
+    /// Ghosts of the lines that would help most, on edges of the image; numbered where it needs several.
+    fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>) {
         let next = solution.and_then(|solution| solution.draw_next.as_ref());
-        let Some(next) = next.filter(|_| !is_good) else { return };
-        self.paint_items(painter, &items_on_image(view, &[ImageLayer::Suggestion]));
-        let Some(&[a, b]) = next.segments_px.first() else { return };
-        let (a, b) = (self.at(a), self.at(b));
-        let gain = 100.0 * next.floor_length_rel;
-        let title = next.kind.row().title.to_lowercase();
-        let text = format!("draw {title} here, then floor \u{b1} {gain:.1} %   N");
-        let at = a + 0.5 * (b - a) + Vec2::new(10.0, 0.0);
-        tag(painter, at, Align2::LEFT_CENTER, &text, theme::kind(next.kind));
+        let Some(next) = next.filter(|_| self.labels && self.session.camera == self.camera) else { return };
+        let colour = theme::kind(next.kind);
+        let look = Look::of(Meaning::Suggestion(next.kind));
+        for (index, edge) in self.suggested.iter().enumerate() {
+            let ends = edge.map(|end| self.at(end));
+            line(painter, &ends, Pen::of(look).coloured(colour));
+            let middle = ends[0] + 0.5 * (ends[1] - ends[0]) + Vec2::new(10.0, 0.0);
+            let text = match (index, self.suggested.len()) {
+                (0, 1) => proposal(next),
+                (0, _) => format!("1  {}", proposal(next)),
+                (index, _) => (index + 1).to_string(),
+            };
+            tag(painter, middle, Align2::LEFT_CENTER, &text, colour);
+        }
     }
 
     fn paint_selection(&self, painter: &Painter) {
@@ -283,6 +310,12 @@ impl Overlay<'_> {
             ring(painter, self.at(pixel), on_image::ACCENT, self.holding && !whole);
         }
     }
+}
+
+/// What drawing there would bring.
+fn proposal(next: &DrawNext) -> String {
+    let gain = 100.0 * next.floor_length_rel;
+    format!("{} here? then floor about \u{b1} {gain:.1} %   N", next.kind.row().title.to_lowercase())
 }
 
 fn diamond(painter: &Painter, at: Pos2, colour: Color32) {

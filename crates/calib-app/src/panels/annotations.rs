@@ -1,10 +1,11 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
 use calib_core::{Annotation, KINDS, Pixel, line_name};
-use calib_editor::{Action, Part, TOOLS, Units};
+use calib_editor::{Action, Part, TOOLS, Units, places};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::icons::{self, Icon};
+use crate::panels::measured::empty_field;
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
@@ -43,7 +44,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
             let (first, units) = (indices[0], app.editor.session().units);
-            group(ui, units, &annotations[first], first, (letter, count), &mut wishes);
+            let guess = |line: &[Pixel]| places::estimated_line(app.editor.session(), line);
+            group(ui, units, &annotations[first], first, (letter, count), guess, &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for index in indices {
                 let annotation = &annotations[index];
@@ -65,6 +67,7 @@ fn group(
     annotation: &Annotation,
     index: usize,
     (letter, count): (char, usize),
+    guess: impl Fn(&[Pixel]) -> Option<f64>,
     wishes: &mut Vec<Wish>,
 ) {
     let palette = theme::palette(ui.ctx());
@@ -84,7 +87,12 @@ fn group(
                 .on_hover_text("at right angles to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if row.has_length {
+            if row.has_length && annotation.off {
+                let estimate = annotation.polylines().next().and_then(|line| guess(&line));
+                let label = ui.label(RichText::new("measured").color(palette.text2));
+                let entered = empty_field(ui, ("length", index), label.id, units, estimate);
+                wishes.extend(entered.map(|metres| Wish::Length(index, metres)));
+            } else if row.has_length {
                 let mut value = annotation.length_m.unwrap_or(1.0);
                 if length(ui, units, &mut value, "Known length") {
                     wishes.push(Wish::Length(index, value));
@@ -215,7 +223,8 @@ fn grant(app: &mut App, wish: Wish) {
             })
         }
         Wish::Length(index, value) => drawn(index).map(|annotation| {
-            annotate(index, Annotation { length_m: Some(value), ..annotation }, "change a known length")
+            let measured = Annotation { length_m: Some(value), off: false, ..annotation };
+            annotate(index, measured, "enter a known length")
         }),
         Wish::Height(index, value) => drawn(index).map(|mut annotation| {
             if let Some(height) = &mut annotation.height_m {

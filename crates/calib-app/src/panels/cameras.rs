@@ -1,6 +1,6 @@
 //! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
 
-use calib_editor::{Action, steps};
+use calib_editor::{Action, Standing, Verdict, steps, summary, verdict};
 use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
 use crate::choice::Purpose;
@@ -141,7 +141,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     } else {
         words(app, ui, camera, rect, thumb);
     }
-    let response = response.on_hover_text(steps::summary(app.editor.session(), camera));
+    let response = response.on_hover_text(summary(app.editor.session(), camera));
     response.clicked() || response.has_focus() && ui.input(|i| i.key_pressed(Key::Enter))
 }
 
@@ -157,8 +157,12 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
     name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
-    let (text, is_done) = steps::next(app.editor.session(), camera);
-    let colour = if is_done { palette.ok } else { palette.warn };
+    let Verdict { text, standing } = verdict(app.editor.session(), camera);
+    let colour = match standing {
+        Standing::Good => palette.ok,
+        Standing::Open => palette.warn,
+        Standing::Wrong => palette.bad,
+    };
     let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
 }

@@ -1,88 +1,13 @@
-//! What cameras share: marks, links, control points, and how well views agree.
+//! What cameras share: control points, and how well views agree.
 
-use calib_core::{Link, LinkKind, Pixel, ResidualOf};
-use calib_editor::{Action, Part};
-use egui::{RichText, Ui, Vec2};
+use calib_core::ResidualOf;
+use calib_editor::{Action, Part, pair_apart};
+use egui::{RichText, Ui};
 
 use crate::command::Command;
-use crate::icons::{self, Icon, Look};
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
-
-/// Links: who sees each, how far the views are apart on the floor.
-pub fn links(app: &mut App, ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    heading(ui, "Links", "apart on the floor");
-    if app.editor.session().site.links.is_empty() {
-        ui.label(RichText::new("K links what two views show.").color(palette.text2));
-    }
-    let mut chosen = None;
-    let mut change = None;
-    for (index, link) in app.editor.session().site.links.iter().enumerate() {
-        let waits = link.seen.len() < 2;
-        let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
-        ui.horizontal(|ui| {
-            let mut on = !link.off;
-            if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
-                change = Some((index, Link { off: !on, ..link.clone() }));
-            }
-            let colour = if waits { palette.warn } else { palette.text };
-            let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
-            let response = ui.add(egui::Button::new(text).frame(false));
-            if response.clicked() {
-                chosen = Some(index);
-            }
-            for seen in &link.seen {
-                let camera =
-                    app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera);
-                if let Some(camera) = camera {
-                    let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), egui::Sense::hover());
-                    crate::paint::chip(ui.painter(), rect.center(), camera);
-                    joint_residual(app, ui, index, &seen.camera);
-                }
-            }
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let text = match (waits, apart(app, index)) {
-                    (true, _) => "1 view".into(),
-                    (false, Some(apart)) => app.editor.session().units.small(apart),
-                    (false, None) => "\u{2014}".into(),
-                };
-                ui.label(RichText::new(text).color(palette.text2));
-            });
-        });
-        let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
-        if app.editor.session().selection.iter().any(is_own) {
-            ui.horizontal(|ui| change = change.take().or_else(|| link_fields(app, ui, index)));
-        }
-    }
-    if let Some((index, link)) = change {
-        app.send(Action::SetLink(index, Box::new(link)));
-    }
-    if let Some(link) = chosen {
-        let seen = app.editor.session().site.links.get(link).and_then(|link| link.seen.first()).cloned();
-        let camera =
-            seen.and_then(|seen| app.editor.session().site.cameras.iter().position(|c| c.id == seen.camera));
-        if let Some(camera) = camera {
-            app.send(Action::Drop);
-            app.send(Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }));
-        }
-    }
-}
-
-/// How many pixels off a view is after a joint solve.
-fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
-    let palette = theme::palette(ui.ctx());
-    let found =
-        app.editor.session().solved.joint_report().and_then(|report| report.links.get(link)?.as_ref());
-    let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
-        return;
-    };
-    let entry = app.editor.session().site.cameras.iter().find(|entry| entry.id == *camera);
-    let sigma = entry.and_then(|entry| entry.sigma_px).unwrap_or(1.0);
-    let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
-    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
-}
 
 /// How a saved version differs from this one.
 pub fn compared(app: &mut App, ui: &mut Ui) {
@@ -116,134 +41,29 @@ fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
     by.min(360.0 - by)
 }
 
-/// What a link is and how high it is; the link as it is to become.
-fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
-    let link = app.editor.session().site.links.get(index)?;
-    let mut new = link.clone();
-    match link.kind {
-        LinkKind::Point => {
-            let mut height = link.height_m.unwrap_or(0.0);
-            let label = ui.label("above the floor");
-            if ui
-                .add(length_field(app.editor.session().units, &mut height, -1e5))
-                .labelled_by(label.id)
-                .changed()
-            {
-                new.height_m = Some(height).filter(|height| *height != 0.0);
-            }
-        }
-        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
-            new.kind = LinkKind::Post;
-            for seen in &mut new.seen {
-                let ends = seen.segment.take().unwrap_or_default();
-                (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
-            }
-        }
-        LinkKind::Post => {
-            let mut is_measured = link.length_m.is_some();
-            let tick = ui.checkbox(&mut is_measured, "long").on_hover_text("The post was measured");
-            if tick.changed() {
-                let guess = estimated_length(app, link).unwrap_or(1.0);
-                new.length_m = is_measured.then(|| calib_core::Known::prior(guess, 0.01));
-            }
-            if let Some(length) = &mut new.length_m {
-                ui.add(length_field(app.editor.session().units, &mut length.value, 1e-3))
-                    .labelled_by(tick.id);
-            }
-            if ui.button("It is a floor line").clicked() {
-                (new.kind, new.length_m) = (LinkKind::Line, None);
-                for seen in &mut new.seen {
-                    seen.segment =
-                        seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
-                }
-            }
-        }
-        LinkKind::Line => {}
-    }
-    (new != *link).then_some((index, new))
-}
-
-/// How long a post looks in a view that shows it.
-fn estimated_length(app: &App, link: &Link) -> Option<f64> {
-    link.seen.iter().find_map(|seen| {
-        let index = app.editor.session().site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        let camera = app.editor.session().solved.pose(index)?;
-        let foot = camera.pixel_to_floor(seen.foot?, 0.0)?;
-        calib_editor::post_length(camera, foot, seen.head?)
-    })
-}
-
-/// Distances that were measured: they give the scale where no plan does.
-pub fn distances(app: &mut App, ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    heading(ui, "Distances", "measured");
-    let mut list = app.editor.session().site.distances.clone();
-    let mut removed = None;
-    for (index, distance) in list.iter_mut().enumerate() {
-        ui.horizontal(|ui| {
-            let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
-            let value = &mut distance.length_m.value;
-            ui.add(length_field(app.editor.session().units, value, 1e-3)).labelled_by(label.id);
-            let look = Look { size: Vec2::splat(18.0), ..Look::default() };
-            if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
-                removed = Some(index);
-            }
-        });
-    }
-    if let Some(index) = removed {
-        list.remove(index);
-    }
-    let links = app.editor.session().site.links.iter().filter_map(|link| link.id.clone());
-    let ids: Vec<String> =
-        links.chain(app.editor.session().site.marks.iter().filter_map(|mark| mark.id.clone())).collect();
-    if ids.len() >= 2 {
-        pick_pair(app, ui, &ids, &mut list);
-    } else {
-        ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
-    }
-    if list != app.editor.session().site.distances {
-        app.send(Action::SetDistances(list));
-    }
-}
-
-/// Two ids to choose, and a button that adds a distance between them.
-fn pick_pair(app: &mut App, ui: &mut Ui, ids: &[String], list: &mut Vec<calib_core::Distance>) {
-    ui.horizontal(|ui| {
-        let [a, b] = &mut app.pair;
-        for (salt, chosen) in [("from", a), ("to", b)] {
-            egui::ComboBox::from_id_salt(salt).width(80.0).selected_text(chosen.as_str()).show_ui(ui, |ui| {
-                for id in ids {
-                    ui.selectable_value(chosen, id.clone(), id);
-                }
-            });
-        }
-        let is_pair = app.pair[0] != app.pair[1] && app.pair.iter().all(|id| ids.contains(id));
-        if ui.add_enabled(is_pair, egui::Button::new("Add")).clicked() {
-            list.push(calib_core::Distance {
-                id: None,
-                name: None,
-                off: false,
-                keep: false,
-                between: app.pair.clone(),
-                length_m: calib_core::Known::prior(1.0, 0.01),
-            });
+/// For every pair of cameras that see the same floor: how far they are apart there, before and after.
+fn pairs(app: &App, ui: &mut Ui) {
+    let session = app.editor.session();
+    let Some(report) = session.solved.joint_report() else { return };
+    let units = session.units;
+    let index = |id: &String| session.site.cameras.iter().position(|camera| camera.id == *id);
+    egui::Grid::new("pairs").num_columns(3).show(ui, |ui| {
+        for overlap in &report.site.overlaps {
+            let [a, b] = &overlap.cameras;
+            ui.label(format!("{a} and {b}"));
+            let before = session.before_refine.as_ref().zip(index(a).zip(index(b)));
+            let was = before.and_then(|(poses, (a, b))| pair_apart(session, poses, [a, b]));
+            let now = overlap.floor_rms_m.map_or_else(|| "no link".into(), |rms| units.small(rms));
+            let change =
+                was.map_or_else(|| now.clone(), |was| format!("{} \u{2192} {now}", units.small(was)));
+            ui.label(change);
+            // Links that leave nothing to spare agree by themselves: what they say is in the \u{b1}.
+            let sure =
+                overlap.floor_sigma_m.map_or_else(String::new, |s| format!("\u{b1} {}", units.small(s)));
+            ui.label(sure);
+            ui.end_row();
         }
     });
-}
-
-/// The greatest distance between where two views say a point link is, in metres.
-fn apart(app: &App, index: usize) -> Option<f64> {
-    let link = app.editor.session().site.links.get(index).filter(|link| link.kind == LinkKind::Point)?;
-    let height = link.height_m.unwrap_or(0.0);
-    let places: Vec<_> =
-        link.seen.iter().filter_map(|seen| place(app, &seen.camera, seen.px?, height)).collect();
-    let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(|b| a.distance(*b)));
-    pairs.max_by(f64::total_cmp)
-}
-
-fn place(app: &App, id: &str, px: Pixel, height: f64) -> Option<calib_core::FloorPoint> {
-    let camera = app.editor.session().site.cameras.iter().position(|camera| camera.id == id)?;
-    app.editor.session().solved.placed(camera)?.pixel_to_floor(px, height)
 }
 
 /// Refine, and what it changed.
@@ -277,16 +97,7 @@ pub fn agreement(app: &mut App, ui: &mut Ui) {
         }
         ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
     }
-    if let Some(overlaps) =
-        app.editor.session().solved.joint_report().map(|report| report.site.overlaps.clone())
-    {
-        for overlap in overlaps {
-            let apart = overlap
-                .floor_rms_m
-                .map_or_else(|| "\u{2014}".into(), |rms| app.editor.session().units.small(rms));
-            ui.label(format!("{} and {}: {apart}", overlap.cameras[0], overlap.cameras[1]));
-        }
-    }
+    pairs(app, ui);
     if let Some(command) = chosen {
         app.tell(command);
     }

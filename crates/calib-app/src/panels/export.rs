@@ -4,6 +4,7 @@ use calib_formats::{Export, ExportOptions, PlanPicture};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
 use crate::choice::Purpose;
+use crate::panels::out_of_date;
 use crate::platform::Task;
 use crate::state::{App, Asked, formats};
 use crate::theme::{self, Palette};
@@ -119,6 +120,7 @@ fn choices(app: &mut App, ui: &mut Ui) {
 }
 
 fn outcome(app: &mut App, ui: &mut Ui) {
+    out_of_date::show(app, ui);
     let palette = theme::palette(ui.ctx());
     let sheet = &mut app.export;
     let export = match &sheet.made {

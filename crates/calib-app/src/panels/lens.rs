@@ -137,6 +137,11 @@ fn set(app: &mut App, to: From) {
     });
 }
 
+/// Has the lens fitted to the straight edges.
+pub fn fit(app: &mut App) {
+    set(app, From::Fitted);
+}
+
 /// The coefficients that are given, and the focal that they refer to.
 fn coefficients(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());

@@ -1,12 +1,18 @@
 //! The panels about the canvas, one a file.
 
+mod out_of_date;
+pub mod lens;
+pub mod tour;
 pub mod above;
+mod measured;
 pub mod annotations;
+pub mod asked;
 pub mod cameras;
 pub mod dock;
+pub mod links;
 pub mod elements;
+pub mod distances;
 pub mod export;
-pub mod lens;
 pub mod marks;
 pub mod palette;
 pub mod result;
@@ -16,7 +22,6 @@ pub mod status;
 pub mod steps;
 pub mod toolstrip;
 pub mod topbar;
-pub mod tour;
 pub mod views;
 pub mod warnings;
 
@@ -31,8 +36,31 @@ use crate::theme;
 /// In a window narrower than this, a phone's, panels lie below each other.
 pub(crate) const PHONE: f32 = 640.0;
 
-/// The narrowest window in which the right panel shows more than its steps, in points.
-const NARROW: f32 = 1000.0;
+/// In a window narrower than this the list of cameras is a rail, and words give way to icons.
+pub(crate) const NARROW: f32 = 1000.0;
+
+/// In a window at least this wide the right panel has its full width.
+const WIDE: f32 = 1280.0;
+
+/// How wide the panels beside the canvas are: by the window as it is now, not as it was when they were shown first.
+#[derive(Clone, Copy)]
+struct Widths {
+    /// What the panels are remembered by: in a window of another kind they begin anew.
+    kind: &'static str,
+    has_rail: bool,
+    right: f32,
+    right_most: f32,
+}
+
+impl Widths {
+    fn of(window: f32) -> Self {
+        match window {
+            w if w >= WIDE => Self { kind: "wide", has_rail: false, right: 296.0, right_most: 480.0 },
+            w if w >= NARROW => Self { kind: "middle", has_rail: false, right: 256.0, right_most: 320.0 },
+            _ => Self { kind: "narrow", has_rail: true, right: 216.0, right_most: 240.0 },
+        }
+    }
+}
 
 /// The whole window.
 pub fn show(app: &mut App, ui: &mut Ui) {
@@ -40,10 +68,12 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
     Panel::top("top").exact_size(40.0).frame(bar(palette.panel)).show(ui, |ui| topbar::show(app, ui));
     Panel::bottom("status").exact_size(28.0).frame(bar(palette.panel)).show(ui, |ui| status::show(app, ui));
+    tour::show(app, ui);
     let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;
-        let rail = phone || matches!(app.mode, Mode::Plan | Mode::All);
+        let widths = Widths::of(ui.ctx().content_rect().width());
+        let rail = widths.has_rail || matches!(app.mode, Mode::Plan | Mode::All);
         let side = Frame::NONE.fill(palette.panel);
         Panel::left(if rail { "rail" } else { "cameras" })
             .resizable(!rail)
@@ -64,11 +94,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 .frame(inset)
                 .show(ui, |ui| right(app, ui));
         }
-        let narrow = ui.ctx().content_rect().width() < NARROW;
         if !phone {
-            Panel::right("right")
-                .default_size(if narrow { 220.0 } else { 296.0 })
-                .size_range(200.0..=480.0)
+            Panel::right(egui::Id::unique(("right", widths.kind)))
+                .default_size(widths.right)
+                .size_range(200.0..=widths.right_most)
                 .frame(inset)
                 .show(ui, |ui| right(app, ui));
         }
@@ -80,9 +109,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             start::show(app, ui);
         }
     });
-    tour::show(app, ui);
     palette::show(app, ui.ctx());
     export::show(app, ui.ctx());
+    asked::show(app, ui.ctx());
 }
 
 fn right(app: &mut App, ui: &mut Ui) {
@@ -90,6 +119,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     if app.editor.session().entry().is_none() {
         return;
     }
+    out_of_date::show(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
@@ -105,15 +135,18 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| annotations::show(app, ui));
             }
             Mode::Plan => {
-                section(ui, |ui| placement::show(app, ui));
+                section(ui, |ui| {
+                    placement::show(app, ui);
+                    links::far_apart(app, ui);
+                });
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
                 section(ui, |ui| marks::show(app, ui));
-                section(ui, |ui| elements::links(app, ui));
-                section(ui, |ui| elements::distances(app, ui));
+                section(ui, |ui| links::show(app, ui));
+                section(ui, |ui| distances::show(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
             }
@@ -136,7 +169,8 @@ pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
 pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
-        ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        let title = ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        title.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Heading, true, text));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(RichText::new(right).small().color(palette.text3));
         });

@@ -1,6 +1,7 @@
 //! The searchable list of commands, the shortcut sheet and the about sheet.
 
-use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Vec2, Window};
+use calib_editor::command::Group;
+use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
 
 use crate::command::{self, Command};
 use crate::keys;
@@ -88,6 +89,35 @@ fn commands(app: &mut App, ctx: &Context) {
     }
 }
 
+/// The key sheet's groups: a title, and which commands stand under it.
+type KeyGroup = (&'static str, fn(Group) -> bool);
+
+const GROUPS: [KeyGroup; 7] = [
+    ("Tools", |group| matches!(group, Group::Tool(_))),
+    ("Files", |group| matches!(group, Group::Files(_))),
+    ("In the hand", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
+    ("Selected", |group| matches!(group, Group::Selection(_))),
+    ("Lines", |group| matches!(group, Group::Lines(_))),
+    ("Cameras and solving", |group| matches!(group, Group::Cameras(_) | Group::Solving(_))),
+    ("View", |group| matches!(group, Group::View(_) | Group::Switch(_))),
+];
+
+/// A group of the key sheet.
+fn key_group(ui: &mut Ui, (title, is_of): &KeyGroup) {
+    let palette = theme::palette(ui.ctx());
+    super::heading(ui, title, "");
+    egui::Grid::new(*title).num_columns(2).striped(true).show(ui, |ui| {
+        for row in command::all().filter(|row| is_of(row.command.group())) {
+            let Some(keys) = row.keys else { continue };
+            let keys = shortcut_text(ui, keys::shortcut(row.command, keys));
+            ui.label(RichText::new(keys).font(theme::medium(12.0)).color(palette.accent));
+            ui.label(row.text);
+            ui.end_row();
+        }
+    });
+    ui.add_space(6.0);
+}
+
 fn shortcuts(app: &mut App, ctx: &Context) {
     let mut open = true;
     Window::new("Keyboard")
@@ -97,18 +127,15 @@ fn shortcuts(app: &mut App, ctx: &Context) {
         .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
         .show(ctx, |ui| {
             let palette = theme::palette(ui.ctx());
-            let rows: Vec<command::Row> = command::all().filter(|row| row.keys.is_some()).collect();
-            ui.horizontal_top(|ui| {
-                for part in rows.chunks(rows.len().div_ceil(2)) {
-                    egui::Grid::new(part[0].text).num_columns(2).striped(true).show(ui, |ui| {
-                        for row in part {
-                            let keys = row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
-                            ui.label(RichText::new(keys).font(theme::medium(12.0)).color(palette.accent));
-                            ui.label(row.text);
-                            ui.end_row();
-                        }
-                    });
-                }
+            ScrollArea::vertical().max_height(0.7 * ui.ctx().content_rect().height()).show(ui, |ui| {
+                ui.horizontal_top(|ui| {
+                    for groups in [&GROUPS[..2], &GROUPS[2..5], &GROUPS[5..]] {
+                        ui.vertical(|ui| {
+                            ui.set_max_width(360.0);
+                            groups.iter().for_each(|group| key_group(ui, group));
+                        });
+                    }
+                });
             });
             ui.separator();
             for line in [
@@ -148,7 +175,7 @@ fn about(app: &mut App, ctx: &Context) {
 }
 
 /// What everything that is part of this program asks to be said; only the lines that show are laid out.
-fn notices(ui: &mut egui::Ui) {
+fn notices(ui: &mut Ui) {
     const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
     static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());
     let height = ui.text_style_height(&egui::TextStyle::Small);

@@ -64,7 +64,26 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         app.send(Action::Place { camera, placement, name: format!("set {what} of {id}") });
     }
     buttons(app, ui, fixed);
+    from_stage_1(app, ui);
     handles(ui);
+}
+
+/// What the image tells of the camera, wherever it stands.
+fn from_stage_1(app: &App, ui: &mut Ui) {
+    let Some(solution) = app.editor.session().solution() else { return };
+    let sigma = solution.sigma.as_ref();
+    ui.add_space(4.0);
+    heading(ui, "From stage 1", "");
+    let rows = [
+        ("Pitch", solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), "\u{b0}"),
+        ("Roll", solution.roll_deg, sigma.and_then(|s| s.roll_deg), "\u{b0}"),
+        ("Focal", Some(solution.focal_px), sigma.and_then(|s| s.focal_px), "px"),
+    ];
+    for (title, value, sigma, unit) in rows {
+        let Some(value) = value else { continue };
+        let shown = sigma.map_or(2, digits).min(3);
+        ui.horizontal(|ui| cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit));
+    }
 }
 
 fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {

@@ -224,7 +224,9 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, digits).min(2);
     ui.horizontal(|ui| {
-        cells(ui, "Horizontal view", &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
+        // In a narrow panel the number comes first.
+        let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal view" };
+        cells(ui, title, &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
     });
 }
 

@@ -1,8 +1,16 @@
 //! What is shown while nothing is open.
 
-use egui::{Align, Button, Layout, RichText, Role, ScrollArea, Stroke, Ui, Vec2, WidgetInfo};
+use std::path::Path;
 
+use calib_editor::{Images, Source};
+use egui::{Align, Button, Color32, Layout, RichText, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
+
+use crate::autosave::Found;
 use crate::command::Command;
+use crate::icons::{self, Icon};
+use crate::picture::cropped;
+use crate::platform::{Here, Platform as _};
+use crate::recent::{Recent, ago};
 use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
@@ -12,38 +20,43 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut chosen = None;
     let mut recover = None;
-    ui.vertical_centered(|ui| {
-        ui.set_max_width(ui.available_width().min(720.0) - 24.0);
-        ui.add_space((0.5 * ui.available_height() - 190.0).max(12.0));
-        ui.label(RichText::new("Calibrate cameras from their still images").font(theme::medium(22.0)));
-        ui.add_space(4.0);
-        let what = "Draw lines that are plumb, parallel or square; place each camera on the plan; check in every view.";
-        ui.label(RichText::new(what).color(palette.text2));
-        ui.add_space(20.0);
-        recover = found(app, ui);
-        for (text, command) in [
-            ("Open the demonstration site", Command::Demo),
-            ("Take the tour: five steps, ten minutes", Command::Tour),
-            ("Open a site\u{2026}", Command::Open),
-            ("Add images\u{2026}", Command::AddImages),
-        ] {
-            let is_first = command == Command::Demo;
-            let fill = if is_first { palette.accent } else { palette.raised };
-            let colour = if is_first { palette.bg } else { palette.text };
-            let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
-            if ui.add(Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
-                chosen = Some(command);
-            }
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        ui.vertical_centered(|ui| {
+            ui.set_max_width(ui.available_width().min(720.0) - 24.0);
+            ui.add_space((0.5 * ui.available_height() - 320.0).max(12.0));
+            ui.label(RichText::new("Calibrate cameras from their still images").font(theme::medium(22.0)));
             ui.add_space(4.0);
-        }
-        kept(app, ui);
-        ui.add_space(12.0);
-        ui.label(RichText::new("Or drop images, a folder, or a site file here.").color(palette.text3));
-        ui.label(RichText::new("Images never leave this machine.").color(palette.text3));
-        if let Some(error) = app.editor.error() {
+            ui.add_space(8.0);
+            if ui.ctx().content_rect().width() > super::NARROW {
+                pictures(ui);
+                ui.add_space(12.0);
+            }
+            recover = found(app, ui);
+            for (text, command) in [
+                ("Open the demonstration site", Command::Demo),
+                ("Take the tour: five steps, ten minutes", Command::Tour),
+                ("Open a site\u{2026}", Command::Open),
+                ("Add images\u{2026}", Command::AddImages),
+            ] {
+                let is_first = command == Command::Demo;
+                let fill = if is_first { palette.accent } else { palette.raised };
+                let colour = if is_first { palette.bg } else { palette.text };
+                let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
+                if ui.add(Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
+                    chosen = Some(command);
+                }
+                ui.add_space(4.0);
+            }
+            recent(app, ui);
+            kept(app, ui);
             ui.add_space(12.0);
-            ui.label(RichText::new(error).color(palette.bad));
-        }
+            ui.label(RichText::new("Or drop images, a folder, or a site file here.").color(palette.text3));
+            ui.label(RichText::new("Images never leave this machine.").color(palette.text3));
+            if let Some(error) = app.editor.error() {
+                ui.add_space(12.0);
+                ui.label(RichText::new(error).color(palette.bad));
+            }
+        })
     });
     if let Some((index, goes_on)) = recover {
         app.decide(index, goes_on);
@@ -54,28 +67,120 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 }
 
 /// Work that a crash left behind: which was chosen, and whether to go on with it.
-fn found(app: &App, ui: &mut Ui) -> Option<(usize, bool)> {
-    let palette = theme::palette(ui.ctx());
+fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     let mut recover = None;
-    for (index, (_, found)) in app.found.iter().enumerate() {
-        let count = found.site.cameras.len();
-        let file = found.path.as_deref().map_or_else(|| "a new site".into(), |p| p.display().to_string());
-        egui::Frame::NONE.fill(palette.accent_bg).corner_radius(8).inner_margin(16).show(ui, |ui| {
-            ui.set_max_width(400.0);
-            ui.label(RichText::new("Work that was not saved").font(theme::medium(13.0)));
-            ui.label(RichText::new(format!("{count} cameras, {file}")).color(palette.text2));
+    for index in 0..app.found.len() {
+        let (slot, found) = &app.found[index];
+        let image = found.site.cameras.iter().find_map(|camera| camera.image.clone());
+        let image =
+            image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
+        let words = told(found);
+        let fill = theme::palette(ui.ctx()).accent_bg;
+        egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
+            ui.set_max_width(460.0);
             ui.horizontal(|ui| {
-                if ui.button("Go on with it").clicked() {
-                    recover = Some((index, true));
-                }
-                if ui.button("Discard").clicked() {
-                    recover = Some((index, false));
-                }
+                thumbnail(app, ui, image);
+                ui.vertical(|ui| {
+                    recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+                });
             });
         });
-        ui.add_space(12.0);
+        ui.add_space(8.0);
     }
     recover
+}
+
+/// The name of work that was not saved, and what else tells it from other work.
+fn told(found: &Found) -> [String; 2] {
+    let file =
+        found.path.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+    let name = found.site.name.clone().or_else(|| file.clone()).unwrap_or_else(|| "A new site".into());
+    let when = found.at.zip(Here::now()).map(|(at, now)| ago(at, now));
+    let count = cameras(found.site.cameras.len());
+    let parts = [Some("Not saved".to_owned()), when, Some(count), file];
+    [name, parts.into_iter().flatten().collect::<Vec<_>>().join(", ")]
+}
+
+/// Whether to go on with it or to discard it, once either was pressed.
+fn offer(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
+    let palette = theme::palette(ui.ctx());
+    ui.label(RichText::new(name).font(theme::medium(13.0)));
+    ui.label(RichText::new(words).color(palette.text2));
+    ui.horizontal(|ui| {
+        let goes_on = ui.button("Go on with it").clicked().then_some(true);
+        goes_on.or_else(|| ui.button("Discard").clicked().then_some(false))
+    })
+    .inner
+}
+
+/// A still, small; a bare card until it is there.
+fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(84.0, 52.0), Sense::hover());
+    ui.painter().rect_filled(rect, 4.0, theme::palette(ui.ctx()).canvas);
+    let Some((key, source)) = image else { return };
+    if let Some(picture) = app.pictures.get(ui.ctx(), &key, || source) {
+        let uv = cropped(picture.overview.size_vec2(), rect);
+        ui.painter().image(picture.overview.id(), rect, uv, Color32::WHITE);
+    }
+}
+
+/// The sites that were opened or saved last.
+fn recent(app: &mut App, ui: &mut Ui) {
+    /// A screen holds no more.
+    const SHOWN: usize = 4;
+    let list: Vec<Recent> = app.recent.iter().take(SHOWN).cloned().collect();
+    let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
+    ui.add_space(12.0);
+    ui.allocate_ui(Vec2::new(ui.available_width().min(560.0), 0.0), |ui| {
+        super::heading(ui, "Recent sites", "");
+        for recent in list {
+            recent_row(app, ui, &recent, now);
+        }
+    });
+}
+
+fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
+    let palette = theme::palette(ui.ctx());
+    let image = recent.image.as_ref().map(|path| path.to_string_lossy().into_owned());
+    let image = image.map(|path| (path.clone(), Images::default().reader(&path)));
+    ui.horizontal(|ui| {
+        thumbnail(app, ui, image);
+        ui.vertical(|ui| {
+            let name = RichText::new(&recent.name).font(theme::medium(12.0));
+            let open = ui.add(Button::new(name).min_size(Vec2::new(120.0, 24.0)));
+            open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Open {}", recent.name)));
+            if open.on_hover_text(recent.path.display().to_string()).clicked() {
+                app.open_later(recent.path.clone());
+            }
+            let words = format!("{}, {}", cameras(recent.cameras), ago(recent.at, now));
+            ui.label(RichText::new(words).color(palette.text2));
+        });
+    });
+}
+
+/// What is done, in three pictures.
+fn pictures(ui: &mut Ui) {
+    const WIDTH: f32 = 190.0;
+    let palette = theme::palette(ui.ctx());
+    let steps = [
+        (Icon::Vertical, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
+        (Icon::Plan, "Place", "Its field of view is moved, turned and scaled on the plan."),
+        (Icon::All, "Check", "A mark stands on the same spot in every view."),
+    ];
+    ui.horizontal(|ui| {
+        ui.add_space((0.5 * (ui.available_width() - 3.0 * (WIDTH + 8.0))).max(0.0));
+        for (icon, title, text) in steps {
+            ui.allocate_ui_with_layout(Vec2::new(WIDTH, 104.0), Layout::top_down(Align::Min), |ui| {
+                egui::Frame::NONE.fill(palette.panel).corner_radius(8).inner_margin(10).show(ui, |ui| {
+                    ui.set_width(WIDTH - 20.0);
+                    let (rect, _) = ui.allocate_exact_size(Vec2::new(28.0, 28.0), Sense::hover());
+                    icons::paint(ui.painter(), icon, rect, 26.0, palette.accent);
+                    ui.label(RichText::new(title).font(theme::medium(13.0)));
+                    ui.label(RichText::new(text).small().color(palette.text2));
+                });
+            });
+        }
+    });
 }
 
 /// The sites that the shelf keeps, each a row.
@@ -113,7 +218,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
         shelf.open(&entry.id);
     }
-    let words = format!("{} cameras, {}, {}", entry.cameras, entry.when, size(entry.bytes));
+    let words = format!("{}, {}, {}", cameras(entry.cameras), entry.when, size(entry.bytes));
     ui.label(RichText::new(words).color(palette.text2));
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         // What is removed is gone: the second press means it.
@@ -129,6 +234,10 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
             ui.data_mut(|data| data.insert_temp(id, true));
         }
     });
+}
+
+fn cameras(count: usize) -> String {
+    if count == 1 { "1 camera".into() } else { format!("{count} cameras") }
 }
 
 /// Bytes for the eye.

@@ -15,15 +15,19 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut stop = false;
     ui.horizontal_centered(|ui| {
         let hint = match &app.editor.session().note {
-            Some(note) if app.editor.tool().is_idle() => note.clone(),
+            Some(note) if app.editor.tool().is_idle() && is_fresh(ui, note) => note.clone(),
             _ if app.editor.session().site.cameras.is_empty() => {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
             _ => app.editor.tool().hint(app.editor.session()),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let is_narrow = ui.ctx().content_rect().width() < super::NARROW;
             state(app, ui, &mut stop);
-            place(app, ui);
+            // In a narrow window what the next click does comes first.
+            if !is_narrow {
+                place(app, ui);
+            }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
             });
@@ -32,6 +36,21 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if stop {
         app.stop_work();
     }
+}
+
+/// Whether a note is new enough to be read instead of what the next click does.
+fn is_fresh(ui: &Ui, note: &str) -> bool {
+    /// In seconds.
+    const LASTS: f64 = 10.0;
+    let (id, now) = (ui.scope_id().with("note"), ui.input(|input| input.time));
+    let known: Option<(String, f64)> = ui.data(|data| data.get_temp(id));
+    let since = known.filter(|(text, _)| text == note).map_or(now, |(_, since)| since);
+    ui.data_mut(|data| data.insert_temp(id, (note.to_owned(), since)));
+    let left = LASTS - (now - since);
+    if left > 0.0 {
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
+    }
+    left > 0.0
 }
 
 fn state(app: &App, ui: &mut Ui, stop: &mut bool) {

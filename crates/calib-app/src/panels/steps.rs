@@ -1,10 +1,10 @@
 //! The steps of the camera in hand, and what each still needs.
 
-use calib_editor::steps::steps;
+use calib_editor::steps::{bent_px, steps};
 use egui::{RichText, Ui};
 
 use crate::icons::{self, Icon};
-use crate::panels::heading;
+use crate::panels::{heading, lens};
 use crate::state::App;
 use crate::theme;
 
@@ -15,11 +15,12 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let id = session.entry().map_or_else(String::new, |entry| entry.id.clone());
     heading(ui, "Steps", &id);
     let list = steps(session, session.camera);
-    let first = list.iter().position(|step| !step.is_done);
+    let first = list.iter().position(|step| !step.is_done && !step.is_optional);
+    let bent = bent_px(session, session.camera).is_some();
     for (i, step) in list.into_iter().enumerate() {
         let is_next = first == Some(i);
         let (icon, colour) = match (step.is_done, is_next) {
-            (true, _) if step.is_optional => (Icon::Check, palette.text3),
+            (true, _) if step.is_doubted => (Icon::Warn, palette.bad),
             (true, _) => (Icon::Check, palette.ok),
             (false, true) => (Icon::Chevron, palette.accent),
             (false, false) => (Icon::Open, palette.text3),
@@ -32,5 +33,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.add(egui::Label::new(RichText::new(step.state).color(palette.text2)).truncate());
             });
         });
+    }
+    if bent && ui.button("Fit k1, k2").on_hover_text("Fit the lens to the straight edges").clicked() {
+        lens::fit(app);
     }
 }

@@ -37,7 +37,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     ui.horizontal_centered(|ui| {
         menu(app, ui, &mut chosen);
-        if ui.ctx().content_rect().width() < super::PHONE {
+        if ui.ctx().content_rect().width() < super::NARROW {
             views(app, ui, &mut chosen);
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
             return;
@@ -98,7 +98,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
         let is_on = app.mode == mode;
         // On a phone the icons speak for themselves.
-        let phone = ui.ctx().content_rect().width() < super::PHONE;
+        let phone = ui.ctx().content_rect().width() < super::NARROW;
         let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
         let text = RichText::new(text);
         let text = text.color(if is_on { palette.text } else { palette.text2 });
@@ -109,6 +109,10 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
             Vec2::splat(16.0),
         );
         icons::paint(ui.painter(), icon, at, 14.0, if is_on { palette.accent } else { palette.text2 });
+        if response.has_focus() {
+            let ring = egui::Stroke::new(1.5, palette.accent);
+            ui.painter().rect_stroke(response.rect, 4.0, ring, egui::StrokeKind::Inside);
+        }
         response.widget_info(|| {
             egui::WidgetInfo::selected(egui::Role::Button, true, is_on, format!("View {title}"))
         });
@@ -139,6 +143,10 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     // The words give way before the views do.
     let room = ui.available_width() - 4.0;
     if app.editor.session().history.undo_name().is_some() && room > 60.0 {
-        ui.add(egui::Label::new(RichText::new(undo).color(palette.text2)).truncate());
+        // Painted: the button beside it says the same to a screen reader.
+        let galley = ui.painter().layout_no_wrap(undo, theme::regular(12.0), palette.text2);
+        let size = Vec2::new(galley.size().x.min(room), galley.size().y);
+        let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+        ui.painter().with_clip_rect(rect).galley(rect.min, galley, palette.text2);
     }
 }

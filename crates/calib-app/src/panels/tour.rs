@@ -1,84 +1,83 @@
-//! Five steps through the demonstration for a newcomer: each is done by doing it.
+//! The tour: a strip above the canvas, so that it covers nothing it speaks of. A step is done when it is right.
 
-use calib_core::{Kind, Stage};
-use egui::{Align2, RichText, Ui, Vec2, Window};
+use egui::{Frame, Margin, Panel, RichText, Ui};
 
-use crate::state::{App, Mode};
+use crate::command::Command;
+use crate::state::{App, STEPS};
 use crate::theme;
 
-/// One step of the tour.
-struct Step {
-    title: &'static str,
-    text: &'static str,
-    /// Whether the operator has done it.
-    is_done: fn(&App) -> bool,
-}
-
-fn drawn(app: &App, kind: Kind) -> usize {
-    let entry = app.editor.session().entry();
-    let of_kind = entry.into_iter().flat_map(|entry| &entry.annotations).filter(|a| a.kind == kind);
-    of_kind.map(|annotation| annotation.polylines().count()).sum()
-}
-
-const STEPS: [Step; 5] = [
-    Step {
-        title: "Draw two plumb lines",
-        text: "Press V. Drag along two edges that stand upright: a column, a shelf. A click on an edge that lights up takes it whole.",
-        is_done: |app| drawn(app, Kind::Vertical) >= 2,
-    },
-    Step {
-        title: "Draw two pairs of floor lines",
-        text: "Press P. Draw two joints of the tiles that run away from you, press W, and draw two that run across.",
-        is_done: |app| drawn(app, Kind::Parallel) >= 4,
-    },
-    Step {
-        title: "Draw the field of view",
-        text: "Press F. Click the corners of the floor that matters, and Enter. The grid should lie on the tiles: look along it.",
-        is_done: |app| app.editor.session().entry().is_some_and(|entry| entry.efov_px.is_some()),
-    },
-    Step {
-        title: "Place the camera on the plan",
-        text: "Press 2. Drag the polygon until its image fits the plan; the ring turns it, the square scales it.",
-        is_done: |app| {
-            app.editor.session().solution().is_some_and(|solution| solution.stage >= Stage::Placed)
-        },
-    },
-    Step {
-        title: "Check it in every view",
-        text: "Press 3. Drag a mark: it should stand on the same spot in all views.",
-        is_done: |app| app.mode == Mode::All,
-    },
-];
-
-/// The card of the step one is at.
-pub fn show(app: &mut App, ui: &Ui) {
+/// The strip of the step one is at; after the last one, what to do with one's own images.
+pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
-    let Some(step) = STEPS.get(index) else { return };
-    if (step.is_done)(app) && app.editor.tool().is_idle() {
+    let open = app.tour.open(app.editor.session(), app.mode);
+    if open.is_none() && index < STEPS.len() && app.editor.tool().is_idle() {
         app.tour.step = Some(index + 1);
+        ui.ctx().request_repaint();
     }
     let palette = theme::palette(ui.ctx());
-    let mut close = false;
-    Window::new("Tour")
-        .title_bar(false)
-        .resizable(false)
-        .anchor(Align2::LEFT_BOTTOM, Vec2::new(260.0, -44.0))
-        .default_width(340.0)
-        .show(ui.ctx(), |ui| {
-            ui.set_width(320.0);
-            ui.label(
-                RichText::new(format!("Step {} of {}", index + 1, STEPS.len())).small().color(palette.accent),
-            );
-            ui.label(RichText::new(step.title).font(theme::medium(13.0)));
-            ui.label(RichText::new(step.text).color(palette.text2));
-            ui.horizontal(|ui| {
-                if ui.button("Skip").clicked() {
-                    app.tour.step = Some(index + 1);
-                }
-                close = ui.button("End the tour").clicked();
-            });
-        });
-    if close {
-        app.tour.step = None;
+    let frame = Frame::NONE.fill(palette.accent_bg).inner_margin(Margin::symmetric(12, 8));
+    let wish = Panel::top("tour").frame(frame).show(ui, |ui| match STEPS.get(index) {
+        Some(_) => step(app, ui, index, open.as_deref().unwrap_or_default()),
+        None => end(ui),
+    });
+    match wish.inner {
+        Some(Wish::Tell(command)) => app.tell(command),
+        Some(Wish::Skip) => app.tour.step = Some(index + 1),
+        Some(Wish::End) => app.tour.step = None,
+        None => {}
     }
+}
+
+/// What a button of the strip asks for.
+enum Wish {
+    Tell(Command),
+    Skip,
+    End,
+}
+
+fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<Wish> {
+    let palette = theme::palette(ui.ctx());
+    let step = app.tour.step()?;
+    let mut wish = None;
+    ui.horizontal_wrapped(|ui| {
+        let count = format!("Step {} of {}", index + 1, STEPS.len());
+        ui.label(RichText::new(count).small().color(palette.accent));
+        ui.label(RichText::new(step.title).font(theme::medium(13.0)));
+        ui.label(RichText::new(open).color(palette.warn));
+    });
+    ui.add(egui::Label::new(RichText::new(step.text).color(palette.text2)).wrap());
+    ui.horizontal_wrapped(|ui| {
+        for (text, button) in step.buttons {
+            let text = RichText::new(*text).font(theme::medium(12.0)).color(palette.bg);
+            if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+                wish = Some(Wish::Tell(button.command()));
+            }
+        }
+        if ui.button("Skip this step").clicked() {
+            wish = Some(Wish::Skip);
+        }
+        if ui.button("End the tour").clicked() {
+            wish = Some(Wish::End);
+        }
+    });
+    wish
+}
+
+fn end(ui: &mut Ui) -> Option<Wish> {
+    let palette = theme::palette(ui.ctx());
+    let mut wish = None;
+    ui.label(RichText::new("That was all of it").font(theme::medium(13.0)));
+    let text = "With your own images: one still of every camera, and a floor plan if there is one. Draw on each what you \
+                drew here, place it, link what two views show (K), then Refine (F9) and save (Ctrl+S).";
+    ui.add(egui::Label::new(RichText::new(text).color(palette.text2)).wrap());
+    ui.horizontal_wrapped(|ui| {
+        let text = RichText::new("New site").font(theme::medium(12.0)).color(palette.bg);
+        if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+            wish = Some(Wish::Tell(Command::NewSite));
+        }
+        if ui.button("Close").clicked() {
+            wish = Some(Wish::End);
+        }
+    });
+    wish
 }

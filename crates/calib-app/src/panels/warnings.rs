@@ -9,17 +9,24 @@ use crate::icons::{self, Icon};
 use crate::state::App;
 use crate::theme;
 
-/// The warnings of the camera in hand.
+/// The warnings of the camera in hand: the gravest is open, the others are folded and never cut.
 pub fn show(app: &mut App, ui: &mut Ui) {
-    let warnings =
-        app.editor.session().solution().map(|solution| solution.warnings.clone()).unwrap_or_default();
+    let warnings = ordered(app);
     let mut wish = None;
-    for (index, warning) in warnings.iter().enumerate() {
-        // The first is met first; the others keep their words until they are asked for.
-        let is_first = index == 0 || warning.code == Code::Outlier;
+    let is_open = ui.scope_id().with("more warnings");
+    let mut shows_all = ui.data(|data| data.get_temp::<bool>(is_open)).unwrap_or(false);
+    let first = warnings.len().min(1);
+    for warning in warnings.iter().take(if shows_all { warnings.len() } else { first }) {
         let message = app.editor.session().as_on_screen(app.editor.session().camera, warning);
         let shown = Warning { message, ..warning.clone() };
-        card(ui, &shown, is_first, |ui| buttons(app, ui, warning, &mut wish));
+        card(ui, &shown, |ui| buttons(app, ui, warning, &mut wish));
+    }
+    if warnings.len() > 1 {
+        let more = format!("{} more", warnings.len() - 1);
+        if ui.button(if shows_all { "Show the first alone" } else { &more }).clicked() {
+            shows_all = !shows_all;
+            ui.data_mut(|data| data.insert_temp(is_open, shows_all));
+        }
     }
     if warnings.is_empty() && app.editor.session().solution().is_some() {
         let palette = theme::palette(ui.ctx());
@@ -28,15 +35,29 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new("No warnings").color(palette.text2));
         });
     }
-    if let Some((command, select)) = wish {
-        app.send(Action::Drop);
-        if let Some(part) = select {
+    if let Some(deed) = wish {
+        grant(app, deed);
+    }
+}
+
+/// The gravest first.
+fn ordered(app: &App) -> Vec<Warning> {
+    let solution = app.editor.session().solution();
+    let mut warnings = solution.map(|solution| solution.warnings.clone()).unwrap_or_default();
+    warnings.sort_by_key(|warning| std::cmp::Reverse(warning.code.severity()));
+    warnings
+}
+
+fn grant(app: &mut App, deed: Deed) {
+    app.send(Action::Drop);
+    match deed {
+        Deed::Show(Place::Part(part)) => {
             app.send(Action::Select(part));
-            if command.is_none() {
-                app.reveal(part);
-            }
+            app.reveal(part);
         }
-        if let Some(command) = command {
+        Deed::Show(Place::View(command)) | Deed::Tell(command) => app.tell(command),
+        Deed::OnPart(command, part) => {
+            app.send(Action::Select(part));
             app.tell(command);
         }
     }
@@ -46,11 +67,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 pub fn site(app: &App, ui: &mut Ui) {
     let warnings = app.editor.session().solved.joint_report().map(|report| report.site.warnings.clone());
     for warning in warnings.unwrap_or_default() {
-        card(ui, &warning, true, |_| {});
+        card(ui, &warning, |_| {});
     }
 }
 
-fn card(ui: &mut Ui, warning: &Warning, is_whole: bool, more: impl FnOnce(&mut Ui)) {
+fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
     let (fill, colour) = match warning.code.severity() {
         Severity::Error => (palette.bad_bg, palette.bad),
@@ -62,12 +83,6 @@ fn card(ui: &mut Ui, warning: &Warning, is_whole: bool, more: impl FnOnce(&mut U
         ui.horizontal_top(|ui| {
             icons::inline(ui, Icon::Warn, colour);
             ui.vertical(|ui| {
-                if !is_whole {
-                    let text = RichText::new(&warning.message);
-                    ui.add(egui::Label::new(text).truncate())
-                        .on_hover_text(format!("{}\n{}", warning.message, warning.advice));
-                    return;
-                }
                 ui.label(RichText::new(&warning.message).font(theme::medium(12.0)));
                 ui.label(RichText::new(&warning.advice).color(palette.text2));
                 more(ui);
@@ -77,39 +92,78 @@ fn card(ui: &mut Ui, warning: &Warning, is_whole: bool, more: impl FnOnce(&mut U
     ui.add_space(4.0);
 }
 
-type Deed = (Option<Command>, Option<Part>);
+/// Where to look at what a warning is about.
+#[derive(Clone, Copy)]
+enum Place {
+    Part(Part),
+    View(Command),
+}
+
+/// What a button of a warning asks for.
+#[derive(Clone, Copy)]
+enum Deed {
+    Show(Place),
+    Tell(Command),
+    OnPart(Command, Part),
+}
 
 fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
-    match warning.code {
-        Code::Outlier => {
-            let session = app.editor.session();
-            let finding = session.solved.finding(&session.site, session.camera, warning);
-            let part = match finding.map(Finding::subject) {
-                Some(Subject::Line(line)) => {
-                    Some(Part::Line { annotation: line.annotation, segment: line.segment })
-                }
-                _ => None,
-            };
-            let part = part.or_else(|| first_outlier(app));
-            ui.horizontal(|ui| {
-                for (text, command) in [
-                    ("Show", None),
-                    ("Use anyway", Some(Command::UseAnyway)),
-                    ("Delete", Some(Command::Delete)),
-                ] {
+    let place = place_of(app, warning);
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Show").clicked() {
+            *wish = Some(Deed::Show(place));
+        }
+        match (warning.code, place) {
+            (Code::Outlier, Place::Part(part)) => {
+                for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
                     if ui.button(text).clicked() {
-                        *wish = Some((command, part));
+                        *wish = Some(Deed::OnPart(command, part));
                     }
                 }
-            });
+            }
+            (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
+                if app.is_enabled(Command::TakeSuggestion) && ui.button("Show what helps   N").clicked() =>
+            {
+                *wish = Some(Deed::Tell(Command::TakeSuggestion));
+            }
+            _ => {}
         }
-        Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions
-            if app.is_enabled(Command::TakeSuggestion) && ui.button("Draw what helps   N").clicked() =>
-        {
-            *wish = Some((Some(Command::TakeSuggestion), None));
+    });
+}
+
+/// What a warning is about, where it can be seen.
+fn place_of(app: &App, warning: &Warning) -> Place {
+    let session = app.editor.session();
+    let entry = session.entry();
+    let line = |annotation, segment| Place::Part(Part::Line { annotation, segment });
+    let lens = || entry.and_then(|entry| entry.annotations.iter().position(|a| a.is_straight_edge()));
+    let subject = session.solved.finding(&session.site, session.camera, warning).map(Finding::subject);
+    let found = match subject {
+        Some(Subject::Line(source)) => Some(line(source.annotation, source.segment)),
+        Some(Subject::Annotation(index)) => Some(line(index, 0)),
+        Some(Subject::OwnControlPoint(point) | Subject::ControlPoint { point, .. }) => {
+            Some(Place::Part(Part::Control(point)))
         }
-        _ => {}
-    }
+        Some(Subject::Efov) => Some(Place::Part(Part::Field)),
+        Some(Subject::Placement) => Some(Place::View(Command::ViewPlan)),
+        Some(Subject::Link(_) | Subject::Mark(_) | Subject::Distance(_) | Subject::Camera(_)) => {
+            Some(Place::View(Command::ViewAll))
+        }
+        Some(Subject::Lens) => lens().map(|index| line(index, 0)),
+        _ => None,
+    };
+    let suspect = || first_outlier(app).filter(|_| warning.code == Code::Outlier).map(Place::Part);
+    let worst = || worst_line(app).map(Place::Part);
+    found.or_else(suspect).or_else(worst).unwrap_or(Place::View(Command::ViewImage))
+}
+
+/// The line that is farthest off.
+fn worst_line(app: &App) -> Option<Part> {
+    let residuals = app.editor.session().solution()?.residuals.iter();
+    let lines =
+        residuals.filter_map(|residual| Some((residual.px.abs(), residual.annotation?, residual.segment?)));
+    let (_, annotation, segment) = lines.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(Part::Line { annotation, segment })
 }
 
 fn first_outlier(app: &App) -> Option<Part> {

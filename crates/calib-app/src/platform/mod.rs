@@ -65,6 +65,12 @@ pub(crate) trait Platform {
     /// When the folder cannot be written to.
     fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
+    /// Seconds since 1970; none where nothing is dated.
+    fn now() -> Option<u64>;
+
+    /// Whether a file is there and may not be written to.
+    fn is_read_only(path: &Path) -> bool;
+
     /// Where autosaves and the demonstration's images live.
     fn data_dir() -> Option<PathBuf>;
 

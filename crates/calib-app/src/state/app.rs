@@ -2,11 +2,14 @@
 
 use std::path::PathBuf;
 
-use calib_core::LensEntry;
-use calib_editor::{Action, Command, Edge, Editor, Pane, Part, edges, edit, hit};
+use calib_core::{LensEntry, Site};
+use calib_editor::{Action, Command, Edge, Editor, Pane, Part, TOOLS, edges, edit, hit};
 use egui::Context;
 
-use super::{Layers, List, Mode, Orbit, Palette, Panes, Place, Planning, Read, Sent, Sheet, Tour};
+use super::{
+    Conflict, Decision, Layers, List, Mode, Orbit, Palette, Panes, PathField, Place, Planning, Read, Sent,
+    Sheet, Tour,
+};
 use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::View;
 use crate::choice::{Chosen, Purpose};
@@ -14,6 +17,7 @@ use crate::dialog::Dialog;
 use crate::edges::Edges;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
+use crate::recent::{self, Recent};
 use crate::refine::Refining;
 use crate::shelf::Shelf;
 use crate::theme;
@@ -74,12 +78,22 @@ pub struct App {
     pub list: List,
     /// Work of crashed sessions, offered, each with where it is kept.
     pub found: Vec<(Autosave, Found)>,
+    /// Sites that were opened or saved last.
+    pub recent: Vec<Recent>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
     /// Where a browser keeps sites.
     pub shelf: Option<Box<dyn Shelf>>,
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) autosave: Option<Autosave>,
+    /// What the site's own file held when it was read or written last.
+    pub(crate) held: Option<u64>,
+    /// The site as its file had it then.
+    pub(crate) as_held: Option<Site>,
+    /// A file that waits for a decision.
+    pub conflict: Option<Conflict>,
+    /// A path that is typed in place of a file chooser.
+    pub path_field: Option<PathField>,
     /// Where autosaves are.
     pub(crate) folder: Option<PathBuf>,
     /// The autosaves that no other window touches while this one lives.
@@ -130,10 +144,15 @@ impl App {
             pair: Default::default(),
             list: List::default(),
             found,
+            recent: folder.as_deref().map(recent::list).unwrap_or_default(),
             chooser: Dialog::open,
             shelf: None,
             arriving: Vec::new(),
             autosave,
+            held: None,
+            as_held: None,
+            conflict: None,
+            path_field: None,
             folder,
             claims,
             kept: 0,
@@ -163,9 +182,24 @@ impl App {
         self.sent.push(Sent::Command(command));
     }
 
+    /// Asks for a site file to be opened, at the end of the frame.
+    pub(crate) fn open_later(&mut self, path: PathBuf) {
+        self.sent.push(Sent::OpenPath(path));
+    }
+
     /// Asks for what a crashed session left to be gone on with, or to be discarded.
     pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
         self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
+    }
+
+    /// Decides what becomes of a file that is not written without asking, at the end of the frame.
+    pub(crate) fn settle_conflict(&mut self, decision: Decision) {
+        self.sent.push(Sent::Decide(decision));
+    }
+
+    /// Takes a path that was typed, or none, at the end of the frame.
+    pub(crate) fn take_typed(&mut self, typed: Option<PathField>) {
+        self.sent.push(Sent::Typed(typed));
     }
 
     /// Whether a command would do something now.
@@ -194,12 +228,20 @@ impl App {
             self.act(Action::Drop);
         }
         self.mode = mode;
+        // What draws on an image has nothing to do on the plan: there the handles are meant.
+        let drew =
+            self.editor.tool_kind().is_some() || TOOLS[self.editor.tool_row()].title == "Field of view";
+        if mode == Mode::Plan && drew {
+            self.act(Action::TakeTool(0));
+        }
     }
 
     /// Closes what is open above the window. Whether anything was.
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.export.close();
+        let was_asked = self.conflict.take().is_some() | self.path_field.take().is_some();
         let was_open = exported
+            || was_asked
             || self.palette.is_open()
             || self.shortcuts
             || self.about
@@ -253,6 +295,11 @@ impl App {
             self.editor.tool_kind().is_some_and(|kind| kind.row().shape != calib_core::Shape::Polyline);
         if !draws || !self.layers.edges {
             return None;
+        }
+        if camera == self.editor.session().camera
+            && let Some(edge) = self.suggested_under(ctx, at, 2.0 * radius)
+        {
+            return Some(edge);
         }
         let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;

@@ -1,6 +1,8 @@
 //! What views read: the document, and how it is looked at. No view is named here.
 
 mod mode;
+mod conflict;
+mod path_field;
 mod sent;
 mod panes;
 mod layers;
@@ -11,10 +13,12 @@ mod list;
 mod export;
 mod reading;
 mod app;
+mod suggested;
 mod work;
 mod plan;
 
 pub use app::App;
+pub use conflict::{Conflict, Decision, Why};
 pub use export::Sheet;
 pub use layers::Layers;
 pub use list::{List, Order};
@@ -22,7 +26,8 @@ pub use mode::Mode;
 pub use orbit::Orbit;
 pub use palette::Palette;
 pub use panes::{Panes, Place};
-pub use tour::Tour;
+pub use path_field::PathField;
+pub use tour::{STEPS, Tour, TourButton, TourStep};
 
 pub(crate) use export::{Asked, formats};
 pub(crate) use orbit::NEAR;

@@ -1,6 +1,10 @@
 //! What panels ask for in a frame, to be done at its end.
 
+use std::path::PathBuf;
+
 use calib_editor::{Action, Command};
+
+use super::{Decision, PathField};
 
 /// What panels asked for in this frame.
 #[derive(Debug)]
@@ -9,4 +13,10 @@ pub(crate) enum Sent {
     Command(Command),
     Recover(usize),
     Discard(usize),
+    /// A site file is opened.
+    OpenPath(PathBuf),
+    /// What becomes of a file that is not written without asking.
+    Decide(Decision),
+    /// A path was typed, or is not to be.
+    Typed(Option<PathField>),
 }

@@ -88,13 +88,3 @@ pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixe
     };
     vec![side(0.0, -REACH), side(1.0, 1.0 + REACH)]
 }
-
-pub(super) fn suggestion(view: &ImageView) -> Vec<Item<Pixel>> {
-    let next = view.scene.solution(view.camera).and_then(|solution| solution.draw_next.as_ref());
-    let Some(next) = next else { return Vec::new() };
-    let meaning = Meaning::Suggestion(next.kind);
-    let of = |&[a, b]: &[Pixel; 2]| {
-        [Item::polyline(meaning, vec![a, b]), Item::point(meaning, a), Item::point(meaning, b)]
-    };
-    next.segments_px.iter().flat_map(of).collect()
-}

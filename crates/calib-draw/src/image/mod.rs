@@ -54,8 +54,6 @@ pub enum ImageLayer {
     },
     /// Links and marks that were solved: where they were drawn, and where they are.
     Sightings,
-    /// The line to be drawn next.
-    Suggestion,
 }
 
 /// The image of a camera to be drawn on.
@@ -111,7 +109,6 @@ impl ImageLayer {
             Self::ControlPoints => control_point::control_points(view),
             Self::Links { begun } => link::links(view, begun),
             Self::Sightings => link::sightings(view),
-            Self::Suggestion => annotation::suggestion(view),
         }
     }
 }

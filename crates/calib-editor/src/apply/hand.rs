@@ -4,19 +4,31 @@ use calib_core::MarkKind;
 
 use crate::command::{Gesture, Selection};
 use crate::editor::Editor;
-use crate::tools::{Phase, Pointer, TOOLS, tool_called};
+use crate::tools::{Pane, Phase, Pointer, TOOLS, ToolRow, tool_called};
 
 impl Editor {
     pub(super) fn pointer(&mut self, pointer: &Pointer) {
         if pointer.phase == Phase::Press {
             self.session.note = None;
         }
-        self.tool.pointer(&mut self.session, pointer);
-        self.session.solve();
+        let acts = pointer.pane != Pane::Plan || TOOLS.get(self.tool_row).is_none_or(ToolRow::acts_on_plan);
+        let is_plans = !self.on_plan.is_idle() || (!acts && self.tool.is_idle());
+        let tool = if is_plans { &mut self.on_plan } else { &mut self.tool };
+        tool.pointer(&mut self.session, pointer);
+        self.rest();
+    }
+
+    /// After what the hand did: a tool that has made what it makes is laid down.
+    fn rest(&mut self) {
+        if self.tool.is_over() {
+            self.take_tool(0);
+        }
+        self.session.solve_in_frame();
     }
 
     pub(super) fn cancel(&mut self) {
         self.tool.cancel();
+        self.on_plan.cancel();
         self.session.revert();
         self.session.solve();
     }
@@ -36,7 +48,7 @@ impl Editor {
     pub(super) fn gesture(&mut self, command: Gesture) {
         match command {
             // What is in the hand is taken back first.
-            Gesture::Undo | Gesture::Redo if !self.tool.is_idle() => self.cancel(),
+            Gesture::Undo | Gesture::Redo if !self.tool().is_idle() => self.cancel(),
             Gesture::Undo => self.session.undo(),
             Gesture::Redo => self.session.redo(),
             Gesture::Accept => self.tool.accept(&mut self.session),
@@ -45,13 +57,13 @@ impl Editor {
                     self.on_selection(Selection::Delete, None);
                 }
             }
-            Gesture::Cancel if self.tool.is_idle() => {
+            Gesture::Cancel if self.tool().is_idle() => {
                 self.session.selection.clear();
                 self.take_tool(0);
             }
             Gesture::Cancel => self.cancel(),
         }
-        self.session.solve();
+        self.rest();
     }
 
     pub(super) fn pause(&mut self) {

@@ -1,12 +1,11 @@
 //! What is drawn on the image in hand, and what is known of its lens.
 
-use std::collections::BTreeSet;
-
 use calib_core::{Annotation, Kind, Known, LensEntry};
 
 use crate::command::Lines;
 use crate::edit;
 use crate::editor::Editor;
+use crate::tools::TOOLS;
 
 impl Editor {
     pub(super) fn on_lines(&mut self, command: Lines) {
@@ -32,18 +31,15 @@ impl Editor {
         }
     }
 
+    /// Puts the tool in the hand with which the suggested line is drawn. Nothing is drawn: what was not put on
+    /// pixels of the image says nothing.
     fn take_suggestion(&mut self) {
-        let session = &mut self.session;
-        let Some(next) = session.solution().and_then(|s| s.draw_next.clone()) else { return };
-        let Some(entry) = session.site.cameras.get_mut(session.camera) else { return };
-        let is_new = next.segments_px.len() >= 2 && next.kind != Kind::Vertical;
-        let mut parts = BTreeSet::new();
-        for (i, segment) in next.segments_px.iter().enumerate() {
-            parts.insert(edit::add_line(entry, next.kind, segment.to_vec(), is_new && i == 0));
-        }
-        session.selection = parts;
-        session.commit("draw the suggested line");
-        session.note = Some("Now drag its ends onto the real edge.".into());
+        let Some(next) = self.session.solution().and_then(|s| s.draw_next.clone()) else { return };
+        let Some(tool) = TOOLS.iter().position(|tool| tool.kind == Some(next.kind)) else { return };
+        self.take_tool(tool);
+        // What is of one direction belongs together, and to no other.
+        self.session.fresh_group = next.segments_px.len() >= 2;
+        self.session.note = Some(next.message);
     }
 
     fn right_angle(&mut self) {

@@ -62,6 +62,7 @@ impl Editor {
             Action::SetDistances(distances) => self.set_distances(distances),
             Action::Import(site, notes) => self.import(*site, &notes),
             Action::Refined(refined) => self.session.take_refined(&refined.0, &refined.1),
+            Action::JointMayTake(milliseconds) => self.session.joint_may_take = milliseconds,
             Action::Compare(site) => self.compared = site.map(|site| *site),
             Action::Pause => self.pause(),
             Action::Snap => self.session.snap = !self.session.snap,

@@ -128,7 +128,7 @@ impl Editor {
 
     /// Moves what is selected by so many pixels; marks, and the camera where nothing is, by tenths of a metre.
     fn nudge_by(&mut self, by: [f64; 2], pane: Option<Pane>) {
-        if !self.tool.is_idle() {
+        if !self.tool().is_idle() {
             self.cancel();
         }
         let session = &mut self.session;

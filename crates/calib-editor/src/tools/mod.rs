@@ -109,6 +109,11 @@ pub trait Tool: std::fmt::Debug {
     /// Whether no gesture is under way.
     fn is_idle(&self) -> bool;
 
+    /// Whether it has made the one thing that it makes, so that the hand is free.
+    fn is_over(&self) -> bool {
+        false
+    }
+
     /// What the next click or release does.
     fn hint(&self, session: &Session) -> String;
 
@@ -155,6 +160,14 @@ pub struct ToolRow {
     pub kind: Option<Kind>,
     /// Makes one.
     pub make: fn() -> Box<dyn Tool>,
+}
+
+impl ToolRow {
+    /// Whether it does something on the plan; where it does not, the handles there are moved.
+    #[must_use]
+    pub fn acts_on_plan(&self) -> bool {
+        matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure)
+    }
 }
 
 /// Every tool, in the order of the tool strip.

@@ -26,15 +26,16 @@ enum Makes {
 pub(super) struct Polyline {
     makes: Makes,
     gesture: Gesture,
+    is_over: bool,
 }
 
 impl Polyline {
     pub(super) const fn straight() -> Self {
-        Self { makes: Makes::StraightEdge, gesture: Gesture::Idle }
+        Self { makes: Makes::StraightEdge, gesture: Gesture::Idle, is_over: false }
     }
 
     pub(super) const fn field() -> Self {
-        Self { makes: Makes::Field, gesture: Gesture::Idle }
+        Self { makes: Makes::Field, gesture: Gesture::Idle, is_over: false }
     }
 
     fn show(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
@@ -54,14 +55,17 @@ impl Polyline {
     }
 
     /// Ends with the points that were set; too few are none.
-    fn finish(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
+    fn finish(&mut self, session: &mut Session, camera: usize, points: &[Pixel]) {
         self.show(session, camera, points);
         if points.len() < 3 {
             session.note = Some("Needs three points.".into());
             return;
         }
         match self.makes {
-            Makes::Field => session.commit("draw the field of view"),
+            Makes::Field => {
+                session.commit("draw the field of view");
+                self.is_over = true;
+            }
             Makes::StraightEdge => {
                 let part = session.selection.first().copied();
                 let name = part.map_or_else(String::new, |part| session.part_name(part));
@@ -138,6 +142,10 @@ impl Tool for Polyline {
 
     fn is_idle(&self) -> bool {
         self.gesture == Gesture::Idle
+    }
+
+    fn is_over(&self) -> bool {
+        self.is_over
     }
 
     fn hint(&self, _: &Session) -> String {

@@ -23,6 +23,8 @@ enum Gesture {
 pub(super) struct Segment {
     kind: Kind,
     gesture: Gesture,
+    /// The line in the hand as it is shown.
+    shown: [Pixel; 2],
 }
 
 /// A line shorter than this is a slip, in pixels.
@@ -30,7 +32,7 @@ const LEAST: f64 = 2.0;
 
 impl Segment {
     pub(super) const fn new(kind: Kind) -> Self {
-        Self { kind, gesture: Gesture::Idle }
+        Self { kind, gesture: Gesture::Idle, shown: [Pixel::new(0.0, 0.0); 2] }
     }
 
     fn show(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) -> Option<Part> {
@@ -46,15 +48,26 @@ impl Segment {
     }
 
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
-        let pulled = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
-        let line = pulled.and_then(|still| snap::pull(still, line)).unwrap_or(line);
+        self.end(session, camera, pulled(line, pointer));
+        Gesture::Idle
+    }
+
+    fn end(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) {
         if let Some(part) = self.show(session, camera, line) {
             let name = format!("add {}", session.part_name(part));
             session.fresh_group = false;
             session.commit(name);
+            if self.kind.row().has_length {
+                session.note = Some("Enter its length in the list: until then it says nothing.".into());
+            }
         }
-        Gesture::Idle
     }
+}
+
+/// The line on the edge that it runs along, while Alt asks for that and there is one.
+fn pulled(line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
+    let still = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
+    still.and_then(|still| snap::pull(still, line)).unwrap_or(line)
 }
 
 /// Foot first for what stands upright.
@@ -85,18 +98,28 @@ impl Tool for Segment {
                 None => Gesture::Placed { camera, start, end: at },
             },
             (Gesture::Pressed { start, .. }, _) => {
-                self.show(session, camera, [start, at]);
+                // The edge that it would be pulled onto is seen before it is taken.
+                self.shown = pulled([start, at], pointer);
+                self.show(session, camera, self.shown);
                 Gesture::Pressed { camera, start, end: at }
             }
             (Gesture::Placed { start, .. }, Phase::Release) => {
                 self.finish(session, camera, [start, at], pointer)
             }
             (Gesture::Placed { start, .. }, _) => {
-                self.show(session, camera, [start, at]);
+                self.shown = pulled([start, at], pointer);
+                self.show(session, camera, self.shown);
                 Gesture::Placed { camera, start, end: at }
             }
             (Gesture::Idle, _) => Gesture::Idle,
         };
+    }
+
+    fn accept(&mut self, session: &mut Session) {
+        // The line ends as it is shown, on its edge if Alt is held.
+        if let Gesture::Placed { camera, .. } = std::mem::take(&mut self.gesture) {
+            self.end(session, camera, self.shown);
+        }
     }
 
     fn cancel(&mut self) {
@@ -123,7 +146,7 @@ impl Tool for Segment {
             (Gesture::Idle, Kind::Vertical) => "Draw along something plumb: drag, or click both ends.".into(),
             (Gesture::Idle, _) => format!("Draw a {title} line on the floor: drag, or click both ends."),
             (Gesture::Pressed { .. }, _) => "Release to set the end.  Alt: pull onto the edge".into(),
-            (Gesture::Placed { .. }, _) => "Click to set the end.  Alt: pull onto the edge".into(),
+            (Gesture::Placed { .. }, _) => "Click or Enter to set the end.  Alt: pull onto the edge".into(),
         }
     }
 

@@ -46,6 +46,14 @@ impl Platform for Native {
         files::write_quickly(path, bytes)
     }
 
+    fn now() -> Option<u64> {
+        std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).ok().map(|since| since.as_secs())
+    }
+
+    fn is_read_only(path: &Path) -> bool {
+        std::fs::metadata(path).is_ok_and(|file| file.permissions().readonly())
+    }
+
     fn data_dir() -> Option<PathBuf> {
         files::data_dir()
     }

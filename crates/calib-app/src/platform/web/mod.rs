@@ -56,6 +56,15 @@ impl Platform for Web {
         Err(format!("{}: there are no files here", path.display()))
     }
 
+    // The shelf dates what it keeps.
+    fn now() -> Option<u64> {
+        None
+    }
+
+    fn is_read_only(_: &Path) -> bool {
+        false
+    }
+
     fn data_dir() -> Option<PathBuf> {
         None
     }

@@ -1,0 +1,109 @@
+//! What has to be decided before anything is written: over whose work, and where.
+
+use egui::{Align2, Context, Key, RichText, TextEdit, Ui, Vec2, Window};
+
+use crate::choice::Purpose;
+use crate::state::{App, Conflict, Decision, PathField, Why};
+use crate::theme;
+
+/// The sheet that asks, if there is one.
+pub fn show(app: &mut App, ctx: &Context) {
+    if let Some(conflict) = app.conflict.clone() {
+        sheet("A file is not written", ctx, |ui| decide(app, ui, &conflict));
+    }
+    if let Some(field) = app.path_field.clone() {
+        sheet("A path", ctx, |ui| path(app, ui, field));
+    }
+}
+
+fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
+    Window::new(title)
+        .title_bar(false)
+        .resizable(false)
+        .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
+        .default_width(420.0)
+        .show(ctx, contents);
+}
+
+fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
+    let palette = theme::palette(ui.ctx());
+    let name = conflict.path.display().to_string();
+    ui.set_max_width(420.0);
+    let (what, way_out) = match &conflict.why {
+        Why::Changed(_) => (
+            format!("{name} was changed since it was read here."),
+            "Reload opens what the file holds; your work stays under \u{201c}Work that was not saved\u{201d}. \
+             Overwrite puts yours in its place.",
+        ),
+        Why::ReadOnly => {
+            (format!("{name} is read-only."), "Save under another name, or write it all the same.")
+        }
+    };
+    ui.label(RichText::new(what).font(theme::medium(13.0)));
+    if let Why::Changed(differences) = &conflict.why {
+        changes(ui, differences);
+    }
+    ui.label(RichText::new(way_out).color(palette.text2));
+    let reload = (matches!(conflict.why, Why::Changed(_))).then_some(("Reload", Decision::Reload));
+    let others = [
+        ("Save as\u{2026}", Decision::SaveAs),
+        ("Overwrite", Decision::Overwrite),
+        ("Leave it", Decision::Leave),
+    ];
+    ui.horizontal(|ui| {
+        for (text, decision) in reload.into_iter().chain(others) {
+            if ui.button(text).clicked() {
+                app.settle_conflict(decision);
+            }
+        }
+    });
+}
+
+/// What somebody else did to the file.
+fn changes(ui: &mut Ui, differences: &[String]) {
+    const MOST: usize = 8;
+    if differences.is_empty() {
+        ui.label("It differs in results or in layout alone.");
+    }
+    for difference in differences.iter().take(MOST) {
+        ui.label(format!("In the file, {difference}"));
+    }
+    if differences.len() > MOST {
+        ui.label(format!("and {} more", differences.len() - MOST));
+    }
+}
+
+fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
+    let palette = theme::palette(ui.ctx());
+    let what = match field.purpose {
+        Purpose::OpenSite => "Path of the site to open",
+        Purpose::SaveSite | Purpose::SavePlain => "Path to save the site to",
+        Purpose::AddImages => "Path of an image, or of a folder of images",
+        Purpose::LoadPlan => "Path of the floor plan",
+        Purpose::ReplaceStill => "Path of the still",
+        Purpose::Compare => "Path of the saved version",
+        Purpose::Import => "Path of the file to import",
+        Purpose::Export => "Path of the folder to export into",
+        Purpose::SavePicture => "Path to save the picture to",
+    };
+    let label = ui.label(RichText::new(what).font(theme::medium(13.0)));
+    let why = "This system has no file chooser: xdg-desktop-portal or zenity brings one.";
+    ui.label(RichText::new(why).color(palette.text2));
+    let typed = ui.add(TextEdit::singleline(&mut field.text).desired_width(400.0)).labelled_by(label.id);
+    let is_entered = typed.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    let mut decided = is_entered.then(|| Some(field.clone()));
+    ui.horizontal(|ui| {
+        if ui.button("OK").clicked() {
+            decided = Some(Some(field.clone()));
+        }
+        if ui.button("Cancel").clicked() {
+            decided = Some(None);
+        }
+    });
+    match decided {
+        Some(decision) => app.take_typed(decision),
+        None if !typed.has_focus() && field.text.is_empty() => typed.request_focus(),
+        None => {}
+    }
+    app.path_field = Some(field);
+}

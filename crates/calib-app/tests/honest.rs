@@ -1,0 +1,127 @@
+//! The ± stays honest: nothing enters the solve that was not put on pixels, and no length that was not measured.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::files::Images;
+use calib_core::{Kind, Site};
+use calib_editor::Pane;
+use desk::{Desk, demo};
+use egui::{Event, Key};
+use egui_kittest::kittest::Queryable as _;
+
+/// The first camera of the demonstration with its verticals alone, so that floor lines would help.
+fn verticals_alone() -> Site {
+    let mut site = demo();
+    site.cameras.truncate(1);
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    let camera = &mut site.cameras[0];
+    camera.annotations.retain(|annotation| annotation.kind == Kind::Vertical);
+    (camera.control_points, camera.placement) = (Vec::new(), None);
+    site
+}
+
+fn focal_sigma(desk: &Desk) -> Option<f64> {
+    desk.harness.state().editor.session().solution().unwrap().sigma.as_ref().unwrap().focal_px
+}
+
+#[test]
+fn asking_what_helps_takes_its_tool_and_draws_nothing() {
+    let mut desk = Desk::new(verticals_alone());
+    let (before, sigma) = (desk.site().clone(), focal_sigma(&desk));
+    let kind = desk.app().proposal().expect("something would help").kind;
+    desk.key(Key::N);
+    assert!(*desk.site() == before, "nothing is drawn");
+    assert_eq!(focal_sigma(&desk), sigma, "and nothing is surer than it was");
+    assert_eq!(desk.app().editor.tool_kind(), Some(kind), "the tool is in the hand");
+}
+
+#[test]
+fn an_edge_of_the_image_is_suggested_and_a_click_takes_that_edge() {
+    let mut site = verticals_alone();
+    let plain = Desk::new(site.clone());
+    let next = plain.harness.state().proposal().unwrap().clone();
+    assert_ne!(next.kind, Kind::EqualLength);
+    // A picture with bars a little beside where the proposal lies, and one without any.
+    let bars: Vec<_> = next.segments_px.iter().map(|[a, b]| [[a.u + 25.0, a.v], [b.u + 25.0, b.v]]).collect();
+    for has_bars in [false, true] {
+        let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
+            let at = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+            image::Rgb([if has_bars && bars.iter().any(|bar| is_on(bar, at)) { 220 } else { 70 }; 3])
+        });
+        let mut png = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let mut images = Images::default();
+        site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
+        let mut desk = Desk::with(site.clone(), images);
+        desk.key(Key::N);
+        desk.harness.run_steps(2);
+        desk.wait(|app| app.pictures.loading() == 0 && !app.is_working());
+        desk.harness.run_steps(3);
+        let ctx = desk.harness.ctx.clone();
+        let suggested = desk.app().suggested(&ctx);
+        assert_eq!(suggested.len(), if has_bars { next.segments_px.len() } else { 0 });
+        let Some(&[a, b]) = suggested.first() else { continue };
+        desk.click(Pane::Image(0), [0.5 * (a.u + b.u), 0.5 * (a.v + b.v)]);
+        let drawn = desk.site().cameras[0].annotations.last().unwrap();
+        assert_eq!(drawn.kind, next.kind);
+        let line = drawn.polylines().next().unwrap();
+        assert!(line.contains(&a) && line.contains(&b), "{line:?} is not the edge {a:?} {b:?}");
+    }
+}
+
+/// Whether a point lies on a bar 12 px wide.
+fn is_on(bar: &[[f64; 2]; 2], at: [f64; 2]) -> bool {
+    let [a, b] = bar;
+    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+    let length = dx.hypot(dy);
+    let along = ((at[0] - a[0]) * dx + (at[1] - a[1]) * dy) / length;
+    let across = ((at[0] - a[0]) * dy - (at[1] - a[1]) * dx) / length;
+    (0.0..=length).contains(&along) && across.abs() <= 6.0
+}
+
+#[test]
+fn a_distance_is_empty_until_it_was_measured_and_its_plus_minus_is_typed() {
+    let mut site = demo();
+    site.distances.clear();
+    let mut desk = Desk::new(site);
+    desk.key(Key::Num3);
+    let ids: Vec<String> = desk.site().links.iter().filter_map(|link| link.id.clone()).take(2).collect();
+    desk.app().pair = [ids[0].clone(), ids[1].clone()];
+    desk.harness.run_steps(3);
+    assert!(desk.site().distances.is_empty(), "choosing two things measures nothing");
+    let label = "measured";
+    let field = "the empty field";
+    desk.harness.get_all_by_label(label).last().expect(field).focus();
+    desk.harness.run_steps(2);
+    desk.key(Key::Enter);
+    assert!(desk.site().distances.is_empty(), "an empty field enters nothing");
+    desk.harness.get_all_by_label(label).last().expect(field).focus();
+    desk.harness.run_steps(2);
+    desk.harness.event(Event::Text("4.25".into()));
+    desk.harness.run_steps(2);
+    desk.key(Key::Enter);
+    let distances = &desk.site().distances;
+    assert_eq!(distances.len(), 1);
+    assert_eq!(
+        (distances[0].length_m.value, &distances[0].between),
+        (4.25, &[ids[0].clone(), ids[1].clone()])
+    );
+    desk.undo();
+    assert!(desk.site().distances.is_empty());
+}
+
+#[test]
+fn a_known_length_says_nothing_before_it_is_entered() {
+    let mut desk = Desk::new(demo());
+    let height =
+        |desk: &Desk| desk.harness.state().editor.session().solution().unwrap().position_m.map(|at| at.z);
+    let before = (height(&desk), desk.harness.state().editor.session().solution().unwrap().focal_px);
+    desk.take("Known length");
+    desk.line(0, [700.0, 800.0].into(), [1100.0, 820.0].into());
+    let after = (height(&desk), desk.harness.state().editor.session().solution().unwrap().focal_px);
+    assert_eq!(before, after);
+    let drawn = desk.site().cameras[0].annotations.iter().rfind(|a| a.kind == Kind::KnownLength).unwrap();
+    assert!(drawn.off);
+}

@@ -1,0 +1,105 @@
+//! Nobody's work is lost: a file that somebody else wrote is not overwritten without asking.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::choice::Purpose;
+use calib_app::dialog::Dialog;
+use calib_app::files;
+use calib_app::state::{PathField, Why};
+use calib_core::{Pixel, Site};
+use calib_tests::Scratch;
+use desk::{Desk, demo};
+use egui::{Key, Modifiers};
+use egui_kittest::kittest::Queryable as _;
+
+/// A window with the site of a file open.
+fn window(scratch: &Scratch) -> Desk {
+    let mut desk = Desk::new(Site::new());
+    let path = scratch.path("site.json");
+    desk.app().open_path(&path);
+    desk.harness.run_steps(2);
+    desk
+}
+
+fn lines(site: &Site) -> usize {
+    site.cameras[0].annotations.iter().map(|a| a.polylines().count()).sum()
+}
+
+fn draw_and_save(desk: &mut Desk, u: f64) {
+    desk.take("Vertical");
+    desk.line(0, Pixel::new(u, 300.0), Pixel::new(u, 500.0));
+    desk.keys(Modifiers::COMMAND, Key::S);
+    desk.harness.run_steps(3);
+}
+
+fn saved(scratch: &Scratch) -> Site {
+    files::open(&scratch.path("site.json")).unwrap().0
+}
+
+#[test]
+fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
+    let scratch = Scratch::new();
+    scratch.write("site.json", demo().to_json());
+    let before = lines(&demo());
+    let (mut first, mut second) = (window(&scratch), window(&scratch));
+    draw_and_save(&mut first, 600.0);
+    assert_eq!(lines(&saved(&scratch)), before + 1);
+    draw_and_save(&mut second, 900.0);
+    assert_eq!(lines(&saved(&scratch)), before + 1, "nothing is written before that is decided");
+    let words = second.words().join("\n");
+    let told = format!("shop-1: lines: {}, were {before}", before + 1);
+    assert!(words.contains(&told), "{words}");
+    second.harness.get_by_label("Overwrite").click();
+    second.harness.run_steps(3);
+    let left = saved(&scratch).cameras[0].annotations.clone();
+    assert!(left == second.site().cameras[0].annotations, "the operator has decided");
+    // And from then on it is the second window's.
+    draw_and_save(&mut second, 950.0);
+    assert_eq!(second.harness.state().conflict, None);
+    // The first one reloads, and its own work waits.
+    draw_and_save(&mut first, 620.0);
+    first.harness.get_by_label("Reload").click();
+    first.harness.run_steps(3);
+    assert_eq!(lines(first.site()), before + 2);
+    assert!(first.harness.state().editor.session().is_saved());
+}
+
+#[test]
+fn a_read_only_file_asks() {
+    let scratch = Scratch::new();
+    scratch.write("site.json", demo().to_json());
+    let path = scratch.path("site.json");
+    let mut closed = std::fs::metadata(&path).unwrap().permissions();
+    closed.set_readonly(true);
+    std::fs::set_permissions(&path, closed).unwrap();
+    let mut desk = window(&scratch);
+    draw_and_save(&mut desk, 600.0);
+    assert_eq!(desk.harness.state().conflict.as_ref().map(|c| c.why.clone()), Some(Why::ReadOnly));
+    assert_eq!(lines(&saved(&scratch)), lines(&demo()));
+    desk.key(Key::Escape);
+    assert_eq!(desk.harness.state().conflict, None);
+}
+
+#[test]
+fn without_a_file_chooser_a_path_is_typed() {
+    let scratch = Scratch::new();
+    let mut desk = Desk::new(demo());
+    // A chooser that closes at once was never there.
+    desk.app().chooser = |purpose| Dialog::refused(purpose);
+    desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    desk.harness.run_steps(3);
+    assert_eq!(
+        desk.harness.state().path_field,
+        Some(PathField { purpose: Purpose::SaveSite, text: String::new() })
+    );
+    desk.harness.get_by_label("Path to save the site to").focus();
+    desk.harness.run_steps(2);
+    let path = scratch.path("typed.json");
+    desk.harness.event(egui::Event::Text(path.display().to_string()));
+    desk.harness.run_steps(2);
+    desk.key(Key::Enter);
+    desk.harness.run_steps(2);
+    assert_eq!(files::open(&path).unwrap().0.cameras.len(), demo().cameras.len());
+}

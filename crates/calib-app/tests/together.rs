@@ -1,0 +1,162 @@
+//! What was solved together, and one verdict a camera, as the window tells of them.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::App;
+use calib_app::files::Images;
+use calib_core::{Kind, Pixel, Site, Stage};
+use calib_editor::{Action, Pane, PlanHandle, TOOLS, plan_handles};
+use desk::{Desk, demo};
+use egui::{Context, Event, Key, Modifiers, PointerButton, Vec2};
+use egui_kittest::kittest::Queryable as _;
+
+fn stage(desk: &Desk, camera: usize) -> Stage {
+    desk.harness.state().editor.session().solved.solution(camera).unwrap().stage
+}
+
+#[test]
+fn what_is_out_of_date_says_so_everywhere_and_one_button_mends_it() {
+    let mut desk = Desk::new(demo());
+    desk.refine();
+    assert_eq!(stage(&desk, 0), Stage::Refined);
+    // No time to solve it on the way.
+    desk.app().act(Action::JointMayTake(-1.0));
+    desk.take("Vertical");
+    let plumb = desk.site().cameras[0].annotations[0].polylines().next().unwrap();
+    desk.line(0, Pixel::new(plumb[0].u + 0.4, plumb[0].v), plumb[1]);
+    desk.harness.run_steps(3);
+    for key in [Key::Num1, Key::Num2, Key::Num3] {
+        desk.key(key);
+        let words = desk.words().join("\n");
+        assert!(words.contains("Refined together, out of date"), "{words}");
+    }
+    desk.key(Key::Num1);
+    desk.harness.get_by_label("Refine again").click();
+    desk.harness.run_steps(2);
+    desk.wait(|app| !app.is_working());
+    desk.harness.run_steps(3);
+    assert!(desk.harness.state().editor.session().solved.is_joint_current());
+    assert!(desk.harness.query_by_label("Refine again").is_none());
+}
+
+#[test]
+fn a_joint_solution_outlives_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut app = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    let before = demo();
+    app.open_site(before.clone(), Images::default(), None);
+    let mut harness = egui_kittest::Harness::builder()
+        .with_context_setup(calib_app::theme::install)
+        .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+    let refined = calib_editor::refined(before.clone());
+    harness.state_mut().act(Action::Refined(Box::new((before, refined))));
+    harness.run_steps(3);
+    let pose = |app: &App| *app.editor.session().solved.pose(1).unwrap();
+    let (kept, focal) = (pose(harness.state()), pose(harness.state()).focal);
+    drop(harness);
+    let mut app = App::new(&Context::default(), Some(folder.path().to_path_buf()));
+    app.recover(0);
+    assert_eq!(app.editor.session().solved.solution(1).unwrap().stage, Stage::Refined);
+    assert_eq!((pose(&app), pose(&app).focal), (kept, focal));
+}
+
+/// The first camera with verticals that contradict each other and some that the solve sets aside.
+fn contradictory() -> Site {
+    let mut site = demo();
+    site.cameras.truncate(1);
+    (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
+    let camera = &mut site.cameras[0];
+    (camera.control_points, camera.placement) = (Vec::new(), None);
+    for drawn in camera.annotations.iter_mut().filter(|drawn| drawn.kind == Kind::Vertical) {
+        drawn.keep = true;
+        for (index, line) in drawn.segments.iter_mut().flatten().enumerate() {
+            line[0].u += if index % 2 == 0 { 30.0 } else { -30.0 };
+        }
+    }
+    camera.efov_px = Some([[100.0, 1000.0], [1800.0, 1000.0], [960.0, 20.0]].map(Pixel::from).to_vec());
+    site
+}
+
+#[test]
+fn a_camera_that_does_not_fit_is_wrong_in_the_list_and_its_gravest_warning_is_open() {
+    let mut desk = Desk::new(contradictory());
+    desk.harness.run_steps(2);
+    let warnings = desk.app().editor.session().solution().unwrap().warnings.clone();
+    assert!(warnings.len() > 1, "{warnings:?}");
+    let more = format!("{} more", warnings.len() - 1);
+    let advice = |desk: &Desk| {
+        let words = desk.words().join("\n");
+        warnings.iter().filter(|warning| words.contains(&warning.advice)).count()
+    };
+    assert_eq!(advice(&desk), 1, "one is open");
+    desk.harness.get_by_label(&more).click();
+    desk.harness.run_steps(3);
+    assert_eq!(advice(&desk), warnings.len(), "and none is cut");
+    assert_eq!(desk.harness.query_all_by_label("Show").count(), warnings.len(), "each can be shown");
+    let told = calib_editor::verdict(desk.app().editor.session(), 0);
+    assert_eq!(told.standing, calib_editor::Standing::Wrong, "{told:?}");
+}
+
+#[test]
+fn a_hand_moves_a_camera_on_the_plan_whatever_tool_it_holds() {
+    for tool in TOOLS.iter().filter(|tool| !tool.acts_on_plan()) {
+        let mut site = demo();
+        site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
+        let mut desk = Desk::new(site);
+        desk.key(Key::Num2);
+        desk.take(tool.title);
+        let before = desk.site().cameras[0].annotations.clone();
+        let foot = plan_handles(desk.app().editor.session(), 0)[0];
+        assert_eq!(foot.0, PlanHandle::Foot);
+        let from = desk.screen(Pane::Plan, foot.1);
+        let place = desk.site().cameras[0].placement.clone();
+        desk.drag_screen(
+            &[from, from + Vec2::new(30.0, 10.0), from + Vec2::new(40.0, 20.0)],
+            Modifiers::NONE,
+        );
+        assert_ne!(desk.site().cameras[0].placement, place, "{}", tool.title);
+        assert!(desk.site().cameras[0].annotations == before, "{} drew something", tool.title);
+        desk.undo();
+        assert_eq!(desk.site().cameras[0].placement, place, "{}", tool.title);
+    }
+}
+
+#[test]
+fn many_strokes_that_come_in_one_frame_are_all_drawn() {
+    const STROKES: u16 = 60;
+    let mut desk = Desk::new(demo());
+    desk.take("Vertical");
+    let depth = desk.app().editor.session().history.depth();
+    let ends: Vec<_> = (0..STROKES)
+        .map(|i| {
+            let u = 300.0 + 20.0 * f64::from(i);
+            [[u, 400.0], [u, 560.0]].map(|at| desk.screen(Pane::Image(0), at))
+        })
+        .collect();
+    let button = |pos, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    // All of them between two frames, as a window that was busy finds them.
+    let input = desk.harness.input_mut();
+    for [from, to] in ends {
+        let middle = from.lerp(to, 0.5);
+        input.events.extend([
+            Event::PointerMoved(from),
+            button(from, true),
+            Event::PointerMoved(middle),
+            Event::PointerMoved(to),
+            button(to, false),
+        ]);
+    }
+    let start = std::time::Instant::now();
+    desk.harness.step();
+    let took = start.elapsed();
+    desk.harness.step();
+    assert_eq!(desk.app().editor.session().history.depth(), depth + usize::from(STROKES));
+    println!("{STROKES} strokes in {took:?}");
+}

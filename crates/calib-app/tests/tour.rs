@@ -1,0 +1,167 @@
+//! The tour, by a newcomer with a pointer and no knowledge: what the strip says is pressed, what it names is done.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::command::Command;
+use calib_core::{Camera, Kind, Pixel, WorldPoint};
+use calib_editor::{Pane, PlanHandle, plan_handles};
+use desk::Desk;
+use egui::{Modifiers, Pos2};
+use egui_kittest::kittest::Queryable as _;
+
+/// A newcomer, who sees the image of the first camera: where its edges and tiles are is on it.
+struct Newcomer {
+    desk: Desk,
+    eye: Camera,
+}
+
+impl Newcomer {
+    fn begin() -> Self {
+        let mut desk = Desk::new(calib_core::Site::new());
+        desk.tell(Command::Tour);
+        Self { desk, eye: calib_demo::demo_site().truth[0].1 }
+    }
+
+    /// The pointer presses what says this.
+    fn press(&mut self, label: &str) {
+        let at = self.desk.harness.get_all_by_label_contains(label).next().unwrap().rect().center();
+        self.desk.drag_screen(&[at], Modifiers::NONE);
+        self.desk.harness.run_steps(3);
+    }
+
+    fn says(&self, text: &str) -> bool {
+        self.desk.words().iter().any(|word| word.contains(text))
+    }
+
+    fn sees(&self, [x, y, z]: [f64; 3]) -> Pixel {
+        self.eye.world_to_pixel(WorldPoint::new(x, y, z)).unwrap()
+    }
+
+    fn line(&mut self, a: Pixel, b: Pixel) {
+        self.desk.line(0, a, b);
+        self.desk.harness.run_steps(3);
+    }
+
+    /// The upright edges and the joints of the tiles that are drawn in the demonstration are there to be seen.
+    fn visible(&self, kind: Kind) -> Vec<Vec<Vec<Pixel>>> {
+        let demo = calib_demo::demo_site().site;
+        let of_kind = demo.cameras[0].annotations.iter().filter(|drawn| drawn.kind == kind).cloned();
+        of_kind.map(|drawn| drawn.polylines().collect()).collect()
+    }
+
+    fn drag_handle(&mut self, wanted: PlanHandle, to: impl Fn(&Self, [f64; 2]) -> [f64; 2]) {
+        let handles = plan_handles(self.desk.app().editor.session(), 0);
+        let from = handles.into_iter().find(|(handle, _)| *handle == wanted).unwrap().1;
+        let to = to(self, from);
+        let points: Vec<Pos2> = [from, to].iter().map(|&at| self.desk.screen(Pane::Plan, at)).collect();
+        self.desk.drag_screen(&[points[0], points[0].lerp(points[1], 0.5), points[1]], Modifiers::NONE);
+        self.desk.harness.run_steps(3);
+    }
+}
+
+#[test]
+fn the_tour_is_done_by_what_it_says_and_by_nothing_less() {
+    let mut newcomer = Newcomer::begin();
+    plumb_lines(&mut newcomer);
+    floor_lines(&mut newcomer);
+    field_of_view(&mut newcomer);
+    place(&mut newcomer);
+    check(&mut newcomer);
+    assert!(newcomer.says("With your own images"), "{:?}", newcomer.desk.words());
+    newcomer.press("Close");
+    assert!(!newcomer.says("With your own images"));
+}
+
+fn plumb_lines(newcomer: &mut Newcomer) {
+    assert!(newcomer.says("Step 1 of 5"));
+    let plumb: Vec<Vec<Pixel>> = newcomer.visible(Kind::Vertical).into_iter().flatten().collect();
+    newcomer.press("Vertical tool (V)");
+    newcomer.line(plumb[0][0], plumb[0][1]);
+    // A line that leans is none.
+    newcomer.line(Pixel::new(300.0, 900.0), Pixel::new(700.0, 500.0));
+    assert!(newcomer.says("Step 1 of 5") && newcomer.says("does not stand upright"));
+    newcomer.press("Undo add");
+    let far =
+        plumb[1..].iter().max_by(|a, b| a[0].distance(plumb[0][0]).total_cmp(&b[0].distance(plumb[0][0])));
+    let far = far.unwrap().clone();
+    newcomer.line(far[0], far[1]);
+}
+
+fn floor_lines(newcomer: &mut Newcomer) {
+    assert!(newcomer.says("Step 2 of 5"), "{:?}", newcomer.desk.words());
+    newcomer.press("Parallel tool (P)");
+    // Joints of the tiles, wherever the floor is free.
+    let (along, across) = joints(newcomer);
+    for line in &along {
+        newcomer.line(line[0], line[1]);
+    }
+    newcomer.press("New direction (W)");
+    for line in &across {
+        newcomer.line(line[0], line[1]);
+    }
+}
+
+/// Two lines of the floor that run one way, and two that cross them, as far apart as the image shows.
+fn joints(newcomer: &Newcomer) -> ([[Pixel; 2]; 2], [[Pixel; 2]; 2]) {
+    let [a, b, c, d] = [[250.0, 800.0], [1300.0, 950.0], [1500.0, 500.0], [600.0, 450.0]]
+        .map(|at| newcomer.eye.pixel_to_floor(at.into(), 0.0).unwrap());
+    let (x0, x1) = (a.x.min(b.x).min(c.x).min(d.x), a.x.max(b.x).max(c.x).max(d.x));
+    let (y0, y1) = (a.y.min(b.y).min(c.y).min(d.y), a.y.max(b.y).max(c.y).max(d.y));
+    let inset = |low: f64, high: f64, share: f64| low + share * (high - low);
+    let at = |s: f64, t: f64| newcomer.sees([inset(x0, x1, s), inset(y0, y1, t), 0.0]);
+    let along = [[at(0.3, 0.35), at(0.7, 0.35)], [at(0.3, 0.65), at(0.7, 0.65)]];
+    let across = [[at(0.35, 0.3), at(0.35, 0.7)], [at(0.65, 0.3), at(0.65, 0.7)]];
+    (along, across)
+}
+
+fn field_of_view(newcomer: &mut Newcomer) {
+    assert!(newcomer.says("Step 3 of 5"), "{:?}", newcomer.desk.words());
+    newcomer.press("Field of view tool (F)");
+    let corners = [[200.0, 1000.0], [1700.0, 1000.0], [1400.0, 420.0], [600.0, 450.0]];
+    for at in corners.into_iter().chain([corners[0]]) {
+        newcomer.desk.click(Pane::Image(0), at);
+    }
+    newcomer.desk.harness.run_steps(3);
+    assert_eq!(newcomer.desk.app().editor.tool_row(), 0, "the hand is free again");
+}
+
+fn place(newcomer: &mut Newcomer) {
+    assert!(newcomer.says("Step 4 of 5"), "{:?}", newcomer.desk.words());
+    newcomer.press("Plan (2)");
+    let truth = newcomer.eye;
+    let there: [f64; 2] = truth.position.on_floor().into();
+    newcomer.drag_handle(PlanHandle::Foot, |_, from| [from[0] + 1.0, from[1] + 1.0]);
+    assert!(newcomer.says("Step 4 of 5"), "it is not there yet");
+    newcomer.drag_handle(PlanHandle::Foot, |_, _| there);
+    newcomer.drag_handle(PlanHandle::Turn, |own, from| {
+        let far = (from[0] - there[0]).hypot(from[1] - there[1]);
+        [there[0] - far * own.eye.yaw.sin(), there[1] + far * own.eye.yaw.cos()]
+    });
+    newcomer.drag_handle(PlanHandle::Scale, |own, from| {
+        let by =
+            own.eye.position.z / own.desk.harness.state().editor.session().solved.pose(0).unwrap().position.z;
+        [there[0] + by * (from[0] - there[0]), there[1] + by * (from[1] - there[1])]
+    });
+}
+
+fn check(newcomer: &mut Newcomer) {
+    assert!(newcomer.says("Step 5 of 5"), "{:?}", newcomer.desk.words());
+    newcomer.press("All cameras (3)");
+    assert!(newcomer.says("Step 5 of 5"), "a look alone is no check");
+    let mark = newcomer.desk.site().marks[0].at_m;
+    let shown = newcomer.desk.app().editor.session().solved.pose(1).unwrap().world_to_pixel(mark).unwrap();
+    let points = [shown, Pixel::new(shown.u - 50.0, shown.v + 20.0)];
+    let points = points.map(|pixel| newcomer.desk.screen(Pane::Image(1), pixel.into()));
+    newcomer.desk.drag_screen(&points, Modifiers::NONE);
+    newcomer.desk.harness.run_steps(3);
+}
+
+#[test]
+fn the_strip_covers_neither_image_nor_button() {
+    let mut newcomer = Newcomer::begin();
+    let strip = newcomer.desk.harness.get_by_label("End the tour").rect();
+    let image = newcomer.desk.app().panes.rects.values().copied().next().unwrap();
+    assert!(!strip.intersects(image), "{strip:?} over {image:?}");
+}

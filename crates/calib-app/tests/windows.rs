@@ -1,0 +1,57 @@
+//! Windows of every size: the image keeps its room, what the next click does is always said, the focus is seen.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::state::Place;
+use calib_editor::Pane;
+use desk::{Desk, demo};
+use egui::{Key, Vec2};
+use egui_kittest::kittest::Queryable as _;
+
+#[test]
+fn panels_fold_by_the_width_that_the_window_has_now() {
+    let mut desk = Desk::new(demo());
+    for (size, least) in [
+        ([1440.0, 900.0], 850.0),
+        ([1100.0, 700.0], 550.0),
+        ([800.0, 600.0], 450.0),
+        ([1440.0, 900.0], 850.0),
+    ] {
+        desk.harness.set_size(Vec2::from(size));
+        desk.harness.run_steps(4);
+        let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+        assert!(rect.width() > least, "{} of {} points are the image's", rect.width(), size[0]);
+        let hint = desk.harness.get_by_label_contains("Click a line or handle").rect();
+        assert!(hint.width() > 150.0, "{hint:?} in a window of {size:?}");
+    }
+}
+
+#[test]
+fn a_note_gives_way_to_what_the_next_click_does() {
+    let mut desk = Desk::new(demo());
+    desk.app().act(calib_editor::Action::Note("Something happened.".into()));
+    desk.harness.run_steps(2);
+    assert!(desk.harness.query_by_label_contains("Something happened").is_some());
+    desk.harness.run_steps(60);
+    assert!(desk.harness.query_by_label_contains("Something happened").is_none(), "it has expired");
+    assert!(desk.harness.query_by_label_contains("Click a line or handle").is_some());
+}
+
+#[test]
+fn sections_are_headings_and_undo_is_said_once() {
+    let mut desk = Desk::new(demo());
+    desk.take("Vertical");
+    desk.line(0, [600.0, 300.0].into(), [600.0, 500.0].into());
+    desk.harness.run_steps(2);
+    let steps = desk.harness.get_by_role_and_label(egui::Role::Heading, "Steps");
+    assert!(steps.rect().width() > 0.0);
+    let undo = desk.words().into_iter().filter(|word| word.starts_with("Undo add")).count();
+    assert_eq!(undo, 1);
+    desk.keys(egui::Modifiers::SHIFT, Key::Questionmark);
+    for title in ["Tools", "Files", "Selected", "View"] {
+        let heading = desk.harness.query_by_role_and_label(egui::Role::Heading, title);
+        assert!(heading.is_some(), "the key sheet has a group {title}");
+    }
+}

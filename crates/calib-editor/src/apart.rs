@@ -1,0 +1,93 @@
+//! How far two views put one link from each other, and how far they may by their own uncertainty.
+
+use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen};
+
+use crate::session::Session;
+
+/// The greatest distance between where two views put a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Apart {
+    /// In metres.
+    pub metres: f64,
+    /// Its standard deviation, in metres, as if the two cameras had nothing in common; `None` where nothing is
+    /// known of the errors of one of them.
+    pub sigma: Option<f64>,
+}
+
+impl Apart {
+    /// Whether chance does not explain it.
+    #[must_use]
+    pub fn is_far(self) -> bool {
+        self.sigma.is_some_and(|sigma| self.metres > 3.0 * sigma)
+    }
+}
+
+/// How far the views of a point are apart on the floor; none of what fewer than two placed cameras show.
+#[must_use]
+pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
+    if link.kind != LinkKind::Point {
+        return None;
+    }
+    let height = link.height_m.unwrap_or(0.0);
+    let places: Vec<_> = link.seen.iter().filter_map(|seen| place(session, seen, height)).collect();
+    let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(move |b| (a, b)));
+    let far =
+        pairs.map(|(a, b)| Apart { metres: a.0.distance(b.0), sigma: a.1.zip(b.1).map(|(a, b)| a.hypot(b)) });
+    far.max_by(|a, b| a.metres.total_cmp(&b.metres))
+}
+
+/// Where a view puts a point, and how uncertain it is there.
+fn place(session: &Session, seen: &LinkSeen, height: f64) -> Option<(FloorPoint, Option<f64>)> {
+    let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+    let (camera, px) = (session.solved.placed(index)?, seen.px?);
+    let drawn = session.site.cameras[index].sigma_px.unwrap_or(1.0);
+    let sigma = camera.floor_covariance(px, drawn).and_then(|covariance| covariance.worst_sigma());
+    Some((camera.pixel_to_floor(px, height)?, sigma))
+}
+
+/// How far two cameras of these poses put the points that both show from each other on the floor: root mean
+/// square, in metres.
+#[must_use]
+pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
+    let put = |link: &Link, camera: usize| {
+        let id = &session.site.cameras.get(camera)?.id;
+        let seen = link.seen.iter().find(|seen| seen.camera == *id)?;
+        poses.get(camera)?.as_ref()?.pixel_to_floor(seen.px?, link.height_m.unwrap_or(0.0))
+    };
+    let points = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Point);
+    let squares: Vec<f64> =
+        points.filter_map(|link| Some(put(link, pair[0])?.distance(put(link, pair[1])?).powi(2))).collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// Of the links of which a camera shows a part: how many are farther apart than chance explains, and of how many.
+#[must_use]
+pub fn far_links(session: &Session, camera: usize) -> (usize, usize) {
+    let id = session.site.cameras.get(camera).map_or("", |camera| &camera.id);
+    let own = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == id);
+    let known = session.site.links.iter().filter(own).filter_map(|link| apart(session, link));
+    known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_far()), all + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::images::Images;
+
+    #[test]
+    fn a_link_put_on_another_thing_is_apart_and_the_others_are_not() {
+        let mut site = calib_demo::demo_site().site;
+        let is_point = |link: &&mut Link| link.kind == LinkKind::Point && link.seen.len() > 1;
+        let link = site.links.iter_mut().find(is_point).unwrap();
+        let (id, camera) = (link.id.clone(), link.seen[0].camera.clone());
+        let before = Session::new(calib_demo::demo_site().site, Images::default(), None);
+        let index = before.site.cameras.iter().position(|known| known.id == camera).unwrap();
+        let (far, all) = far_links(&before, index);
+        assert!(all > 0 && far < all, "{far} of {all}");
+        link.seen[0].px.as_mut().unwrap().u += 300.0;
+        let after = Session::new(site, Images::default(), None);
+        let moved = after.site.links.iter().find(|link| link.id == id).unwrap();
+        assert!(apart(&after, moved).unwrap().is_far());
+        assert!(far_links(&after, index).0 > far);
+    }
+}

@@ -1,0 +1,52 @@
+//! Where links and marks are by what is known today: hints for whoever measures, never measurements.
+
+use calib_core::{Link, LinkKind, Pixel, WorldPoint};
+
+use crate::epipolar::post_length;
+use crate::session::Session;
+
+/// Where a link or mark of this id is, by the cameras that show it.
+#[must_use]
+pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
+    let is_own = |own: &Option<String>| own.as_deref() == Some(id);
+    if let Some(mark) = session.site.marks.iter().find(|mark| is_own(&mark.id)) {
+        return Some(mark.at_m);
+    }
+    let index = session.site.links.iter().position(|link| is_own(&link.id))?;
+    if let Some(found) = session.solved.joint_link(&session.site, index) {
+        return Some(found.at_m);
+    }
+    let link = &session.site.links[index];
+    let height = link.height_m.unwrap_or(0.0);
+    let seen = link.seen.iter().filter_map(|seen| {
+        let camera = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+        session.solved.placed(camera)?.pixel_to_floor(seen.px.or(seen.foot)?, height)
+    });
+    let places: Vec<_> = seen.collect();
+    let count = places.len() as f64;
+    let (x, y) = (places.iter().map(|at| at.x).sum::<f64>(), places.iter().map(|at| at.y).sum::<f64>());
+    (!places.is_empty()).then(|| WorldPoint::new(x / count, y / count, height))
+}
+
+/// How far two links or marks are from each other, in metres.
+#[must_use]
+pub fn estimated_distance(session: &Session, [a, b]: &[String; 2]) -> Option<f64> {
+    Some(place_of(session, a)?.distance(place_of(session, b)?))
+}
+
+/// How long a post looks in a view that shows it, in metres.
+#[must_use]
+pub fn estimated_post(session: &Session, link: &Link) -> Option<f64> {
+    link.seen.iter().filter(|_| link.kind == LinkKind::Post).find_map(|seen| {
+        let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+        let camera = session.solved.pose(index)?;
+        post_length(camera, camera.pixel_to_floor(seen.foot?, 0.0)?, seen.head?)
+    })
+}
+
+/// How long a line of the floor looks to the camera in hand, in metres.
+#[must_use]
+pub fn estimated_line(session: &Session, line: &[Pixel]) -> Option<f64> {
+    let on_floor = |pixel: &Pixel| session.pose()?.pixel_to_floor(*pixel, 0.0);
+    Some(on_floor(line.first()?)?.distance(on_floor(line.last()?)?))
+}

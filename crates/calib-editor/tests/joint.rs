@@ -1,0 +1,161 @@
+//! What was solved together stays until what it follows from differs; then it is solved again, or says that it is
+//! out of date.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use calib_core::{Mark, Pixel, Site, Stage};
+use calib_editor::command::{Cameras, Gesture};
+use calib_editor::{Action, Editor, Images, NewStill, Opened, parse, refined};
+
+/// One camera of the demonstration shares nothing with the others.
+const TOGETHER: [Stage; 5] = [Stage::Refined, Stage::Refined, Stage::Refined, Stage::Placed, Stage::Refined];
+
+/// The demonstration, refined by its operator.
+fn together() -> Editor {
+    let mut editor = Editor::default();
+    open(&mut editor, calib_demo::demo_site().site);
+    let before = editor.site().clone();
+    editor.apply(Action::Refined(Box::new((before.clone(), refined(before)))));
+    assert!(editor.session().solved.is_joint_current());
+    assert_eq!(stages(&editor), TOGETHER);
+    editor
+}
+
+fn open(editor: &mut Editor, site: Site) {
+    let opened = Opened { site, images: Images::default(), path: None, is_unsaved: false };
+    editor.apply(Action::Open(Box::new(opened)));
+}
+
+fn stages(editor: &Editor) -> Vec<Stage> {
+    let session = editor.session();
+    (0..5).filter_map(|camera| Some(session.solved.solution(camera)?.stage)).collect()
+}
+
+fn change(editor: &mut Editor, change: impl FnOnce(&mut Site)) {
+    let mut site = editor.site().clone();
+    change(&mut site);
+    editor.apply(Action::Change { site: Box::new(site), name: "change".into() });
+}
+
+fn nudged(pixel: &mut Pixel) {
+    pixel.u += 3.0;
+}
+
+fn move_a_line(site: &mut Site) {
+    nudged(&mut site.cameras[0].annotations[0].segments.as_mut().unwrap()[0][0]);
+}
+
+#[test]
+fn what_it_does_not_follow_from_leaves_it() {
+    let mut editor = together();
+    let poses =
+        |editor: &Editor| (0..5).map(|i| *editor.session().solved.pose(i).unwrap()).collect::<Vec<_>>();
+    let before = poses(&editor);
+    let still = NewStill { image: "yard.png".into(), title: "yard".into(), size: [640, 480] };
+    editor.apply(Action::AddCamera(still));
+    let free = Mark { id: Some("free".into()), seen: Vec::new(), ..editor.site().marks[0].clone() };
+    change(&mut editor, |site| site.marks.push(free));
+    change(&mut editor, |site| site.marks.last_mut().unwrap().at_m.x += 1.0);
+    change(&mut editor, |site| site.cameras.swap(0, 4));
+    change(&mut editor, |site| site.cameras.swap(0, 4));
+    change(&mut editor, |site| site.name = Some("Shop".into()));
+    assert!(editor.session().solved.is_joint_current());
+    assert_eq!(stages(&editor), TOGETHER);
+    assert_eq!(poses(&editor), before);
+}
+
+#[test]
+fn it_outlives_a_reload_of_what_is_kept_after_every_gesture() {
+    let editor = together();
+    let (site, _) = parse(&editor.session().kept().to_json(), None).unwrap();
+    let mut again = Editor::default();
+    open(&mut again, site);
+    assert_eq!(stages(&again), TOGETHER);
+    assert!(again.session().solved.is_joint_current());
+    assert_eq!(again.session().solved.pose(1), editor.session().solved.pose(1));
+}
+
+#[test]
+fn a_changed_line_is_solved_together_on_the_way_as_one_gesture() {
+    let mut editor = together();
+    let before = *editor.session().solved.pose(0).unwrap();
+    editor.apply(Action::JointMayTake(f64::INFINITY));
+    let depth = editor.session().history.depth();
+    change(&mut editor, move_a_line);
+    assert!(editor.session().solved.is_joint_current());
+    assert_eq!(stages(&editor), TOGETHER);
+    assert_ne!(*editor.session().solved.pose(0).unwrap(), before, "the line has moved it");
+    assert_eq!(editor.session().history.depth(), depth + 1);
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert!(editor.session().solved.is_joint_current());
+    assert_eq!(*editor.session().solved.pose(0).unwrap(), before, "undo finds the result it had");
+}
+
+#[test]
+fn where_that_takes_too_long_it_is_out_of_date_and_files_say_so() {
+    let mut editor = together();
+    editor.apply(Action::JointMayTake(-1.0));
+    change(&mut editor, move_a_line);
+    let solved = &editor.session().solved;
+    assert!(solved.is_joint_out_of_date());
+    assert_eq!(solved.solution(0).unwrap().stage, Stage::Placed, "its lines differ");
+    assert_eq!(solved.solution(1).unwrap().stage, Stage::Refined, "it is what it was");
+    let (site, _) = parse(&solved.write_into(editor.site()).to_json(), None).unwrap();
+    let mut again = Editor::default();
+    open(&mut again, site);
+    assert!(again.session().solved.is_joint_out_of_date());
+    let now = again.site().clone();
+    again.apply(Action::Refined(Box::new((now.clone(), refined(now)))));
+    assert!(again.session().solved.is_joint_current());
+}
+
+#[test]
+fn a_place_that_a_hand_gave_is_not_taken_back() {
+    let mut editor = together();
+    editor.apply(Action::JointMayTake(f64::INFINITY));
+    let camera = editor.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
+    let mut placement = editor.session().placement(camera).unwrap();
+    placement.by.x += 1.0;
+    editor.apply(Action::Place { camera, placement, name: "move".into() });
+    assert!(editor.session().solved.is_joint_out_of_date());
+    let at = editor.session().solved.pose(camera).unwrap().position;
+    assert!((at.x - placement.by.x).abs() < 1e-5, "it stands where the hand put it");
+}
+
+#[test]
+fn without_one_of_its_cameras_it_is_out_of_date() {
+    let mut editor = together();
+    editor.apply(Action::JointMayTake(-1.0));
+    editor.apply(Action::Choose(2));
+    editor.apply(Action::Cameras(Cameras::RemoveCamera));
+    assert!(editor.session().solved.is_joint_out_of_date());
+}
+
+#[test]
+fn undo_of_refining_leaves_nothing_that_is_out_of_date() {
+    let mut editor = Editor::default();
+    let mut site = calib_demo::demo_site().site;
+    // What is held stands where it stood, refined or not.
+    site.cameras[1].placement.as_mut().unwrap().fixed = true;
+    open(&mut editor, site);
+    let (before, alone) = (editor.site().clone(), stages(&editor));
+    let (saved, _) = parse(&editor.session().solved.write_into(&before).to_json(), None).unwrap();
+    let mut again = Editor::default();
+    open(&mut again, saved);
+    assert!(!again.session().solved.is_joint_out_of_date(), "it was never refined");
+    editor.apply(Action::Refined(Box::new((before.clone(), refined(before)))));
+    assert!(editor.session().solved.is_joint_current());
+    editor.apply(Action::Gesture(Gesture::Undo));
+    let solved = &editor.session().solved;
+    assert!(!solved.is_joint_out_of_date() && !solved.is_joint_current());
+    assert_eq!(stages(&editor), alone);
+    editor.apply(Action::Gesture(Gesture::Redo));
+    assert!(editor.session().solved.is_joint_current());
+    // And what was out of date is so again when undo comes back to it.
+    editor.apply(Action::JointMayTake(-1.0));
+    change(&mut editor, move_a_line);
+    change(&mut editor, |site| site.name = Some("Shop".into()));
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert!(editor.session().solved.is_joint_out_of_date());
+    editor.apply(Action::Gesture(Gesture::Undo));
+    assert!(editor.session().solved.is_joint_current());
+}
