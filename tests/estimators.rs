@@ -4,8 +4,8 @@
 
 use calib_core::{
     Annotation, Camera, Code, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, Lens, LensEntry,
-    Method, Options, Pixel, PlacementEntry, Priors, SceneErrors, Site, SiteCamera, Solution, WorldPoint,
-    paper_minimum,
+    Method, Options, Pixel, PlacementEntry, Priors, SceneEntry, SceneErrors, Site, SiteCamera, Solution,
+    WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
@@ -209,7 +209,13 @@ impl Studio {
     }
 
     fn site(&self, annotations: Vec<Annotation>) -> SiteCamera {
-        SiteCamera { sigma_px: Some(self.noise), annotations, ..SiteCamera::new("A", [1920, 1080]) }
+        SiteCamera {
+            sigma_px: Some(self.noise),
+            // What a studio shows is built exactly.
+            scene: Some(SceneEntry::EXACT),
+            annotations,
+            ..SiteCamera::new("A", [1920, 1080])
+        }
     }
 }
 

@@ -5,8 +5,8 @@
 use calib_core::{
     Annotation, BrownConrady, Camera, Code, Coefficient, Covariance, Distance, Distortion, DistortionEntry,
     DistortionModel, FloorPoint, Kind, Known, Lens, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkKind,
-    MarkSeen, MarkShape, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, Site, SiteCamera,
-    Stage, UndistortedPixel, WorldPoint,
+    MarkSeen, MarkShape, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, SceneEntry, Site,
+    SiteCamera, Stage, UndistortedPixel, WorldPoint,
 };
 use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
@@ -195,6 +195,7 @@ fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera)
     let bend = |pixel: Pixel| lens.distort(UndistortedPixel { u: pixel.u, v: pixel.v });
     let mut entry = SiteCamera::new("c", SIZE.map(|side| side as u32));
     entry.sigma_px = Some(1.0);
+    entry.scene = Some(SceneEntry::EXACT);
     entry.annotations = scene.annotations.clone();
     for pixel in entry.annotations.iter_mut().flat_map(|a| a.segments.iter_mut().flatten().flatten()) {
         *pixel = bend(*pixel).unwrap();

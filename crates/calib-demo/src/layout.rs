@@ -2,7 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen, Pixel, Site, SiteCamera, WorldPoint};
+use calib_core::{
+    Camera, FloorPoint, Link, LinkKind, LinkSeen, Pixel, SceneEntry, Site, SiteCamera, WorldPoint,
+};
 use rand::Rng;
 
 use crate::random::{Drawn, RandomScene, SIZE, normal};
@@ -97,7 +99,9 @@ impl Layout {
     }
 
     fn stations(random: &mut impl Rng, stations: &[Station], sigma: f64) -> Self {
-        let mut layout = Self { site: Site::new(), truth: Vec::new() };
+        // The scenes are built exactly.
+        let site = Site { scene: Some(SceneEntry::EXACT), ..Site::new() };
+        let mut layout = Self { site, truth: Vec::new() };
         for (index, Station { at, toward }) in stations.iter().enumerate() {
             let away = at.distance(*toward);
             let height = random.random_range(3.0..5.0);

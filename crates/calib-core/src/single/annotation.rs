@@ -1,7 +1,6 @@
 //! Annotations: what the operator drew on an image, in raw pixels, and the table of their kinds.
 
 use crate::camera::Pixel;
-use crate::single::usual_sizes::UsualSize;
 
 /// A value the operator knows, with how well: held, or a prior with a standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -299,32 +298,6 @@ impl Annotation {
             length_sigma_rel: None,
             exact: false,
         }
-    }
-
-    /// The thing of a usual size that it is like.
-    #[must_use]
-    pub fn usual(&self) -> Option<&'static UsualSize> {
-        self.like.as_deref().and_then(UsualSize::find)
-    }
-
-    /// The known length of its segments, in metres.
-    #[must_use]
-    pub fn length(&self) -> Option<Known> {
-        let given = |length: f64| match self.length_sigma_rel.filter(|_| !self.exact) {
-            Some(relative) => Known::prior(length, relative * length),
-            None => Known::fixed(length),
-        };
-        self.length_m.map(given).or_else(|| self.usual_of(ConstraintKind::Length))
-    }
-
-    /// Its known height from foot to head, in metres.
-    #[must_use]
-    pub fn height(&self) -> Option<Known> {
-        self.height_m.or_else(|| self.usual_of(ConstraintKind::Upright))
-    }
-
-    fn usual_of(&self, constraint: ConstraintKind) -> Option<Known> {
-        self.usual().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
     }
 
     /// An annotation of segments.

@@ -19,11 +19,12 @@ use crate::outcome::{Failure, Parameter};
 use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
-use crate::single::likelihood::{Problem, State, predictable};
+use crate::single::likelihood::{Problem, State};
 use crate::single::minima::{Minimum, Solutions, weak_prior};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, is_misfit, solve_without_outliers};
 use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
+use crate::single::prediction::predictable;
 use crate::single::prior::Priors;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 

@@ -16,15 +16,15 @@ use crate::optimize::{
 };
 use crate::single::annotation::Known;
 use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::directions::Directions;
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::nuisances::Nuisances;
 use crate::single::orientation::Orientation;
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
-    Angles, CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, VanishingPoint,
-    floor_length, upright_residuals,
+    CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, floor_length,
+    upright_residuals,
 };
-use crate::single::scene_errors::Deviation;
 use crate::single::vanishing_point::line_through;
 
 /// The fit of one camera: constraints, what is fixed, and priors.
@@ -320,7 +320,7 @@ impl<'a, E: Number> Problem<'a, E> {
         state: &State,
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) {
-        let directions = VanishingPoints::new(self.constraints, state);
+        let directions = Directions::new(self.constraints, &state.parameters, &state.nuisance);
         for line in self.lines() {
             let scale = self.sigma_of(line.source).recip();
             let vanishing = directions.of(line);
@@ -370,70 +370,6 @@ fn with_spread<N: Number>(noise: N, spread: f64) -> N {
     if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }
 }
 
-/// The vanishing points of all directions at a state.
-struct VanishingPoints<'a, E> {
-    constraints: &'a Constraints<E>,
-    nuisances: Nuisances,
-    nadir: VanishingPoint,
-    /// Of every group, along it and at right angles to it.
-    groups: Vec<[VanishingPoint; 2]>,
-    /// Of every deviation.
-    deviations: Vec<VanishingPoint>,
-    has_tilt: bool,
-}
-
-impl<'a, E> VanishingPoints<'a, E> {
-    fn new(constraints: &'a Constraints<E>, state: &State) -> Self {
-        let nuisances = Nuisances::of(constraints);
-        let tilt = [0, 1].map(|axis| state.nuisance[nuisances.tilt() + axis]);
-        let angles = Angles::new(&state.parameters);
-        let turned = |group: usize, orthogonal: bool| {
-            state.nuisance[group] + if orthogonal { std::f64::consts::FRAC_PI_2 } else { 0.0 }
-        };
-        let exact =
-            |group: usize| [false, true].map(|orthogonal| angles.floor(turned(group, orthogonal), 0.0));
-        let deviating = |(index, deviation): (usize, &Deviation)| {
-            let at = nuisances.deviation(index);
-            let angle = turned(deviation.group, deviation.orthogonal) + state.nuisance[at];
-            angles.floor(angle, state.nuisance[at + 1])
-        };
-        Self {
-            constraints,
-            nuisances,
-            nadir: angles.nadir(tilt),
-            groups: (0..constraints.groups).map(exact).collect(),
-            deviations: constraints.deviations.iter().enumerate().map(deviating).collect(),
-            has_tilt: constraints.tilt_sigma().is_some(),
-        }
-    }
-
-    /// That of a line.
-    #[inline]
-    fn of(&self, line: &Line<E>) -> &VanishingPoint {
-        match (line.direction, line.deviation) {
-            (Direction::Vertical, _) => &self.nadir,
-            (Direction::Floor { .. }, Some(deviation)) => &self.deviations[deviation],
-            (Direction::Floor { group, orthogonal }, None) => &self.groups[group][usize::from(orthogonal)],
-        }
-    }
-
-    /// The derivatives of the residual of a line by nuisance parameters, from those by the two parameters of its
-    /// vanishing point.
-    #[inline]
-    fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
-        let Direction::Floor { group, .. } = line.direction else {
-            let tilt = self.nuisances.tilt();
-            let by_tilt = NuisanceJacobian::of(tilt, first).and(tilt + 1, second);
-            return if self.has_tilt { by_tilt } else { NuisanceJacobian::NONE };
-        };
-        let by_group = NuisanceJacobian::of(group, first);
-        let Some(index) = line.deviation else { return by_group };
-        let (at, deviation) = (self.nuisances.deviation(index), &self.constraints.deviations[index]);
-        let with_azimuth = if deviation.azimuth > 0.0 { by_group.and(at, first) } else { by_group };
-        if deviation.level > 0.0 { with_azimuth.and(at + 1, second) } else { with_azimuth }
-    }
-}
-
 impl LeastSquares for Problem<'_> {
     type State = State;
     type Normal = Normal;
@@ -448,36 +384,6 @@ impl LeastSquares for Problem<'_> {
         let (gain, size) = normal.step(&mut next.parameters, &mut next.nuisance, damping, self.free)?;
         Some((next, gain, size))
     }
-}
-
-/// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
-/// in closed form; constraints without a prediction there are left out.
-pub(crate) fn residuals_at(
-    constraints: &Constraints,
-    at: Orientation,
-    height: f64,
-    width: f64,
-) -> Vec<(Source, f64)> {
-    let fixed = FixedParameters {
-        roll: Some(at.roll),
-        pitch: Some(at.pitch),
-        focal: Some(at.focal),
-        height: Some(height),
-    };
-    let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
-    let constraints = predictable(constraints, &parameters);
-    let problem = Problem::new(&constraints, fixed, Priors::default(), 1.0, width);
-    problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
-}
-
-/// The constraints that have a prediction at these parameters: no length above the horizon, no head behind
-/// the camera.
-pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
-    let mut constraints = constraints.clone();
-    let at = CameraTerms::<f64>::new(parameters, [0.0; 2]);
-    constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
-    constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
-    constraints
 }
 
 #[path = "likelihood_tests.rs"]

@@ -2,6 +2,7 @@ use super::*;
 use crate::optimize::{LevenbergMarquardt, Summary, Termination, least_squares};
 use crate::single::annotation::Known;
 use crate::single::constraints::Endpoint;
+use crate::single::residual::Angles;
 use crate::single::scene_errors::{Deviation, SceneErrors};
 use proptest::prelude::*;
 

@@ -10,7 +10,7 @@
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `nuisances`, `residual`, `likelihood` the least-squares problem: **the residual of a vertical line** and of
+//! - `prior`, `nuisances`, `residual`, `directions`, `likelihood`, `prediction` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
@@ -34,7 +34,9 @@ mod abramov;
 mod prior;
 mod nuisances;
 mod residual;
+mod directions;
 mod likelihood;
+mod prediction;
 mod minima;
 mod outliers;
 mod accuracy;
@@ -63,11 +65,11 @@ pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-pub(crate) use likelihood::residuals_at;
-pub(crate) use likelihood::{Problem, State, predictable};
+pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{
     LEVEL, chi2_score, inflation, is_inconsistent, is_misfit, is_significant, student_factor,
 };
+pub(crate) use prediction::{predictable, residuals_at};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 pub(crate) use straightness::{edges, straightness_with_jacobian};

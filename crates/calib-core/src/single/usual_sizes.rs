@@ -3,7 +3,7 @@
 //! A drawing that is `like` one of them gets its size with its spread, where nobody measured. The spread is
 //! that between places, not that of one tape.
 
-use crate::single::annotation::{ConstraintKind, Known};
+use crate::single::annotation::{Annotation, ConstraintKind, Known};
 
 /// A thing of a usual size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +94,34 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
         ),
     ]
 };
+
+impl Annotation {
+    /// The thing of a usual size that it is like.
+    #[must_use]
+    pub fn usual(&self) -> Option<&'static UsualSize> {
+        self.like.as_deref().and_then(UsualSize::find)
+    }
+
+    /// The known length of its segments, in metres.
+    #[must_use]
+    pub fn length(&self) -> Option<Known> {
+        let given = |length: f64| match self.length_sigma_rel.filter(|_| !self.exact) {
+            Some(relative) => Known::prior(length, relative * length),
+            None => Known::fixed(length),
+        };
+        self.length_m.map(given).or_else(|| self.usual_of(ConstraintKind::Length))
+    }
+
+    /// Its known height from foot to head, in metres.
+    #[must_use]
+    pub fn height(&self) -> Option<Known> {
+        self.height_m.or_else(|| self.usual_of(ConstraintKind::Upright))
+    }
+
+    fn usual_of(&self, constraint: ConstraintKind) -> Option<Known> {
+        self.usual().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -1,0 +1,72 @@
+//! The directions of what was drawn at a state, with the scene's errors: their vanishing points, and the
+//! nuisance parameters these depend on.
+
+use crate::optimize::NuisanceJacobian;
+use crate::single::constraints::{Constraints, Direction, Line};
+use crate::single::nuisances::Nuisances;
+use crate::single::residual::{Angles, Parameters, VanishingPoint};
+use crate::single::scene_errors::Deviation;
+
+/// The vanishing points of all directions at a state.
+pub(crate) struct Directions<'a, E> {
+    constraints: &'a Constraints<E>,
+    nuisances: Nuisances,
+    nadir: VanishingPoint,
+    /// Of every group, along it and at right angles to it.
+    groups: Vec<[VanishingPoint; 2]>,
+    /// Of every deviation.
+    deviations: Vec<VanishingPoint>,
+    has_tilt: bool,
+}
+
+impl<'a, E> Directions<'a, E> {
+    pub(crate) fn new(constraints: &'a Constraints<E>, parameters: &Parameters, nuisance: &[f64]) -> Self {
+        let nuisances = Nuisances::of(constraints);
+        let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
+        let angles = Angles::new(parameters);
+        let turned = |group: usize, orthogonal: bool| {
+            nuisance[group] + if orthogonal { std::f64::consts::FRAC_PI_2 } else { 0.0 }
+        };
+        let exact =
+            |group: usize| [false, true].map(|orthogonal| angles.floor(turned(group, orthogonal), 0.0));
+        let deviating = |(index, deviation): (usize, &Deviation)| {
+            let at = nuisances.deviation(index);
+            let angle = turned(deviation.group, deviation.orthogonal) + nuisance[at];
+            angles.floor(angle, nuisance[at + 1])
+        };
+        Self {
+            constraints,
+            nuisances,
+            nadir: angles.nadir(tilt),
+            groups: (0..constraints.groups).map(exact).collect(),
+            deviations: constraints.deviations.iter().enumerate().map(deviating).collect(),
+            has_tilt: constraints.tilt_sigma().is_some(),
+        }
+    }
+
+    /// That of a line.
+    #[inline]
+    pub(crate) fn of(&self, line: &Line<E>) -> &VanishingPoint {
+        match (line.direction, line.deviation) {
+            (Direction::Vertical, _) => &self.nadir,
+            (Direction::Floor { .. }, Some(deviation)) => &self.deviations[deviation],
+            (Direction::Floor { group, orthogonal }, None) => &self.groups[group][usize::from(orthogonal)],
+        }
+    }
+
+    /// The derivatives of the residual of a line by nuisance parameters, from those by the two parameters of its
+    /// vanishing point.
+    #[inline]
+    pub(crate) fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
+        let Direction::Floor { group, .. } = line.direction else {
+            let tilt = self.nuisances.tilt();
+            let by_tilt = NuisanceJacobian::of(tilt, first).and(tilt + 1, second);
+            return if self.has_tilt { by_tilt } else { NuisanceJacobian::NONE };
+        };
+        let by_group = NuisanceJacobian::of(group, first);
+        let Some(index) = line.deviation else { return by_group };
+        let (at, deviation) = (self.nuisances.deviation(index), &self.constraints.deviations[index]);
+        let with_azimuth = if deviation.azimuth > 0.0 { by_group.and(at, first) } else { by_group };
+        if deviation.level > 0.0 { with_azimuth.and(at + 1, second) } else { with_azimuth }
+    }
+}
