@@ -170,6 +170,8 @@ pub(crate) struct View<'a> {
     pub(crate) stage_1: Problem<'a>,
     /// Directions and lengths of stage 1, where they start.
     pub(crate) nuisance: Vec<f64>,
+    /// Whether it stands on the floor of its cluster, and not on one of its own.
+    pub(crate) shares_floor: bool,
     /// Lines that are straight in space.
     pub(crate) edges: Vec<Edge>,
     /// Width and height of the image, in pixels.
@@ -196,6 +198,7 @@ impl<'a> View<'a> {
             annotations: entry.annotations,
             stage_1,
             nuisance: entry.fit.map_or(Vec::new(), |fit| fit.state.nuisance.clone()),
+            shares_floor: gauge.is_some(),
             edges: if fits_lens { edges(entry.annotations) } else { Vec::new() },
             size: entry.size,
         }

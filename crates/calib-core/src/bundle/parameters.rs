@@ -8,6 +8,7 @@
 use std::collections::HashSet;
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
+use crate::bundle::common_tilt::CommonTilt;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::camera::{Camera, Covariance};
 use crate::optimize::{BlockStructure, NuisanceLayout};
@@ -26,6 +27,8 @@ pub(crate) struct ParameterLayout {
     pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of every landmark, its free parameters in their order.
     pub(crate) landmarks: Vec<Option<usize>>,
+    /// The tilt of the floor that views share.
+    pub(crate) tilt: Option<CommonTilt>,
 }
 
 /// The blocks allocated so far.
@@ -43,10 +46,14 @@ impl ParameterLayout {
         let shared = builder.shared_lenses(views);
         let cameras: Vec<CameraLayout> =
             views.iter().map(|view| builder.camera(&view.free, shared[view.lens])).collect();
+        let tilt = builder.common_tilt(views);
         let nuisances = views
             .iter()
             .zip(&cameras)
-            .map(|(view, camera)| builder.nuisances(&view.stage_1, camera))
+            .map(|(view, camera)| {
+                let tilt = tilt.filter(|_| shows_tilt(view)).map(|tilt| tilt.block);
+                builder.nuisances(&view.stage_1, camera, tilt)
+            })
             .collect();
         let used: Vec<&DistanceMeasurement> = distances.iter().filter(|distance| !distance.off).collect();
         let kept: HashSet<usize> = used.iter().flat_map(|distance| distance.between).collect();
@@ -55,7 +62,7 @@ impl ParameterLayout {
             builder.couple(distance.between.iter().filter_map(|&landmark| landmark_blocks[landmark]));
         }
         let blocks = BlockStructure::new(builder.sizes, &builder.keep, &builder.coupled);
-        Self { blocks, cameras, nuisances, landmarks: landmark_blocks }
+        Self { blocks, cameras, nuisances, landmarks: landmark_blocks, tilt }
     }
 }
 
@@ -104,9 +111,27 @@ impl LayoutBuilder {
         layout
     }
 
-    /// Blocks of the nuisance parameters of a view that are used, as the fit of the camera alone has them.
-    fn nuisances(&mut self, stage_1: &Problem, camera: &CameraLayout) -> Vec<Option<(usize, usize)>> {
-        let used = stage_1.used();
+    /// The block of the tilt of the floor that more than one view shows.
+    fn common_tilt(&mut self, views: &[View]) -> Option<CommonTilt> {
+        let mut showing = (0..views.len()).filter(|&view| shows_tilt(&views[view]));
+        let (first, _) = (showing.next()?, showing.next()?);
+        let block = self.block(2, true)?;
+        Some(CommonTilt { block, first })
+    }
+
+    /// Blocks of the nuisance parameters of a view that are used, as the fit of the camera alone has them; its
+    /// tilt in a block that it shares, if it does.
+    fn nuisances(
+        &mut self,
+        stage_1: &Problem,
+        camera: &CameraLayout,
+        common_tilt: Option<usize>,
+    ) -> Vec<Option<(usize, usize)>> {
+        let mut used = stage_1.used();
+        let tilt = stage_1.nuisances().tilt();
+        if common_tilt.is_some() {
+            used[tilt..tilt + 2].fill(false);
+        }
         let NuisanceLayout { places, sizes } = stage_1.nuisances().layout(stage_1.constraints);
         let mut counts = vec![0; sizes.len()];
         let places: Vec<Option<(usize, usize)>> = places
@@ -119,7 +144,13 @@ impl LayoutBuilder {
             .collect();
         let blocks: Vec<Option<usize>> = counts.iter().map(|&count| self.block(count, false)).collect();
         blocks.iter().flatten().for_each(|&block| self.couple(blocks_of(camera).chain([block])));
-        places.iter().map(|place| place.and_then(|(block, at)| Some((blocks[block]?, at)))).collect()
+        let mut places: Vec<Option<(usize, usize)>> =
+            places.iter().map(|place| place.and_then(|(block, at)| Some((blocks[block]?, at)))).collect();
+        if let Some(block) = common_tilt {
+            self.couple(blocks_of(camera).chain([block]));
+            places[tilt..tilt + 2].copy_from_slice(&[Some((block, 0)), Some((block, 1))]);
+        }
+        places
     }
 
     fn landmarks(
@@ -143,6 +174,11 @@ impl LayoutBuilder {
         }
         blocks
     }
+}
+
+/// Whether a view shows the tilt of the floor that it shares with others.
+fn shows_tilt(view: &View) -> bool {
+    view.shares_floor && view.stage_1.constraints.tilt_sigma().is_some()
 }
 
 fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {

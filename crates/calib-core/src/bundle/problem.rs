@@ -2,6 +2,7 @@
 //! the normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
+use crate::bundle::common_tilt::{CommonTilt, by_common, in_view};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::residuals::{
@@ -26,6 +27,8 @@ pub(crate) struct BundleProblem<'a> {
     nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
+    /// The tilt of the floor that views share.
+    tilt: Option<CommonTilt>,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
@@ -36,7 +39,7 @@ impl<'a> BundleProblem<'a> {
         landmarks: Vec<Landmark>,
         distances: Vec<DistanceMeasurement>,
     ) -> Self {
-        let ParameterLayout { blocks, cameras, nuisances, landmarks: landmark_blocks } =
+        let ParameterLayout { blocks, cameras, nuisances, landmarks: landmark_blocks, tilt } =
             ParameterLayout::new(&views, &landmarks, &distances);
         let mut problem = Self {
             views,
@@ -46,6 +49,7 @@ impl<'a> BundleProblem<'a> {
             camera_layout: cameras,
             nuisance_places: nuisances,
             landmark_blocks,
+            tilt,
             observed: Vec::new(),
         };
         let undistort = |landmark: &Landmark| -> Vec<Option<ObservedPixel>> {
@@ -78,8 +82,10 @@ impl<'a> BundleProblem<'a> {
             }
         }
         for (view, places) in self.views.iter().zip(&self.nuisance_places) {
+            // A tilt in common starts from none.
+            let is_own = |place: &(usize, usize)| self.tilt.is_none_or(|tilt| tilt.block != place.0);
             for (place, value) in places.iter().zip(&view.nuisance) {
-                place.iter().for_each(|&(block, place)| set(block, place, *value));
+                place.filter(is_own).iter().for_each(|&(block, place)| set(block, place, *value));
             }
         }
         for (landmark, block) in self.landmarks.iter().zip(&self.landmark_blocks) {
@@ -125,7 +131,25 @@ impl<'a> BundleProblem<'a> {
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
         let values = self.views[view].nuisance.iter().zip(&self.nuisance_places[view]);
         let value = |at: (usize, usize)| state[self.blocks.offsets[at.0] + at.1];
-        values.map(|(&start, place)| place.map_or(start, value)).collect()
+        let mut values: Vec<f64> = values.map(|(&start, place)| place.map_or(start, value)).collect();
+        if let Some((at, lean, yaw)) = self.common_tilt(state, view) {
+            values[at..at + 2].copy_from_slice(&in_view(lean, yaw));
+        }
+        values
+    }
+
+    /// Of a view that shows a tilt which it shares with others: its index among the nuisance parameters of the
+    /// view, the lean in the base system, and the yaw of the view.
+    fn common_tilt(&self, state: &[f64], view: usize) -> Option<(usize, [f64; 2], f64)> {
+        let CommonTilt { block, .. } = self.tilt?;
+        let at = self.views[view].stage_1.nuisances().tilt();
+        self.nuisance_places[view].get(at).copied().flatten().filter(|place| place.0 == block)?;
+        let offset = self.blocks.offsets[block];
+        let yaw = match self.camera_layout[view][Covariance::YAW] {
+            Some((block, place)) => state[self.blocks.offsets[block] + place],
+            None => self.views[view].camera.yaw,
+        };
+        Some((at, [state[offset], state[offset + 1]], yaw))
     }
 
     /// Block of the free parameters of a landmark.
@@ -188,6 +212,7 @@ impl<'a> BundleProblem<'a> {
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
         let (residuals, d_lens) = self.stage_1(view, camera, &stage_1)?;
+        let tilt = self.common_tilt(state, view);
         let mut sorted = Vec::new();
         for (i, (residual, jacobian, nuisance, source)) in residuals.iter().enumerate() {
             let mut by = [0.0; CAMERA_PARAMS];
@@ -196,7 +221,18 @@ impl<'a> BundleProblem<'a> {
             by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
             by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
             d_lens.get(i).iter().for_each(|d_lens| by[POSE_PARAMS..].copy_from_slice(*d_lens));
-            let nuisance = self.nuisance_jacobian(view, nuisance, &mut sorted);
+            let in_common = tilt.and_then(|(at, lean, yaw)| by_common(nuisance, at, lean, yaw));
+            let is_prior_of_another = source.is_none() && self.tilt.is_some_and(|tilt| tilt.first != view);
+            if in_common.is_some() && is_prior_of_another {
+                continue;
+            }
+            let nuisance = match (&in_common, self.tilt) {
+                (Some((by_lean, by_yaw)), Some(CommonTilt { block, .. })) => {
+                    by[Covariance::YAW] = *by_yaw;
+                    Some(JacobianBlock { block, by: by_lean })
+                }
+                _ => self.nuisance_jacobian(view, nuisance, &mut sorted),
+            };
             let kind =
                 source.map_or(ResidualKind::CameraPrior, |source| ResidualKind::Annotation { view, source });
             self.sink_view(view, *residual, &by, nuisance, kind, sink);
