@@ -179,8 +179,10 @@ impl AtUnit {
     }
 
     fn of_double(self, number: f64) -> Option<i64> {
-        let nanoseconds = number * self.nanoseconds() as f64;
-        (nanoseconds.abs() < i64::MAX as f64).then_some(nanoseconds as i64)
+        // Whole units and their parts by themselves: their product has more digits than a double.
+        let in_range = (number * self.nanoseconds() as f64).abs() < i64::MAX as f64;
+        let parts = (number.fract() * self.nanoseconds() as f64).round() as i64;
+        (number.trunc() as i64).checked_mul(self.nanoseconds())?.checked_add(parts).filter(|_| in_range)
     }
 }
 

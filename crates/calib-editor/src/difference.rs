@@ -46,6 +46,7 @@ fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
         ("field of view", own.efov_px != camera.efov_px),
         ("place", own.placement != camera.placement || own.height_m != camera.height_m),
         ("control points", own.control_points != camera.control_points),
+        ("scene", own.scene != camera.scene),
         ("still", own.size_px != camera.size_px),
     ];
     parts.extend(others.into_iter().filter(|(_, differ)| *differ).map(|(what, _)| what.to_owned()));

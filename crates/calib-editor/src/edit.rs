@@ -281,7 +281,9 @@ pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -
         if let Part::Line { annotation: to, .. } = part
             && let Some(copy) = entry.annotations.get_mut(to)
         {
-            (copy.length_m, copy.height_m) = (drawn.length_m, drawn.height_m);
+            (copy.length_m, copy.height_m, copy.like) = (drawn.length_m, drawn.height_m, drawn.like.clone());
+            (copy.sigma_px, copy.exact) = (drawn.sigma_px, drawn.exact);
+            (copy.angle_sigma_deg, copy.length_sigma_rel) = (drawn.angle_sigma_deg, drawn.length_sigma_rel);
             if drawn.kind.row().shape == Shape::Segments {
                 groups.push((annotation, to));
             }

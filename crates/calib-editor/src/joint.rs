@@ -18,6 +18,7 @@ pub(crate) fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
         && known.lens == camera.lens
         && known.height_m == camera.height_m
         && known.sigma_px == camera.sigma_px
+        && known.scene == camera.scene
         && known.annotations == camera.annotations
         && known.efov_px == camera.efov_px
         && known.placement == camera.placement
@@ -76,18 +77,19 @@ impl Joint {
 
     /// For every camera of a site its place here, where it took part and what is entered of it is the same.
     pub(crate) fn places(&self, site: &Site) -> Vec<Option<usize>> {
-        site.cameras.iter().map(|camera| self.place_of(camera)).collect()
+        site.cameras.iter().map(|camera| self.place_of(site, camera)).collect()
     }
 
-    fn place_of(&self, camera: &SiteCamera) -> Option<usize> {
+    fn place_of(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
         let place = self.site.cameras.iter().position(|known| known.id == camera.id)?;
         let took_part = self.poses.get(place)?.is_some();
-        (took_part && same_input(&self.site.cameras[place], camera)).then_some(place)
+        let is_same = self.site.scene == site.scene && same_input(&self.site.cameras[place], camera);
+        (took_part && is_same).then_some(place)
     }
 
     /// Whether any camera of a site still has its result here.
     pub(crate) fn is_of_any(&self, site: &Site) -> bool {
-        site.cameras.iter().any(|camera| self.place_of(camera).is_some())
+        site.cameras.iter().any(|camera| self.place_of(site, camera).is_some())
     }
 
     /// Whether all that the results follow from is the same in a site: the cameras that took part, the owners
@@ -97,6 +99,7 @@ impl Joint {
             && self.took_part().all(|known| self.has_same(site, known))
             && self.site.plan.as_ref().map(calib_core::Plan::scale)
                 == site.plan.as_ref().map(calib_core::Plan::scale)
+            && self.site.scene == site.scene
             && ties(&self.site) == ties(site)
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_core::{
     Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
-    Plan, Report, Site, SiteCamera, Solution, Stage, Warning,
+    Plan, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
 
@@ -15,13 +15,14 @@ use crate::joint::{Joint, same_input, unsolved};
 struct Family {
     cameras: Vec<SiteCamera>,
     plan: Option<Plan>,
+    scene: Option<SceneEntry>,
     lenses: LensCache,
 }
 
 impl Family {
     fn of(site: &Site, family: &[usize]) -> Self {
         let cameras = family.iter().map(|&index| unsolved(&site.cameras[index])).collect();
-        Self { cameras, plan: site.plan.clone(), lenses: LensCache::default() }
+        Self { cameras, plan: site.plan.clone(), scene: site.scene, lenses: LensCache::default() }
     }
 
     /// Whether this is what these cameras of a site still follow from.
@@ -29,6 +30,7 @@ impl Family {
         self.cameras.len() == family.len()
             && self.cameras.iter().zip(family).all(|(known, &index)| same_input(known, &site.cameras[index]))
             && self.plan == site.plan
+            && self.scene == site.scene
     }
 }
 

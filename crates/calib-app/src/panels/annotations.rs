@@ -1,11 +1,12 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
-use calib_core::{Annotation, KINDS, Pixel, line_name};
+use calib_core::{Annotation, ConstraintKind, KINDS, Pixel, line_name};
 use calib_editor::{Action, Part, TOOLS, Units, places};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::icons::{self, Icon};
 use crate::panels::measured::empty_field;
+use crate::panels::usual::{self, Chosen};
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
@@ -16,6 +17,7 @@ enum Wish {
     Toggle(usize),
     Length(usize, f64),
     Height(usize, f64),
+    Usual(usize, Chosen),
 }
 
 /// The panel.
@@ -87,6 +89,12 @@ fn group(
                 .on_hover_text("at right angles to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if row.has_length || row.constraint == ConstraintKind::Upright {
+                wishes.extend(usual::menu(ui, units, annotation).map(|chosen| Wish::Usual(index, chosen)));
+            }
+            if annotation.like.is_some() {
+                return;
+            }
             if row.has_length && annotation.off {
                 let estimate = annotation.polylines().next().and_then(|line| guess(&line));
                 let label = ui.label(RichText::new("measured").color(palette.text2));
@@ -226,6 +234,8 @@ fn grant(app: &mut App, wish: Wish) {
             let measured = Annotation { length_m: Some(value), off: false, ..annotation };
             annotate(index, measured, "enter a known length")
         }),
+        Wish::Usual(index, chosen) => drawn(index)
+            .map(|annotation| annotate(index, with_size(annotation, &chosen), "say what it is like")),
         Wish::Height(index, value) => drawn(index).map(|mut annotation| {
             if let Some(height) = &mut annotation.height_m {
                 height.value = value;
@@ -234,6 +244,18 @@ fn grant(app: &mut App, wish: Wish) {
         }),
     };
     action.into_iter().for_each(|action| app.send(action));
+}
+
+/// An annotation with the size that was chosen for it, in use.
+fn with_size(annotation: Annotation, chosen: &Chosen) -> Annotation {
+    let bare = Annotation { like: None, length_m: None, height_m: None, off: false, ..annotation };
+    match chosen {
+        Chosen::Like(usual) => Annotation { like: Some(usual.id.to_owned()), ..bare },
+        Chosen::Measured(known) if bare.kind.row().has_length => {
+            Annotation { length_m: Some(known.value), ..bare }
+        }
+        Chosen::Measured(known) => Annotation { height_m: Some(*known), ..bare },
+    }
 }
 
 fn annotate(index: usize, annotation: Annotation, name: &str) -> Action {

@@ -4,7 +4,7 @@ use calib_core::{Coefficient, DistortionEntry, DistortionModel};
 use calib_editor::{Action, OldStill};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
-use crate::panels::heading;
+use crate::panels::{heading, scene};
 use crate::state::App;
 use crate::theme;
 
@@ -80,6 +80,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     } else if own == From::Given {
         coefficients(app, ui);
     }
+    scene::show(app, ui);
 }
 
 fn names(app: &mut App, ui: &mut Ui) {

@@ -1,6 +1,8 @@
 //! The panels about the canvas, one a file.
 
 mod out_of_date;
+mod scene;
+mod usual;
 pub mod lens;
 pub mod tour;
 pub mod above;

@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn no_frame_unpacks_to_more_than_its_bound() {
-        let motley: Vec<u8> = (0..300_000_u32).map(|i| (i * i / 7) as u8).collect();
+        let motley: Vec<u8> = (0..300_000_u32).map(|i| (i.wrapping_mul(i) / 7) as u8).collect();
         for plain in [&[][..], b"short", &motley, &vec![0; 5 << 20]] {
             let mut packed = zstd::encode_all(plain, 3).unwrap_or_default();
             let bound = unpacked(&packed);

@@ -191,13 +191,16 @@ impl<'a> View<'a> {
         let stage_1 = entry.stage_1();
         let free = free_parameters(entry, owner, &stage_1, gauge);
         let fits_lens = owner.fits_distortion();
+        // Without a fit there is nothing drawn on which a nuisance parameter depends.
+        let unfitted = || vec![0.0; stage_1.nuisances().count()];
+        let nuisance = entry.fit.map_or_else(unfitted, |fit| fit.state.nuisance.clone());
         View {
             camera: with_lens_and_height(entry, start, owner),
             free,
             lens,
             annotations: entry.annotations,
             stage_1,
-            nuisance: entry.fit.map_or(Vec::new(), |fit| fit.state.nuisance.clone()),
+            nuisance,
             shares_floor: gauge.is_some(),
             edges: if fits_lens { edges(entry.annotations) } else { Vec::new() },
             size: entry.size,

@@ -9,7 +9,8 @@
 //!   `initialization` cameras placed along a spanning tree;
 //! - `common_tilt` the lean of the floor that views share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
 //!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
-//!   (`single/residual.rs`), called by `BundleProblem::each_annotation`;
+//!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
+//!   `annotation_residuals`;
 //! - `marginals` covariances of cameras and landmarks; `refinement` the minimum, without outliers; `summary` what
 //!   was estimated; `adjustment` the front door: [`BundleAdjustment::solve`].
 //!
@@ -27,6 +28,7 @@ mod common_tilt;
 mod parameters;
 mod residuals;
 mod problem;
+mod annotation_residuals;
 mod marginals;
 mod refinement;
 mod summary;

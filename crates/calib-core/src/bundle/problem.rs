@@ -2,18 +2,13 @@
 //! the normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
-use crate::bundle::common_tilt::{CommonTilt, by_common, in_view};
+use crate::bundle::common_tilt::{CommonTilt, in_view};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::residuals::{
-    CameraJacobian, ResidualKind, Stage1Residuals, distance_residual, of_free, stage_1_by_lens,
-    stage_1_residuals,
-};
+use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
-use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations, NuisanceJacobian};
-use crate::single::{
-    Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, Prior, ROLL, State, straightness_with_jacobian,
-};
+use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
+use crate::single::{Prior, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -22,13 +17,13 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
     pub(crate) blocks: BlockStructure,
-    camera_layout: Vec<CameraLayout>,
+    pub(crate) camera_layout: Vec<CameraLayout>,
     /// Block of every nuisance parameter of stage 1 of every view, and its place there.
-    nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
+    pub(crate) nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
-    tilt: Option<CommonTilt>,
+    pub(crate) tilt: Option<CommonTilt>,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
@@ -66,7 +61,7 @@ impl<'a> BundleProblem<'a> {
         ObservedPixel::new(pixel, lens, fitted)
     }
 
-    fn lens_is_free(&self, view: usize) -> bool {
+    pub(crate) fn lens_is_free(&self, view: usize) -> bool {
         self.camera_layout[view][POSE_PARAMS..].iter().any(Option::is_some)
     }
 
@@ -138,20 +133,6 @@ impl<'a> BundleProblem<'a> {
         values
     }
 
-    /// Of a view that shows a tilt which it shares with others: its index among the nuisance parameters of the
-    /// view, the lean in the base system, and the yaw of the view.
-    fn common_tilt(&self, state: &[f64], view: usize) -> Option<(usize, [f64; 2], f64)> {
-        let CommonTilt { block, .. } = self.tilt?;
-        let at = self.views[view].stage_1.nuisances().tilt();
-        self.nuisance_places[view].get(at).copied().flatten().filter(|place| place.0 == block)?;
-        let offset = self.blocks.offsets[block];
-        let yaw = match self.camera_layout[view][Covariance::YAW] {
-            Some((block, place)) => state[self.blocks.offsets[block] + place],
-            None => self.views[view].camera.yaw,
-        };
-        Some((at, [state[offset], state[offset + 1]], yaw))
-    }
-
     /// Block of the free parameters of a landmark.
     pub(crate) fn landmark_block(&self, landmark: usize) -> Option<usize> {
         self.landmark_blocks[landmark]
@@ -196,83 +177,6 @@ impl<'a> BundleProblem<'a> {
             self.distance(state, distance, &mut sink);
         }
         Some(())
-    }
-
-    /// The residuals of stage 1, those of the priors on the camera included, under the lens of the state.
-    fn each_annotation(
-        &self,
-        state: &[f64],
-        view: usize,
-        camera: &Camera,
-        sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
-    ) -> Option<()> {
-        let height = camera.position.z;
-        // A camera below the floor has no log height; residuals that depend on it are impossible there.
-        let log_height = if height > 0.0 { height.ln() } else { f64::NEG_INFINITY };
-        let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
-        let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
-        let (residuals, d_lens) = self.stage_1(view, camera, &stage_1)?;
-        let tilt = self.common_tilt(state, view);
-        let mut sorted = Vec::new();
-        for (i, (residual, jacobian, nuisance, source)) in residuals.iter().enumerate() {
-            let mut by = [0.0; CAMERA_PARAMS];
-            by[Covariance::ROLL] = jacobian[ROLL];
-            by[Covariance::PITCH] = jacobian[PITCH];
-            by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
-            by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
-            d_lens.get(i).iter().for_each(|d_lens| by[POSE_PARAMS..].copy_from_slice(*d_lens));
-            let in_common = tilt.and_then(|(at, lean, yaw)| by_common(nuisance, at, lean, yaw));
-            let is_prior_of_another = source.is_none() && self.tilt.is_some_and(|tilt| tilt.first != view);
-            if in_common.is_some() && is_prior_of_another {
-                continue;
-            }
-            let nuisance = match (&in_common, self.tilt) {
-                (Some((by_lean, by_yaw)), Some(CommonTilt { block, .. })) => {
-                    by[Covariance::YAW] = *by_yaw;
-                    Some(JacobianBlock { block, by: by_lean })
-                }
-                _ => self.nuisance_jacobian(view, nuisance, &mut sorted),
-            };
-            let kind =
-                source.map_or(ResidualKind::CameraPrior, |source| ResidualKind::Annotation { view, source });
-            self.sink_view(view, *residual, &by, nuisance, kind, sink);
-        }
-        Some(())
-    }
-
-    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its coefficients.
-    fn stage_1(
-        &self,
-        view: usize,
-        camera: &Camera,
-        state: &State,
-    ) -> Option<(Stage1Residuals, Vec<[f64; Distortion::MOST]>)> {
-        let this = &self.views[view];
-        if !self.lens_is_free(view) {
-            return Some((stage_1_residuals(&this.stage_1, state)?, Vec::new()));
-        }
-        let scene = this.stage_1.constraints.scene;
-        let constraints = Constraints::new(this.annotations, &camera.lens, scene);
-        let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
-        let constraints = Constraints::by_lens(this.annotations, &camera.lens, scene);
-        let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
-        (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
-    }
-
-    /// The derivatives of a residual by the nuisance parameters of a view, sorted into their block.
-    fn nuisance_jacobian<'b>(
-        &self,
-        view: usize,
-        nuisance: &NuisanceJacobian,
-        sorted: &'b mut Vec<f64>,
-    ) -> Option<JacobianBlock<'b>> {
-        let entries =
-            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.nuisance_places[view][i]?, by)));
-        let ((block, _), _) = entries().next()?;
-        sorted.clear();
-        sorted.resize(self.blocks.sizes[block], 0.0);
-        entries().for_each(|((_, place), by)| sorted[place] = by);
-        Some(JacobianBlock { block, by: sorted })
     }
 
     /// Straightness of the edges, in raw pixels, where the lens is fitted to them.
@@ -384,7 +288,7 @@ impl<'a> BundleProblem<'a> {
     }
 
     /// Calls `sink` with a residual of a view, its derivatives sorted into blocks.
-    fn sink_view(
+    pub(crate) fn sink_view(
         &self,
         view: usize,
         residual: f64,

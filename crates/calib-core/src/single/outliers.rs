@@ -149,11 +149,15 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         if round == most {
             break;
         }
-        let Some((worst_outlier, chi2)) = worst_outlier(&without, best, search) else { break };
+        let Some(Outlier { source, chi2, runner_up }) = worst_outlier(&without, best, search) else { break };
         let count = sources(&without).len();
         let chi2_before = best.chi2;
-        rejected.push(worst_outlier);
+        rejected.push(source);
         let fewer = Problem { rejected: &rejected, ..problem.clone() };
+        // Where another one explains as well, nobody knows which is wrong: all stay.
+        if !is_misfit(runner_up, fewer.dof()) && runner_up < chi2 + AS_WELL {
+            break;
+        }
         if confirmed + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
             confirmed = rejected.len();
         }
@@ -163,14 +167,25 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
     (results.swap_remove(confirmed), rejected)
 }
 
-/// The constraint without which the rest has the least chi-square score, and the chi-square without it.
-fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<(Source, f64)> {
+/// Chi-square by which the next best rejection must be worse for the best one to be told from it.
+const AS_WELL: f64 = 2.0;
+
+/// The constraint without which the rest has the least chi-square score.
+struct Outlier {
+    source: Source,
+    /// The chi-square without it.
+    chi2: f64,
+    /// The least chi-square without any other one.
+    runner_up: f64,
+}
+
+fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<Outlier> {
     /// Most constraints that are left out in turn, and most for which every start is tried again.
     const MAX_CANDIDATES: usize = 100;
     const MAX_MULTISTART: usize = 40;
     let candidates = outlier_candidates(problem, best, search);
     let multistart = if candidates.len() <= MAX_MULTISTART { candidates.len() } else { MAX_MULTISTART / 4 };
-    let mut lowest: Option<(f64, Source, f64)> = None;
+    let mut scored: Vec<(f64, Source, f64)> = Vec::new();
     for (rank, &source) in candidates.iter().take(MAX_CANDIDATES).enumerate() {
         let rejected: Vec<Source> = problem.rejected.iter().copied().chain([source]).collect();
         let without = Problem { rejected: &rejected, ..problem.clone() };
@@ -184,12 +199,11 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
         let from_all_starts =
             from_all_starts.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
         let chi2 = nearby.into_iter().chain(from_all_starts).fold(f64::INFINITY, f64::min);
-        let score = chi2_score(chi2, without.dof());
-        if lowest.is_none_or(|(least, _, _)| score < least) {
-            lowest = Some((score, source, chi2));
-        }
+        scored.push((chi2_score(chi2, without.dof()), source, chi2));
     }
-    lowest.map(|(_, source, chi2)| (source, chi2))
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let &(_, source, chi2) = scored.first()?;
+    Some(Outlier { source, chi2, runner_up: scored.get(1).map_or(f64::INFINITY, |&(_, _, chi2)| chi2) })
 }
 
 /// The constraints that may be rejected, the largest residuals first.

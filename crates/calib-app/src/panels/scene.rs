@@ -1,0 +1,61 @@
+//! How far the scene may be from what is drawn: what kind of place it is.
+
+use calib_core::{SceneEntry, SceneErrors, SceneSigmas};
+use calib_editor::Action;
+use egui::{ComboBox, RichText, Ui};
+
+use crate::state::App;
+use crate::theme;
+
+/// The kinds of places that are offered, with what they say of themselves.
+const PLACES: [(&str, Option<SceneEntry>, &str); 4] = [
+    ("Any place", None, "floors fall by 0.5\u{b0}, corners are off square by 0.9\u{b0}"),
+    ("Level floors", Some(tilt(0.3)), "shops, factories: floors fall by 0.3\u{b0}"),
+    ("Falling floors", Some(tilt(1.5)), "streets, yards: floors fall by 1.5\u{b0}"),
+    ("As drawn", Some(SceneEntry::EXACT), "measured: verticals, corners and levels are what lines say"),
+];
+
+const fn tilt(degrees: f64) -> SceneEntry {
+    SceneEntry::Sigmas(SceneSigmas {
+        floor_tilt_sigma_deg: Some(degrees),
+        angle_sigma_deg: None,
+        length_sigma_rel: None,
+    })
+}
+
+/// The choice for the whole site.
+pub(crate) fn show(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let now = app.editor.session().site.scene;
+    let mut chosen = now;
+    let own = now.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors();
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Scene").color(palette.text2));
+        let title = PLACES.iter().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| *title);
+        ComboBox::from_id_salt("scene")
+            .selected_text(title)
+            .show_ui(ui, |ui| {
+                for (title, scene, says) in PLACES {
+                    ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
+                }
+            })
+            .response
+            .labelled_by(label.id)
+            .on_hover_text(summary(own));
+    });
+    if chosen != now {
+        let mut site = app.editor.session().site.clone();
+        site.scene = chosen;
+        app.send(Action::Change { site: Box::new(site), name: "change what the scene may be off".into() });
+    }
+}
+
+/// What is taken for possible, in words.
+fn summary(errors: SceneErrors) -> String {
+    format!(
+        "One sigma: floor falls {:.1}\u{b0}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
+        errors.floor_tilt.to_degrees(),
+        errors.angle.to_degrees(),
+        100.0 * errors.length,
+    )
+}
