@@ -21,7 +21,7 @@ fn any_segments(random: &mut ChaCha8Rng, count: usize) -> Vec<Vec<Pixel>> {
 
 /// A camera on whose image lines are drawn wherever chance would have them, of every kind.
 fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
-    let mut camera = SiteCamera::new(&format!("c{index}"), SIZE);
+    let mut camera = SiteCamera::new(format!("c{index}"), SIZE);
     let mut draw = |kind: Kind, groups: usize, least: usize, most: usize| {
         for _ in 0..groups {
             let count = random.random_range(least..=most);
