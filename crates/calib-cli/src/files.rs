@@ -58,7 +58,7 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
     write_through(path, true, |mut file| Ok(file.write_all(bytes)?))
 }
 
-/// As [`write`], what is written handed out piece by piece. Without `force` the place is taken in one step:
+/// As [`write()`], what is written handed out piece by piece. Without `force` the place is taken in one step:
 /// of several runs that write one file, one does.
 pub(crate) fn write_through(
     path: &Path,

@@ -33,7 +33,7 @@ pub struct Format {
     pub holds_place: bool,
     /// Whether it tells the periods of a camera apart.
     pub holds_periods: bool,
-    /// Whether it shows the plan, and [`ExportOptions::plan`] is asked for.
+    /// Whether it shows the plan, and [`ExportOptions::plan`](crate::ExportOptions::plan) is asked for.
     pub shows_plan: bool,
     /// Whether it is a table whose JSON a program that can may write as Parquet.
     pub is_table: bool,

@@ -19,7 +19,7 @@ pub(crate) fn name(index: usize, distortion: &Distortion) -> Option<&'static str
 }
 
 /// The coefficients in a file are those for the camera's focal and change with it; those of a
-/// [`Lens`] are for a focal that stays. The derivatives of the former by the latter and by the focal,
+/// [`Lens`](crate::Lens) are for a focal that stays. The derivatives of the former by the latter and by the focal,
 /// where the latter are for a focal `ratio` times smaller.
 pub(crate) fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
     let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
