@@ -158,11 +158,12 @@ impl<E: Number> LineResidual<E> {
         let [w1, w2] = weights;
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
         let incidence = line[0] * v[0] + line[1] * v[1] + line[2] * v[2];
-        let trace = w1 * (q1[0] * q1[0] + q1[1] * q1[1]) + w2 * (q2[0] * q2[0] + q2[1] * q2[1]);
+        let (a, b) = (w1 * (q1[0] * q1[0] + q1[1] * q1[1]), w2 * (q2[0] * q2[0] + q2[1] * q2[1]));
         let weight = w1 * w2;
-        // q1 x q2 = Vw (l . V).
-        let determinant = weight * (incidence * v[2]) * (incidence * v[2]);
-        let discriminant = (trace * trace - determinant * 4.0).at_least(0.0);
+        let along = q1[0] * q2[0] + q1[1] * q2[1];
+        // `T^2 - 4 D = (w1 |q1|^2 - w2 |q2|^2)^2 + 4 w1 w2 (q1 . q2)^2`, without cancellation.
+        let discriminant = (a - b) * (a - b) + weight * along * along * 4.0;
+        let trace = a + b;
         // The root of 0 has no derivative; 0 is the mean of its two.
         let root = if discriminant.value() > 0.0 { discriminant.sqrt() } else { discriminant };
         let sum = (trace + root).at_least(f64::MIN_POSITIVE);
