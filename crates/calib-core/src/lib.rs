@@ -133,13 +133,13 @@ pub use bundle::{
 };
 pub use camera::{
     BrownConrady, Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance, FloorPoint,
-    Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Ray, UndistortedPixel, WorldPoint,
+    Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, UndistortedPixel, WorldPoint,
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
     ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
-    Remap, STAGE_1_HEIGHT, Status, Undistortion, default_efov, efov_on_floor, ellipse, floor_grid,
-    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
+    Remap, STAGE_1_HEIGHT, Status, Surface, SurfacePoint, Undistortion, default_efov, efov_on_floor, ellipse,
+    floor_grid, from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
     with_placement_covariance,
 };
 pub use outcome::{
@@ -149,15 +149,16 @@ pub use outcome::{
 pub use single::{
     Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
     FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, Prior, Priors, RULED_OUT, Repeats, SceneErrors, Shape, Sketch, USUAL_SIZES,
-    Upright, UsualSize, closed_form, draw_next, findings, line_name, paper_minimum, straightness_rms,
+    LocalMinimum, Orientation, PlanePrior, Prior, Priors, RULED_OUT, Repeats, SceneErrors, Shape, Sketch,
+    USUAL_SIZES, Upright, UsualSize, closed_form, draw_next, findings, line_name, paper_minimum,
+    straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
     About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
     DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
     Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, Report, Scale,
-    SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
-    Stage, Warning,
+    Method, NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
+    PlaneNumber, PlaneSolution, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
+    SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry, Warning,
 };

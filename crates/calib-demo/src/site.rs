@@ -91,6 +91,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         marks: marks(),
         georeference: None,
         scene: None,
+        planes: Vec::new(),
         solution: None,
     }
 }

@@ -11,6 +11,7 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
     let counted = [
         ("links", from.links.len(), to.links.len(), unsolved(from).links != unsolved(to).links),
         ("marks", from.marks.len(), to.marks.len(), unsolved(from).marks != unsolved(to).marks),
+        ("planes", from.planes.len(), to.planes.len(), unsolved(from).planes != unsolved(to).planes),
         ("distances", from.distances.len(), to.distances.len(), from.distances != to.distances),
     ];
     told.extend(counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count(what, a, b)));
@@ -27,6 +28,7 @@ fn unsolved(site: &Site) -> Site {
     let mut bare = site.clone();
     bare.links.iter_mut().for_each(|link| link.solution = None);
     bare.marks.iter_mut().for_each(|mark| mark.solution = None);
+    bare.planes.iter_mut().for_each(|plane| plane.solution = None);
     bare
 }
 
@@ -43,7 +45,7 @@ fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
     }
     let others = [
         ("lens", own.lens != camera.lens),
-        ("field of view", own.efov_px != camera.efov_px),
+        ("field of view", own.efov_px != camera.efov_px || own.efov_plane != camera.efov_plane),
         ("place", own.placement != camera.placement || own.height_m != camera.height_m),
         ("control points", own.control_points != camera.control_points),
         ("scene", own.scene != camera.scene),

@@ -53,6 +53,7 @@ fn put_back_rest(site: &mut Site, known: &Site) {
         distances,
         georeference,
         scene,
+        planes,
         solution,
     } = known;
     (site.format, site.version) = (*format, *version);
@@ -63,6 +64,7 @@ fn put_back_rest(site: &mut Site, known: &Site) {
     restore(&mut site.distances, distances);
     restore(&mut site.georeference, georeference);
     restore(&mut site.scene, scene);
+    restore(&mut site.planes, planes);
     restore(&mut site.solution, solution);
 }
 
@@ -83,6 +85,7 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.distances == b.distances
         && a.georeference == b.georeference
         && a.scene == b.scene
+        && a.planes == b.planes
         && a.solution == b.solution
 }
 
@@ -98,6 +101,7 @@ fn without_cameras(site: &Site) -> Site {
         distances: site.distances.clone(),
         georeference: site.georeference.clone(),
         scene: site.scene,
+        planes: site.planes.clone(),
         solution: site.solution.clone(),
     }
 }

@@ -1,7 +1,8 @@
 //! The results of a joint solve: they stay until what they follow from differs, and say when it does.
 
 use calib_core::{
-    Camera, ElementSolution, Link, Mark, Method, Report, Site, SiteCamera, SiteSolution, Solution, Stage,
+    Camera, ElementSolution, Link, Mark, Method, PlaneEntry, Report, Site, SiteCamera, SiteSolution,
+    Solution, Stage,
 };
 
 /// The camera as drawn and entered; a given result is entered.
@@ -21,6 +22,7 @@ pub(crate) fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
         && known.scene == camera.scene
         && known.annotations == camera.annotations
         && known.efov_px == camera.efov_px
+        && known.efov_plane == camera.efov_plane
         && known.placement == camera.placement
         && known.control_points == camera.control_points
 }
@@ -83,7 +85,9 @@ impl Joint {
     fn place_of(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
         let place = self.site.cameras.iter().position(|known| known.id == camera.id)?;
         let took_part = self.poses.get(place)?.is_some();
-        let is_same = self.site.scene == site.scene && same_input(&self.site.cameras[place], camera);
+        let is_same = self.site.scene == site.scene
+            && same_planes(&self.site.planes, &site.planes)
+            && same_input(&self.site.cameras[place], camera);
         (took_part && is_same).then_some(place)
     }
 
@@ -100,6 +104,7 @@ impl Joint {
             && self.site.plan.as_ref().map(calib_core::Plan::scale)
                 == site.plan.as_ref().map(calib_core::Plan::scale)
             && self.site.scene == site.scene
+            && same_planes(&self.site.planes, &site.planes)
             && ties(&self.site) == ties(site)
     }
 
@@ -152,11 +157,20 @@ fn lens_owner(camera: &SiteCamera) -> &str {
 }
 
 fn same_link(a: &Link, b: &Link) -> bool {
-    let Link { id, name: _, off, keep, kind, height_m, length_m, seen, solution: _ } = a;
+    let Link { id, name: _, off, keep, kind, height_m, plane, length_m, seen, solution: _ } = a;
     *id == b.id
         && (*off, *keep, *kind, *height_m) == (b.off, b.keep, b.kind, b.height_m)
-        && *length_m == b.length_m
+        && (*length_m, plane) == (b.length_m, &b.plane)
         && *seen == b.seen
+}
+
+/// Whether what is known of planes is the same.
+pub(crate) fn same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool {
+    let is_same = |(a, b): (&PlaneEntry, &PlaneEntry)| {
+        let PlaneEntry { id, name: _, height_m, tilt, region, solution: _ } = a;
+        (id, region) == (&b.id, &b.region) && (*height_m, *tilt) == (b.height_m, b.tilt)
+    };
+    known.len() == now.len() && known.iter().zip(now).all(is_same)
 }
 
 fn same_mark(a: &Mark, b: &Mark) -> bool {

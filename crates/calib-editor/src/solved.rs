@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use calib_core::{
     Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
-    Plan, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
+    Plan, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
 };
 use web_time::Instant;
 
-use crate::joint::{Joint, same_input, unsolved};
+use crate::joint::{Joint, same_input, same_planes, unsolved};
 
 /// What the results of cameras that share a lens follow from, and the lenses that were fitted for them.
 #[derive(Clone, Debug)]
@@ -16,13 +16,15 @@ struct Family {
     cameras: Vec<SiteCamera>,
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
+    planes: Vec<PlaneEntry>,
     lenses: LensCache,
 }
 
 impl Family {
     fn of(site: &Site, family: &[usize]) -> Self {
         let cameras = family.iter().map(|&index| unsolved(&site.cameras[index])).collect();
-        Self { cameras, plan: site.plan.clone(), scene: site.scene, lenses: LensCache::default() }
+        let (plan, planes) = (site.plan.clone(), site.planes.clone());
+        Self { cameras, plan, scene: site.scene, planes, lenses: LensCache::default() }
     }
 
     /// Whether this is what these cameras of a site still follow from.
@@ -31,6 +33,7 @@ impl Family {
             && self.cameras.iter().zip(family).all(|(known, &index)| same_input(known, &site.cameras[index]))
             && self.plan == site.plan
             && self.scene == site.scene
+            && same_planes(&self.planes, &site.planes)
     }
 }
 

@@ -2,13 +2,15 @@
 //! the map from pixels to the floor.
 //!
 //! A pixel's ray is `d = a right + b down + forward`, with `(a, b)` the undistorted pixel relative to the
-//! principal point over the focal. It meets the plane at the height h in `C + t d`, `t = (h - z0) / d_z`, so
-//! that a change of d moves the point by `t (d' - d d'_z / d_z)`, and a change of z0 by `-d / d_z`.
+//! principal point over the focal. It meets a plane of the normal `n = (-slope, 1)` in `C + t d`, so that a
+//! change of d moves the point by `t (d' - d (n . d') / (n . d))`, a change of C by `C' - d (n . C') / (n . d)`,
+//! and a rise r of the plane at the point by `d r / (n . d)`. Of the floor `n . d` is `d_z`.
 
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, Matrix2};
 use crate::camera::pinhole::Camera;
-use crate::camera::space::Pixel;
+use crate::camera::plane::{Plane, ray_to_plane};
+use crate::camera::space::{FloorPoint, Pixel};
 
 /// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,12 +54,35 @@ impl Camera {
     /// `None` where there is no such point.
     #[must_use]
     pub fn plane_covariance(&self, pixel: Pixel, pixel_sigma: f64, height: f64) -> Option<FloorCovariance> {
-        let on_plane = PlaneJacobian::new(self, pixel, height)?;
+        self.covariance_on(pixel, pixel_sigma, &Plane::level(height), &[[0.0; 3]; 3])
+    }
+
+    /// As [`Self::floor_covariance`], of the point of a plane whose height and slope are known with this
+    /// covariance, in square metres and squares of rise per metre; it counts as calibration.
+    ///
+    /// `None` where there is no such point.
+    #[must_use]
+    pub fn covariance_on(
+        &self,
+        pixel: Pixel,
+        pixel_sigma: f64,
+        plane: &Plane,
+        of_plane: &[[f64; 3]; 3],
+    ) -> Option<FloorCovariance> {
+        let on_plane = PlaneJacobian::new(self, pixel, *plane)?;
         let columns = on_plane.by_pixel();
         let outer = |i: usize, j: usize| columns.iter().map(|c| c[i] * c[j]).sum::<f64>();
         let pixel_part =
             std::array::from_fn(|i| std::array::from_fn(|j| pixel_sigma * pixel_sigma * outer(i, j)));
-        let calibration = self.covariance.carried(&on_plane.by_estimated());
+        let by = on_plane.by_plane();
+        let of_plane = |i: usize, j: usize| {
+            let along = |a: usize| (0..3).map(|b| of_plane[a][b] * by[b][j]).sum::<f64>();
+            (0..3).map(|a| by[a][i] * along(a)).sum::<f64>()
+        };
+        let calibration = self
+            .covariance
+            .carried(&on_plane.by_estimated())
+            .map(|camera| std::array::from_fn(|i| std::array::from_fn(|j| camera[i][j] + of_plane(i, j))));
         Some(FloorCovariance { pixel: pixel_part, calibration })
     }
 
@@ -66,14 +91,15 @@ impl Camera {
     /// `None` where there is no floor point.
     #[must_use]
     pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
-        Some(PlaneJacobian::new(self, pixel, 0.0)?.by_estimated())
+        Some(PlaneJacobian::new(self, pixel, Plane::FLOOR)?.by_estimated())
     }
 }
 
-/// The ray of a pixel to a horizontal plane, with what its derivatives need.
+/// The ray of a pixel to a plane, with what its derivatives need.
 struct PlaneJacobian<'a> {
     camera: &'a Camera,
     pixel: Pixel,
+    plane: Plane,
     /// Undistorted, relative to the principal point, over the focal.
     normalised: [f64; 2],
     /// `d undistorted / d raw`.
@@ -81,28 +107,45 @@ struct PlaneJacobian<'a> {
     /// Rows right, down, forward.
     axes: [[f64; 3]; 3],
     direction: [f64; 3],
+    /// `n . d`.
+    rise: f64,
     /// `t` of the point `C + t d`.
     reach: f64,
 }
 
 impl<'a> PlaneJacobian<'a> {
     /// `None` where the pixel does not show the plane.
-    fn new(camera: &'a Camera, pixel: Pixel, height: f64) -> Option<Self> {
+    fn new(camera: &'a Camera, pixel: Pixel, plane: Plane) -> Option<Self> {
         let (straight, undistort) = camera.lens.undistort_with_jacobian(pixel)?;
-        camera.undistorted_to_floor(straight, height)?;
+        ray_to_plane(&camera.undistorted_to_ray(straight), &plane)?;
         let Pixel { u: cu, v: cv } = camera.lens.principal_point;
         let normalised = [(straight.u - cu) / camera.focal, (straight.v - cv) / camera.focal];
         let axes = camera.rotation();
         let [right, down, forward] = axes;
         let direction =
             std::array::from_fn(|i| normalised[0] * right[i] + normalised[1] * down[i] + forward[i]);
-        let reach = (height - camera.position.z) / direction[2];
-        Some(Self { camera, pixel, normalised, undistort, axes, direction, reach })
+        let rise = plane.rise(&direction);
+        let reach = (plane.height_at(camera.position.on_floor()) - camera.position.z) / rise;
+        Some(Self { camera, pixel, plane, normalised, undistort, axes, direction, rise, reach })
     }
 
     /// Displacement of the point for a change of the ray's direction.
     fn displacement(&self, change: [f64; 3]) -> [f64; 2] {
-        [0, 1].map(|i| self.reach * (change[i] - self.direction[i] * change[2] / self.direction[2]))
+        self.back_on_plane(change).map(|moved| self.reach * moved)
+    }
+
+    /// Of a point moved off the plane, the displacement of where its ray meets the plane again.
+    fn back_on_plane(&self, change: [f64; 3]) -> [f64; 2] {
+        let off = self.plane.rise(&change);
+        [0, 1].map(|i| change[i] - self.direction[i] * off / self.rise)
+    }
+
+    /// Derivatives by height and slope of the plane.
+    fn by_plane(&self) -> [[f64; 2]; 3] {
+        let [x, y, _] = self.direction;
+        let origin = self.camera.position;
+        let at = FloorPoint { x: origin.x + self.reach * x, y: origin.y + self.reach * y };
+        self.plane.height_by_parameters(at).map(|by| [x * by / self.rise, y * by / self.rise])
     }
 
     /// Displacement of the point for a change of the undistorted pixel.
@@ -131,12 +174,11 @@ impl<'a> PlaneJacobian<'a> {
 
     /// Derivatives by every parameter of [`Covariance`].
     fn by_unknowns(&self) -> [[f64; 2]; Covariance::SIZE] {
-        let [x, y, z] = self.direction;
         let [a, b] = self.normalised;
         let mut by = [[0.0; 2]; Covariance::SIZE];
-        by[Covariance::X] = [1.0, 0.0];
-        by[Covariance::Y] = [0.0, 1.0];
-        by[Covariance::Z] = [-x / z, -y / z];
+        by[Covariance::X] = self.back_on_plane([1.0, 0.0, 0.0]);
+        by[Covariance::Y] = self.back_on_plane([0.0, 1.0, 0.0]);
+        by[Covariance::Z] = self.back_on_plane([0.0, 0.0, 1.0]);
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
         by[Covariance::FOCAL] = self.displacement_by_pixel([-a, -b]);
         let lens = &self.camera.lens;
@@ -173,13 +215,19 @@ mod tests {
         #[test]
         fn derivatives_of_the_floor_are_those_of_differences(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
+            slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
             /// Of a metre, of a radian, of the focal's share, of a coefficient.
             const STEP: f64 = 1e-5;
             let pixel = Pixel { u, v };
-            let Some(floor) = camera.pixel_to_floor(pixel, height) else { return Ok(()) };
+            let slope = if is_level { [0.0; 2] } else { slope };
+            let plane = Plane { height, slope, anchor: FloorPoint { x: 3.0, y: -1.0 } };
+            let point = |camera: &Camera, pixel: Pixel, plane: &Plane| {
+                camera.pixel_to_plane(pixel, plane).map(crate::camera::WorldPoint::on_floor)
+            };
+            let Some(floor) = point(&camera, pixel, &plane) else { return Ok(()) };
             prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
-            let here = PlaneJacobian::new(&camera, pixel, height).unwrap();
+            let here = PlaneJacobian::new(&camera, pixel, plane).unwrap();
             let check = |numeric: [f64; 2], analytic: [f64; 2], what: usize| {
                 for (a, b) in numeric.into_iter().zip(analytic) {
                     prop_assert!((a - b).abs() < 1e-4 * (1.0 + b.abs()), "{what}: {numeric:?} {analytic:?}");
@@ -189,7 +237,7 @@ mod tests {
             let by = here.by_unknowns();
             for index in 0..Covariance::LENS + camera.lens.distortion.names().len() {
                 let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
-                let at = |share: f64| camera.nudged(index, share * step).pixel_to_floor(pixel, height);
+                let at = |share: f64| point(&camera.nudged(index, share * step), pixel, &plane);
                 let difference = |share: f64| {
                     let (a, b) = (at(share)?, at(-share)?);
                     Some([(a.x - b.x) / (2.0 * share * step), (a.y - b.y) / (2.0 * share * step)])
@@ -205,10 +253,22 @@ mod tests {
             for (k, analytic) in here.by_pixel().into_iter().enumerate() {
                 let at = |by: f64| {
                     let moved = if k == 0 { Pixel { u: u + by, v } } else { Pixel { u, v: v + by } };
-                    camera.pixel_to_floor(moved, height)
+                    point(&camera, moved, &plane)
                 };
                 let (Some(a), Some(b)) = (at(1e-3), at(-1e-3)) else { continue };
                 check([(a.x - b.x) / 2e-3, (a.y - b.y) / 2e-3], analytic, 20 + k)?;
+            }
+            for (k, analytic) in here.by_plane().into_iter().enumerate() {
+                let at = |by: f64| {
+                    let mut moved = plane;
+                    match k {
+                        0 => moved.height += by,
+                        _ => moved.slope[k - 1] += by,
+                    }
+                    point(&camera, pixel, &moved)
+                };
+                let (Some(a), Some(b)) = (at(STEP), at(-STEP)) else { continue };
+                check([(a.x - b.x) / (2.0 * STEP), (a.y - b.y) / (2.0 * STEP)], analytic, 30 + k)?;
             }
         }
 

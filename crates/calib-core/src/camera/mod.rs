@@ -16,6 +16,7 @@ mod distortion;
 mod lens;
 mod covariance;
 mod pinhole;
+mod plane;
 mod floor_covariance;
 mod reprojection;
 #[cfg(feature = "mint")]
@@ -30,6 +31,7 @@ pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MOD
 pub use floor_covariance::FloorCovariance;
 pub use lens::Lens;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
+pub use plane::Plane;
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
 #[cfg(test)]

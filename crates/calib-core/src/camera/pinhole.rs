@@ -136,7 +136,7 @@ impl Camera {
         Some(self.undistorted_to_ray(self.undistort(pixel)?))
     }
 
-    fn undistorted_to_ray(&self, pixel: UndistortedPixel) -> Ray {
+    pub(crate) fn undistorted_to_ray(&self, pixel: UndistortedPixel) -> Ray {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         let ray = [(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal, 1.0];
         let [right, down, forward] = self.rotation();

@@ -13,6 +13,7 @@ mod efov;
 mod scene;
 mod status;
 mod extent;
+mod surfaces;
 mod projector;
 mod remap;
 
@@ -27,3 +28,4 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use status::Status;
+pub use surfaces::{Surface, SurfacePoint};

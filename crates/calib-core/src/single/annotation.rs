@@ -257,6 +257,9 @@ pub struct Annotation {
     /// From foot to head, in metres.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub height_m: Option<Known>,
+    /// The plane it is drawn on; the floor if absent.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub plane: Option<String>,
     /// A thing of a usual size, in place of a length or height.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub like: Option<String>,
@@ -292,6 +295,7 @@ impl Annotation {
             foot: None,
             head: None,
             height_m: None,
+            plane: None,
             like: None,
             sigma_px: None,
             angle_sigma_deg: None,
@@ -314,7 +318,7 @@ impl Annotation {
     }
 
     /// Its fields that not every kind has: the name in files, whether it is there, and whether it belongs.
-    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 10] {
+    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 11] {
         let row = self.kind.row();
         let of_shape = |shape| Belongs::always_if(row.shape == shape);
         let (segments, points) = (of_shape(Shape::Segments), of_shape(Shape::Polyline));
@@ -342,6 +346,7 @@ impl Annotation {
             ("height_m", self.height_m.is_some(), size(standing)),
             ("length_m", self.length_m.is_some(), size(Belongs::always_if(row.has_length))),
             ("at_right_angles_to", is_tied, ties),
+            ("plane", self.plane.is_some(), optional(row.is_level() || standing == Belongs::Always)),
         ]
     }
 

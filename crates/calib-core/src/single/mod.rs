@@ -20,6 +20,7 @@
 mod annotation;
 mod usual_sizes;
 mod scene_errors;
+mod plane_prior;
 mod endpoint;
 mod repeats;
 mod constraints;
@@ -53,6 +54,7 @@ pub use fit::{Fit, FitOptions, LocalMinimum, RULED_OUT};
 pub use fitted::Fitted;
 pub use fixed_parameters::FixedParameters;
 pub use orientation::Orientation;
+pub use plane_prior::PlanePrior;
 pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use repeats::Repeats;

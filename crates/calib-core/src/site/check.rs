@@ -9,6 +9,7 @@ use crate::single::{Annotation, Belongs, USUAL_SIZES};
 use crate::site::bounded_list::{MAX_CAMERAS, MAX_ITEMS};
 use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
+use crate::site::check_planes::{check_planes, plane_of};
 use crate::site::check_solution::{check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
 use crate::site::period::check_periods;
@@ -74,6 +75,7 @@ impl Site {
             check_georeference(&root.key("georeference"), georeference)?;
         }
         check_scene(&root.key("scene"), self.scene.as_ref())?;
+        check_planes(&root.key("planes"), &self.planes)?;
         let cameras = root.key("cameras");
         count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
         for (i, camera) in self.cameras.iter().enumerate() {
@@ -164,6 +166,10 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     let annotations = at.key("annotations");
     count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
     check_annotations(&annotations, &camera.annotations)?;
+    for (i, annotation) in camera.annotations.iter().enumerate() {
+        plane_of(&annotations.index(i).key("plane"), annotation.plane.as_ref(), site)?;
+    }
+    plane_of(&at.key("efov_plane"), camera.efov_plane.as_ref(), site)?;
     check_lines(&annotations, &camera.annotations)?;
     if let Some(corners) = &camera.efov_px {
         let efov = at.key("efov_px");

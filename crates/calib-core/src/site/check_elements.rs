@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use crate::site::bounded_list::MAX_ITEMS;
 use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels};
+use crate::site::check_planes::plane_of;
 use crate::site::document::Site;
 use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::site_error::quoted;
@@ -14,6 +15,7 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
     count(&root.key("links"), site.links.len(), MAX_ITEMS)?;
     for (i, link) in site.links.iter().enumerate() {
         check_link(&root.key("links").index(i), link, &cameras)?;
+        plane_of(&root.key("links").index(i).key("plane"), link.plane.as_ref(), site)?;
     }
     count(&root.key("marks"), site.marks.len(), MAX_ITEMS)?;
     for (i, mark) in site.marks.iter().enumerate() {

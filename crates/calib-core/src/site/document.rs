@@ -8,6 +8,7 @@ use crate::camera::{FloorPoint, Pixel, PlanPixel, WorldPoint};
 use crate::single::{Annotation, Known};
 use crate::site::bounded_list;
 use crate::site::elements::{Distance, Link, Mark};
+use crate::site::planes::PlaneEntry;
 use crate::site::scene::SceneEntry;
 use crate::site::site_solution::SiteSolution;
 use crate::site::solution::{DistortionEntry, FailureEntry, Solution, document};
@@ -53,6 +54,9 @@ document! {
         /// How far the scene may be from what was drawn; the usual if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
+        /// Planes besides the floor.
+        #[serde(default, deserialize_with = "bounded_list::items", skip_serializing_if = "Vec::is_empty")]
+        planes: Vec<PlaneEntry>,
         /// What solving found out about the site as a whole.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<SiteSolution>,
@@ -116,6 +120,9 @@ document! {
         /// The polygon of the effective field of view, raw pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         efov_px: Option<Vec<Pixel>>,
+        /// The plane that this polygon lies on; the floor if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        efov_plane: Option<String>,
         /// What the operator did to the polygon on the plan.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         placement: Option<PlacementEntry>,
@@ -228,6 +235,7 @@ impl Site {
             distances: Vec::new(),
             georeference: None,
             scene: None,
+            planes: Vec::new(),
             solution: None,
         }
     }
@@ -269,6 +277,7 @@ impl SiteCamera {
             scene: None,
             annotations: Vec::new(),
             efov_px: None,
+            efov_plane: None,
             placement: None,
             control_points: Vec::new(),
             valid_from: None,

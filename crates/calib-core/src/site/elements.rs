@@ -27,9 +27,12 @@ document! {
         /// What it is; a point if absent.
         #[serde(default)]
         kind: LinkKind,
-        /// Height of a point above the floor, in metres; 0 if absent.
+        /// Height of a point above the floor or its plane, in metres; 0 if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<f64>,
+        /// The plane it stands on; the floor if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        plane: Option<String>,
         /// Length of a post, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_m: Option<Known>,
@@ -149,6 +152,7 @@ impl Link {
             keep: false,
             kind,
             height_m: None,
+            plane: None,
             length_m: None,
             seen,
             solution: None,

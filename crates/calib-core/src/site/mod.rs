@@ -2,10 +2,10 @@
 //!
 //! Law: the only folder that knows names, degrees and the words of files; it states no formula.
 //!
-//! - `document`, `elements`, `scene`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
+//! - `document`, `elements`, `scene`, `planes`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
 //!   of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
-//! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_solution`, `period`, `site_error` reading and checking;
+//! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
 //!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
 
@@ -14,6 +14,7 @@ mod solution;
 mod site_solution;
 mod elements;
 mod scene;
+mod planes;
 mod document;
 mod covariance_entry;
 mod conversions;
@@ -21,6 +22,7 @@ mod english;
 mod camera_result;
 mod site_error;
 mod bounds;
+mod check_planes;
 mod check_elements;
 mod check_solution;
 mod period;
@@ -50,6 +52,7 @@ pub use lens_cache::LensCache;
 pub use options::Options;
 pub use period::NoCamera;
 pub use pipeline::Report;
+pub use planes::{PlaneEntry, PlaneNumber, PlaneSolution, TiltEntry};
 pub use scene::{ExactScene, SceneEntry, SceneSigmas};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};

@@ -1,0 +1,124 @@
+//! A plane of the scene besides the floor: another carriageway, a ramp, a platform, a step of stairs.
+//!
+//! `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` meets it at
+//! `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
+
+use crate::camera::pinhole::{Camera, Ray};
+use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
+
+/// A plane that is not vertical, in the base system.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Plane {
+    /// Height above the floor at the anchor, in metres.
+    pub height: f64,
+    /// Rise per metre along x and y.
+    pub slope: [f64; 2],
+    /// The point above or below which the plane has its height.
+    pub anchor: FloorPoint,
+}
+
+impl Plane {
+    /// The floor itself: z = 0.
+    pub const FLOOR: Self = Self::level(0.0);
+
+    /// A horizontal plane, in metres above the floor.
+    #[must_use]
+    pub const fn level(height: f64) -> Self {
+        Self { height, slope: [0.0; 2], anchor: FloorPoint { x: 0.0, y: 0.0 } }
+    }
+
+    /// A plane that falls by the angle `fall` toward the direction `toward`, counter-clockwise from +x, both in
+    /// radians.
+    #[must_use]
+    pub fn falling(height: f64, toward: f64, fall: f64, anchor: FloorPoint) -> Self {
+        let (sin, cos) = toward.sin_cos();
+        Self { height, slope: [-fall.tan() * cos, -fall.tan() * sin], anchor }
+    }
+
+    /// The angle of its fall, in radians; 0 of a horizontal plane.
+    #[must_use]
+    pub fn fall(&self) -> f64 {
+        self.slope[0].hypot(self.slope[1]).atan()
+    }
+
+    /// The direction it falls toward, counter-clockwise from +x, in radians; 0 of a horizontal plane.
+    #[must_use]
+    pub fn toward(&self) -> f64 {
+        if self.slope == [0.0; 2] { 0.0 } else { (-self.slope[1]).atan2(-self.slope[0]) }
+    }
+
+    /// Its height above a point of the floor, in metres.
+    #[must_use]
+    pub fn height_at(&self, at: FloorPoint) -> f64 {
+        self.height + self.slope[0] * (at.x - self.anchor.x) + self.slope[1] * (at.y - self.anchor.y)
+    }
+
+    /// The plane `height` metres above this one, measured along the vertical.
+    #[must_use]
+    pub fn raised(&self, height: f64) -> Self {
+        Self { height: self.height + height, ..*self }
+    }
+
+    /// The derivatives of the height above a point by height and slope.
+    pub(crate) fn height_by_parameters(&self, at: FloorPoint) -> [f64; 3] {
+        [1.0, at.x - self.anchor.x, at.y - self.anchor.y]
+    }
+
+    /// Rise of the ray above the plane, per unit of its direction.
+    pub(crate) fn rise(&self, direction: &[f64; 3]) -> f64 {
+        direction[2] - (self.slope[0] * direction[0] + self.slope[1] * direction[1])
+    }
+}
+
+impl Camera {
+    /// Where the ray through `pixel` meets a plane.
+    ///
+    /// `None` when the plane is not in front of the camera along that ray, and outside the lens.
+    #[must_use]
+    pub fn pixel_to_plane(&self, pixel: Pixel, plane: &Plane) -> Option<WorldPoint> {
+        ray_to_plane(&self.pixel_to_ray(pixel)?, plane)
+    }
+}
+
+pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
+    /// A point further than this many times the drop is the horizon's rounding.
+    const FARTHEST: f64 = 1e12;
+    let drop = plane.height_at(ray.origin.on_floor()) - ray.origin.z;
+    let distance = drop / plane.rise(&ray.direction);
+    (distance > 0.0 && distance < FARTHEST).then(|| {
+        let [x, y, _] = ray.direction;
+        let at = FloorPoint { x: ray.origin.x + distance * x, y: ray.origin.y + distance * y };
+        WorldPoint { x: at.x, y: at.y, z: plane.height_at(at) }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_point_of_a_plane_is_where_its_pixel_meets_it(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
+            toward in -3.0..3.0_f64, fall in 0.0..0.2_f64,
+        ) {
+            let plane = Plane::falling(height, toward, fall, FloorPoint { x: 1.0, y: -2.0 });
+            prop_assert!((plane.fall() - fall).abs() < 1e-12);
+            let Some(at) = camera.pixel_to_plane(Pixel { u, v }, &plane) else { return Ok(()) };
+            prop_assume!(at.on_floor().distance(camera.position.on_floor()) < 100.0);
+            let back = camera.world_to_pixel(at).unwrap();
+            prop_assert!(back.distance(Pixel { u, v }) < 1e-6, "{back:?}");
+        }
+
+        #[test]
+        fn a_level_plane_is_the_floor_at_its_height(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
+        ) {
+            let on_plane = camera.pixel_to_plane(Pixel { u, v }, &Plane::level(height));
+            let on_floor = camera.pixel_to_floor(Pixel { u, v }, height);
+            prop_assert_eq!(on_plane.map(WorldPoint::on_floor), on_floor);
+        }
+    }
+}
