@@ -147,6 +147,10 @@ impl Joint {
         for mark in &mut site.marks {
             mark.solution = self.mark(mark).cloned();
         }
+        let same = same_planes(&self.site.planes, &site.planes);
+        for (index, plane) in site.planes.iter_mut().enumerate() {
+            plane.solution = self.report.planes.get(index).copied().flatten().filter(|_| same);
+        }
         site.solution = Some(self.report.site.clone()).filter(|whole| is_current && !whole.is_empty());
     }
 }
@@ -226,6 +230,7 @@ pub(crate) fn report_of(site: &Site) -> Report {
         cameras: cameras.filter_map(|(index, camera)| Some((index, result(camera)?))).collect(),
         links: site.links.iter().map(|link| link.solution.clone()).collect(),
         marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
+        planes: site.planes.iter().map(|plane| plane.solution).collect(),
         site: site.solution.clone().unwrap_or_default(),
         // A file has words alone.
         findings: Vec::new(),
