@@ -172,7 +172,8 @@ commands! {
     Lines {
         NewGroup "Begin a new group with the next line" NONE W;
         RightAngle "Tie the last two parallel groups at right angles";
-        TakeSuggestion "Take the tool for the line that helps most" [Suggestion] NONE N;
+        TakeSuggestion "Take the tool for what helps most" [Suggestion] NONE N;
+        DismissSuggestion "Suggest something else" [Suggestion] SHIFT N;
         TakeSecondSolution "Use the second solution's field of view" [SecondSolution];
         CopyLines "Copy this camera's annotations" [Camera] CTRL_SHIFT C;
         PasteLines "Paste annotations onto this camera" [Copied] CTRL_SHIFT V;

@@ -47,6 +47,8 @@ pub struct FitOptions<'a> {
     pub weak_prior: bool,
     /// Annotations that are never rejected, by index.
     pub keep: &'a [usize],
+    /// Whether other cameras see the same floor, so that links may be suggested.
+    pub has_neighbours: bool,
 }
 
 impl FitOptions<'_> {
@@ -54,7 +56,17 @@ impl FitOptions<'_> {
     #[must_use]
     pub fn new(lens: Lens, size: [f64; 2]) -> Self {
         let (fixed, priors) = (FixedParameters::default(), Priors::default());
-        Self { lens, size, efov: &[], fixed, priors, sigma: None, weak_prior: true, keep: &[] }
+        Self {
+            lens,
+            size,
+            efov: &[],
+            fixed,
+            priors,
+            sigma: None,
+            weak_prior: true,
+            keep: &[],
+            has_neighbours: false,
+        }
     }
 }
 

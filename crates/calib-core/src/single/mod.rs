@@ -15,7 +15,7 @@
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
-//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `advice` the findings about a fit, and what to draw next.
+//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod usual_sizes;
@@ -46,6 +46,7 @@ mod accuracy;
 mod plausibility;
 mod fit;
 mod scene_likelihood;
+mod link_design;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
