@@ -112,12 +112,12 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Draw lines on its image, or import it with standard deviations; \"sigma\" in the solution holds them."
         }
         F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
-        F::LineOutlier { .. } => "Draw it again, delete it, or mark it \"keep\" if it is right.",
+        F::LineOutlier { .. } => "Draw it again, delete it, or use it anyway (\"keep\") if it is right.",
         F::Misfit { .. } => {
             "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens."
         }
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
-        F::BentEdges { .. } => "Look for an edge that is not straight in space, or fit another model.",
+        F::BentEdges { .. } => "Look for a point beside its edge, and for an edge that is not straight in space.",
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
         F::UncertainCorners { .. } => "Draw straight edges that reach into the corners.",
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
