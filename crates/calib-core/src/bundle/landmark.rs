@@ -196,12 +196,13 @@ impl LandmarkModel {
         point: usize,
         pose: &PosedCamera,
         observed: &ObservedPixel,
-    ) -> Option<Vec<ReprojectionError>> {
+    ) -> Option<impl Iterator<Item = ReprojectionError>> {
         if let Self::Line { origin } = self {
-            return Some(vec![line_error(&pose.reproject_line(*origin, place[0], place[1]), observed)]);
+            let error = line_error(&pose.reproject_line(*origin, place[0], place[1]), observed);
+            return Some([error; 2].into_iter().take(1));
         }
         let (point, jacobian) = self.point(place, point);
-        Some(point_errors(&pose.reproject(point)?, &jacobian, observed).to_vec())
+        Some(point_errors(&pose.reproject(point)?, &jacobian, observed).into_iter().take(2))
     }
 
     /// Number of residuals that one observation gives.

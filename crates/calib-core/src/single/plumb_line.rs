@@ -17,7 +17,9 @@ use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
-use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
+use crate::single::straightness::{
+    Edge, edge_redundancy, straightness, straightness_with_jacobian, times_drawn,
+};
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
@@ -67,6 +69,8 @@ pub struct LensOptions {
 /// The fit of some coefficients to some polylines, as a least-squares problem.
 struct Problem<'a> {
     edges: Vec<&'a Edge>,
+    /// How often each of them is drawn.
+    times: Vec<f64>,
     fitted: Fitted,
     principal_point: Pixel,
     /// Pixels by which coordinates are divided: the focal that the coefficients refer to.
@@ -91,13 +95,13 @@ impl Problem<'_> {
             return None;
         }
         let mut all = Vec::new();
-        for edge in &self.edges {
-            all.extend(straightness(&lens, &edge.points)?);
+        for (edge, times) in self.edges.iter().zip(&self.times) {
+            all.extend(straightness(&lens, &edge.points)?.iter().map(|distance| distance / times.sqrt()));
         }
         Some(DVector::from_vec(all))
     }
 
-    /// The cost of every polyline: the sum of its squared residuals.
+    /// The cost of every edge by one of its polylines: the sum of its squared residuals.
     fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let lens = self.lens(values);
         self.edges.iter().map(move |edge| edge_cost(&lens, edge))
@@ -113,7 +117,13 @@ impl Problem<'_> {
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
             .edges
             .iter()
-            .map(|edge| straightness_with_jacobian(&lens, &edge.points, indices))
+            .zip(&self.times)
+            .map(|(edge, times)| {
+                let (mut distances, mut columns) = straightness_with_jacobian(&lens, &edge.points, indices)?;
+                let values = columns.iter_mut().flatten().chain(&mut distances);
+                values.for_each(|value| *value /= times.sqrt());
+                Some((distances, columns))
+            })
             .collect::<Option<_>>()?;
         let residuals = edges.iter().flat_map(|(distances, _)| distances.iter().copied()).collect();
         let column = |k: usize| edges.iter().flat_map(move |(_, columns)| columns[k].iter().copied());
@@ -210,7 +220,8 @@ impl LensFit {
                 fits
             })
             .collect();
-        let redundancy: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
+        let times = times_drawn(edges.iter().copied());
+        let redundancy = edge_redundancy(edges.iter().copied(), &times);
         if redundancy < 1 {
             return None;
         }
@@ -218,7 +229,7 @@ impl LensFit {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, .. } = *options;
-            Problem { edges: edges.clone(), fitted, principal_point, unit, size }
+            Problem { edges: edges.clone(), times: times.clone(), fitted, principal_point, unit, size }
         };
         let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
@@ -240,7 +251,8 @@ impl LensFit {
 
     fn of(model: &FittedModel, cost_before: f64, redundancy: i64, options: &LensOptions) -> Self {
         let FittedModel { problem, values, cost, rejected } = model;
-        let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
+        let edges = problem.edges.iter().zip(&problem.times);
+        let points: f64 = edges.map(|(edge, times)| edge.points.len() as f64 / times).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
             let distances = straightness(&lens, &edge.points).unwrap_or_default();
@@ -250,7 +262,7 @@ impl LensFit {
         Self {
             lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
-            straightness: [cost_before, *cost].map(|cost| (cost / points as f64).sqrt()),
+            straightness: [cost_before, *cost].map(|cost| (cost / points).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
             covariance: full_covariance(problem, values, options.sigma),
             map_error: map_error(problem, values, rejected.as_ref(), options),
@@ -320,7 +332,9 @@ fn select_model<'a>(
 /// not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &Problem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
-    let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
+    let gains = gains.zip(&larger.times);
+    let (total, most) =
+        gains.fold((0.0, 0.0), |(sum, most): (f64, f64), (gain, times)| (sum + gain / times, most.max(gain)));
     total - most
 }
 
