@@ -4,10 +4,9 @@ use calib_core::{Code, Names, Site, SiteCamera, SiteSolution, Solution, Warning}
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
-use crate::site_summary::{together, worst_first};
 use crate::solve::Format;
 use crate::stop::Stop;
-use crate::words::{centimetres, few};
+use calib_report::{centimetres, few, together, worst_first};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]

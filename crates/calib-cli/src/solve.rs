@@ -13,7 +13,8 @@ use crate::progress::Pulse;
 use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
-use crate::words::{few, visible};
+use crate::words::visible;
+use calib_report::few;
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -135,6 +135,7 @@ commands! {
         Compare "Compare with a saved version\u{2026}";
         Import "Import lenses or cameras of another program\u{2026}";
         Export "Export for other programs\u{2026}" [Cameras] CTRL E;
+        Report "Report: one page to hand over\u{2026}" [Cameras];
         SavePicture "Save a picture of this view\u{2026}" CTRL_SHIFT P;
         StopWork "Cancel what is under way: reading, finding edges, refining" [Work];
         ReadAgain "Read images again, look for edges again";

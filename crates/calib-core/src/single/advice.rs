@@ -63,7 +63,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     match fit.floor_length_rel {
         _ if fit.inconsistent => findings.push(Finding::UncertaintyUnknown),
         None => findings.push(Finding::NoFloor),
-        Some(rel) => findings.extend(floor_finding(rel, next)),
+        Some(rel) => findings.extend(floor_finding(rel, fit.floor_shape_rel, next)),
     }
     findings.extend(unchecked(fit, next));
     findings.extend(few_residuals(fit));
@@ -77,12 +77,19 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings
 }
 
-/// The finding about the error of lengths on the floor, if it is large.
-pub(crate) fn floor_finding(floor_length_rel: f64, next: Option<Suggestion>) -> Option<Finding> {
+/// The finding about the error of lengths on the floor, if it is large; `shape_rel` is that of their ratios.
+pub(crate) fn floor_finding(
+    floor_length_rel: f64,
+    shape_rel: Option<f64>,
+    next: Option<Suggestion>,
+) -> Option<Finding> {
+    let has_good_shape = |shape: &f64| *shape <= WEAK && *shape < 0.5 * floor_length_rel;
+    let scale_rel = shape_rel.filter(has_good_shape).map(|shape| floor_length_rel.powi(2) - shape.powi(2));
+    let scale_rel = scale_rel.map(f64::sqrt);
     if floor_length_rel > UNUSABLE {
-        Some(Finding::Unusable { floor_length_rel, next })
+        Some(Finding::Unusable { floor_length_rel, scale_rel, next })
     } else {
-        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, next })
+        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, scale_rel, next })
     }
 }
 
