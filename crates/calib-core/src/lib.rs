@@ -137,10 +137,10 @@ pub use camera::{
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
-    Remap, STAGE_1_HEIGHT, Status, Undistortion, default_efov, efov_on_floor, ellipse, floor_grid,
-    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
-    with_placement_covariance,
+    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT,
+    PixelOrigin, Placement, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError, StreamFit,
+    StreamMap, Undistortion, default_efov, efov_on_floor, ellipse, floor_grid, from_control_points, horizon,
+    in_front, on_image, position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
