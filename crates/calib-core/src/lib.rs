@@ -157,7 +157,7 @@ pub use site::{
     About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
     DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
     Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, Report, Scale,
+    Method, NamedAnnotation, Names, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, Report, Scale,
     SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
     Stage, Warning,
 };

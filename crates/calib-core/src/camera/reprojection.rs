@@ -4,6 +4,7 @@
 //! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
 use crate::camera::distortion::Distortion;
+use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::space::{Pixel, WorldPoint};
@@ -71,7 +72,7 @@ impl ObservedPixel {
 
 impl PosedCamera {
     pub(crate) fn new(camera: Camera) -> Self {
-        Self { rotation: camera.rotation(), roll: camera.roll.sin_cos(), camera }
+        Self { rotation: camera.rotation(), roll: sin_cos(camera.roll), camera }
     }
 
     /// Camera axes of a world vector.
@@ -118,7 +119,7 @@ impl PosedCamera {
     /// The image of the floor line at `offset` to the left of `origin` that leads along `angle`:
     /// `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin, 0)`.
     pub(crate) fn reproject_line(&self, origin: [f64; 2], offset: f64, angle: f64) -> ReprojectedLine {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = sin_cos(angle);
         let WorldPoint { x, y, z } = self.camera.position;
         let q = [origin[0] - offset * sin - x, origin[1] + offset * cos - y, -z];
         let (along, left) = ([cos, sin, 0.0], [-sin, cos, 0.0]);

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::camera::{Camera, FloorCovariance, FloorPoint, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Pixel, WorldPoint};
 use crate::floor::extent::Extent;
 use crate::floor::projector::FloorProjector;
 use crate::floor::status::Status;
@@ -117,6 +117,17 @@ impl CameraView {
         });
     }
 
+    /// As [`Self::to_floor`], without what became of each: a pixel without a point has NaN.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let plane = self.plane(height);
+        self.in_still(pixels, |range, [u, v]| {
+            plane.pixels_to_floor(u, v, &mut x[range.clone()], &mut y[range]);
+        });
+    }
+
     /// How uncertain the points of the plane at `height` are that pixels show, for a standard deviation of
     /// `sigma` pixels of the stream; square metres.
     ///
@@ -126,6 +137,21 @@ impl CameraView {
         let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
         assert!(of.len() == pixels[0].len(), "columns of one length");
         self.in_still(pixels, |range, [u, v]| plane.floor_covariances(u, v, sigma, &mut of[range]));
+    }
+
+    /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn floor_jacobians(&self, pixels: [&[f64]; 2], of: &mut [[[f64; Covariance::SIZE]; 2]]) {
+        assert!(of.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, [u, v]| {
+            for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
+                let found = self.camera().floor_jacobian(Pixel { u, v });
+                let columns = found.unwrap_or([[f64::NAN; 2]; Covariance::SIZE]);
+                *of = [0, 1].map(|row| columns.map(|column| column[row]));
+            }
+        });
     }
 
     /// Points of space, in metres, to pixels, and what became of each.
@@ -188,6 +214,12 @@ mod tests {
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
 
+    /// Any NaN is one.
+    fn bits(x: &[f64], y: &[f64]) -> Vec<u64> {
+        let bits = |value: &f64| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() };
+        x.iter().chain(y).map(bits).collect()
+    }
+
     proptest! {
         #[test]
         fn a_stream_maps_as_its_pixels_do_in_the_still(
@@ -207,11 +239,13 @@ mod tests {
             let mapped = |view: &CameraView, u: &[f64], v: &[f64]| {
                 let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
                 view.to_floor(height, [u, v], [&mut x, &mut y], &mut status);
-                let bits = x.iter().chain(&y).map(|value| value.to_bits()).collect::<Vec<_>>();
+                let bits = bits(&x, &y);
                 (bits, status)
             };
             prop_assert_eq!(mapped(&view, &u, &v), mapped(&still, &in_still[0], &in_still[1]));
             let (mut a, mut b) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            view.to_floor_points(height, [&u, &v], [&mut a, &mut b]);
+            prop_assert_eq!(bits(&a, &b), mapped(&view, &u, &v).0);
             view.undistort([&u, &v], [&mut a, &mut b]);
             for i in 0..u.len() {
                 let straight = camera.undistort(Pixel::new(in_still[0][i], in_still[1][i]));

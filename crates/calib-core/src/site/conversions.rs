@@ -4,7 +4,7 @@ use crate::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, PlanScale,
     WorldPoint,
 };
-use crate::floor::{CameraView, ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
+use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors, SceneErrors};
 use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
 use crate::site::elements::Mark;
@@ -211,12 +211,6 @@ impl SiteCamera {
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {
         self.solution.as_ref()?.camera()
-    }
-
-    /// The calibrated camera with what it covers, for the pixels of its still.
-    #[must_use]
-    pub fn view(&self) -> Option<CameraView> {
-        Some(CameraView::new(&self.camera()?, self.size(), self.floor_polygon()))
     }
 
     /// Corners of the EFOV on the floor, in metres: as solved, or what the polygon drawn covers, or the
