@@ -5,19 +5,19 @@ use std::collections::{BTreeMap, HashMap};
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
-use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
+use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera, Stream, StreamMap};
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
 use crate::files::{SiteFile, say};
 use crate::stop::Stop;
-use crate::stream::{Stream, StreamSize};
+use crate::stream::map_of;
 
 /// One calibrated camera, for the time that it holds.
 pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
     /// In which detections are made.
-    pub(crate) stream: Stream,
+    pub(crate) stream: StreamMap,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
     entry: Entry,
@@ -64,7 +64,8 @@ pub(crate) struct Wanted {
     pub(crate) at: Option<AtColumn>,
     /// Of the plane, in metres.
     pub(crate) height: f64,
-    pub(crate) stream: Option<StreamSize>,
+    /// In which detections are made.
+    pub(crate) stream: Stream,
 }
 
 /// Which calibration every row has; the number of calibrations is none of them.
@@ -81,11 +82,11 @@ impl Calibration {
             Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
         let period = entry.period_ns().map_err(|error| Stop::Invalid(error.to_string()))?;
-        let stream = wanted.stream.map(|stream| Stream::of(stream, entry.size(), &entry.id)).transpose()?;
+        let stream = map_of(&wanted.stream, entry.size(), &entry.id)?;
         let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
-            stream: stream.unwrap_or(Stream::STILL),
+            stream,
             size: entry.size(),
             efov: entry.floor_polygon(),
             entry: Entry { camera: entry.id.clone(), from, to, period },

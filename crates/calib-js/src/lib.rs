@@ -4,11 +4,16 @@
 //! Units and axes are those of the site file: pixels from the corner of the image, metres with z up.
 
 mod point;
+mod options;
+mod camera;
 
-use calib_core::{Extent, FloorProjector, Options, SiteCamera, Status, WorldPoint};
+pub use camera::{Camera, status_names};
+
+use calib_core::{Extent, FloorProjector, Options, SiteCamera, Status, Stream, WorldPoint};
 use js_sys::Float64Array;
 use wasm_bindgen::prelude::*;
 
+use crate::options::CameraOptions;
 use crate::point::{FloorPoint, Pixel};
 
 /// A site whose solutions are used.
@@ -33,6 +38,17 @@ impl Site {
     pub fn cameras(&self) -> Vec<String> {
         let solved = self.0.cameras.iter().filter(|camera| camera.camera().is_some());
         solved.map(|camera| camera.id.clone()).collect()
+    }
+
+    /// A calibrated camera, for whole columns of pixels of one of its streams.
+    ///
+    /// # Errors
+    /// Throws when the site has no calibrated camera of this id, when it has several periods and `at` does not say
+    /// which, and when the stream does not go with the size of the still.
+    pub fn camera(&self, id: &str, options: Option<CameraOptions>) -> Result<Camera, JsError> {
+        let (at, stream) = options.map_or_else(|| Ok((None, Stream::default())), |options| options.read())?;
+        let view = self.0.view(id, at.as_deref(), stream);
+        view.map(Camera).map_err(|why| JsError::new(&format!("camera {id:?}: {why}")))
     }
 
     /// The point of the floor that a pixel shows, with its standard deviation; `undefined` above the horizon.

@@ -51,7 +51,8 @@ impl Pixel {
     }
 }
 
-fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
+/// A plain object.
+pub(crate) fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
     let object = Object::new();
     for (key, value) in fields {
         // Setting a field of a new object cannot fail.

@@ -5,6 +5,7 @@
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
 //! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
 //! - `remap` undistorted images.
 
 mod placement;
@@ -15,8 +16,13 @@ mod status;
 mod extent;
 mod surfaces;
 mod projector;
+mod stream;
+mod detection_box;
+mod camera_view;
 mod remap;
 
+pub use camera_view::CameraView;
+pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
@@ -28,4 +34,5 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use status::Status;
+pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surfaces::{Surface, SurfacePoint};
