@@ -5,15 +5,12 @@
 
 mod archive;
 mod args;
-mod calibrations;
 mod check;
-mod columns;
 mod demo;
 mod export;
 mod files;
 mod import;
 mod lens;
-mod mapping;
 mod merge;
 mod overlay;
 mod part;
@@ -25,7 +22,6 @@ mod project;
 mod render;
 mod report;
 mod sigma_map;
-mod sigmas;
 mod site_file;
 mod site_section;
 mod site_summary;

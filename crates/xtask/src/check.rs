@@ -76,11 +76,12 @@ const ENGINES: Tool = python!(
 );
 
 /// What builds the wheel, what checks it, and the packages that its users have.
-const PYTHON: Tool = python!(
+pub(crate) const PYTHON: Tool = python!(
     "what builds and tries the wheel",
     "target/python-venv",
     "maturin==1.16.0 numpy==2.4.6 pytest==9.2.0 mypy==2.4.1 twine==6.2.0 auditwheel==6.8.2 matplotlib==3.11.2 \
-     nbclient==0.11.0 ipykernel==7.4.0 opencv-python-headless==5.0.0.93 supervision==0.31.2 norfair==2.1.1"
+     nbclient==0.11.0 ipykernel==7.4.0 opencv-python-headless==5.0.0.93 supervision==0.31.2 norfair==2.1.1 \
+     pyarrow==26.0.1 polars==2.1.0 pandas==3.1.0"
 );
 
 const COMPILERS: Tool = Tool {
