@@ -59,7 +59,7 @@ impl Asked {
                 "at_column" => asked.at_column = value.extract()?,
                 "at_unit" => {
                     asked.at_unit =
-                        Some(choice(&value, "at_unit", AtUnit::named, "\"s\", \"ms\", \"us\" or \"ns\"")?)
+                        Some(choice(&value, "at_unit", AtUnit::named, "\"s\", \"ms\", \"us\" or \"ns\"")?);
                 }
                 "to" => asked.to = choice(&value, "to", |name| in_list(&TO, name), "\"floor\" or \"pixel\"")?,
                 "columns" => {
@@ -68,14 +68,18 @@ impl Asked {
                         "columns",
                         |name| in_list(&COLUMNS, name),
                         "\"auto\", \"points\" or \"boxes\"",
-                    )?
+                    )?;
                 }
                 "height" => asked.height = finite(py, "height", value.extract()?)?,
                 "sigma_px" => asked.sigma = Some(finite(py, "sigma_px", value.extract()?)?),
                 "replace" => asked.replaces = value.extract()?,
                 "bad_rows" => {
-                    asked.bad_rows =
-                        choice(&value, "bad_rows", |name| in_list(&BAD_ROWS, name), "\"fail\" or \"status\"")?
+                    asked.bad_rows = choice(
+                        &value,
+                        "bad_rows",
+                        |name| in_list(&BAD_ROWS, name),
+                        "\"fail\" or \"status\"",
+                    )?;
                 }
                 _ => pixels.set_item(keyword, value)?,
             }
