@@ -8,7 +8,7 @@ use anyhow::{Context as _, ensure};
 use serde_json::{Map, Value};
 
 use crate::workspace::{done, root};
-use crate::{check, golden};
+use crate::{golden, tools};
 
 /// Where its tools and what it is tried with are installed.
 const VENV: &str = "target/python-venv";
@@ -22,7 +22,7 @@ fn tool(name: &str) -> Command {
 
 /// Builds the wheel into `out`; where it is.
 pub(crate) fn run(out: &Path, profile: &str) -> anyhow::Result<PathBuf> {
-    ensure!(check::ready(&check::PYTHON, true), "{} could not be installed", check::PYTHON.name);
+    ensure!(tools::ready(&tools::PYTHON, true), "{} could not be installed", tools::PYTHON.name);
     let wheels = out.join(profile);
     if wheels.exists() {
         fs::remove_dir_all(&wheels)?;
@@ -73,7 +73,7 @@ fn demonstration(golden: &Path) -> anyhow::Result<()> {
 
 /// Measures the wheel beside `OpenCV`: a JSON object.
 pub(crate) fn bench() -> anyhow::Result<Map<String, Value>> {
-    ensure!(check::ready(&check::PYTHON, false), "{VENV} is absent; `cargo xtask test --install` makes it");
+    ensure!(tools::ready(&tools::PYTHON, false), "{VENV} is absent; `cargo xtask test --install` makes it");
     let wheel = run(&root().join("target/python"), "release")?;
     let packages = root().join("target/python-bench");
     let mut install = tool("python");
