@@ -5,14 +5,11 @@
 
 mod archive;
 mod args;
-mod calibrations;
 mod check;
-mod columns;
 mod demo;
 mod export;
 mod files;
 mod import;
-mod mapping;
 mod merge;
 mod painting;
 mod part;
@@ -23,7 +20,6 @@ mod project;
 mod render;
 mod report;
 mod sigma_map;
-mod sigmas;
 mod site_file;
 mod site_summary;
 mod solve;

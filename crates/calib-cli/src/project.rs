@@ -4,14 +4,15 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use calib_core::Stream;
+use calib_table::{
+    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Rows, To, Wanted,
+    Wording,
+};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::archive::{FORMATS, Format, Input, Output, Packing, Purpose, Sink, Source};
 use crate::args::{SiteArgs, size};
-use crate::calibrations::{ByCamera, Calibrations, Wanted};
-use crate::columns::{AtColumn, AtUnit, BadCells, BadRows};
 use crate::files;
-use crate::mapping::{Columns, Mapping, Rows, To};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::stream::{Fit, PixelOrigin};
@@ -126,8 +127,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         })?;
     }
     drop(progress);
-    table.mapping.bad.tell();
-    calibrations.tell_lost();
+    for note in table.mapping.bad.notes().into_iter().chain(calibrations.lost()) {
+        files::say(format_args!("calib: {note}"));
+    }
     Ok(())
 }
 
@@ -174,7 +176,7 @@ fn mapping(args: &Args) -> Mapping {
         height: args.height_m,
         sigma: args.sigma_px,
         replaces: args.replace,
-        bad: BadCells::new(args.bad_rows),
+        bad: BadCells::new(args.bad_rows, Wording::Flags),
     }
 }
 
@@ -191,10 +193,13 @@ fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
         }
         (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
     };
-    let at = args.at_column.clone().map(|name| AtColumn::new(name, args.at_unit));
+    let at = args.at_column.clone().map(|name| AtColumn::new(name, args.at_unit, Wording::Flags));
     let origin = args.pixel_origin.into();
     let stream = Stream { origin, size: args.stream_size, fit: args.stream_fit.map(Into::into), crop: None };
-    Calibrations::of(&file, Wanted { camera, at, height: args.height_m, stream })
+    let wanted = Wanted { camera, at, height: args.height_m, stream, wording: Wording::Flags };
+    let calibrations = Calibrations::of(&file.site, file.sha256.clone(), wanted).map_err(Stop::of_table)?;
+    calibrations.notes().iter().for_each(|note| files::say(format_args!("calib: {note}")));
+    Ok(calibrations)
 }
 
 /// A table on its way from one format to another.
@@ -251,7 +256,7 @@ impl Table {
         let place = |row: usize| self.source.place(row);
         let is_broken = |row: usize| self.source.is_broken(row);
         let rows = Rows { place: &place, is_broken: &is_broken };
-        self.mapping.map(batch, calibrations, rows).map_err(|stop| match stop {
+        self.mapping.map(batch, calibrations, rows).map_err(|error| match Stop::of_table(error) {
             Stop::Invalid(what) => Stop::invalid(&self.name, what),
             stop => stop,
         })

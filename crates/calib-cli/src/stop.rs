@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use calib_table::TableError;
+
 /// The end of a command that is not success.
 #[derive(Debug)]
 pub(crate) enum Stop {
@@ -39,6 +41,16 @@ impl Stop {
             | Self::Unsolved(message)
             | Self::Lossy(message) => Some(message.clone()),
             Self::ReaderGone => None,
+        }
+    }
+
+    /// Why a table cannot be mapped.
+    pub(crate) fn of_table(error: TableError) -> Self {
+        match error {
+            TableError::Usage(what) => Self::Usage(what),
+            TableError::Invalid(what) => Self::Invalid(what),
+            TableError::Unsolved(what) => Self::Unsolved(what),
+            TableError::Arrow(error) => error.into(),
         }
     }
 

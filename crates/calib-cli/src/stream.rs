@@ -1,9 +1,6 @@
 //! Which pixels detections are of, as the command line says it.
 
-use calib_core::{Stream, StreamError, StreamMap};
 use clap::ValueEnum;
-
-use crate::stop::Stop;
 
 /// Where pixels are counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -39,15 +36,4 @@ impl From<Fit> for calib_core::StreamFit {
             Fit::Letterbox => Self::Letterbox,
         }
     }
-}
-
-/// Where the pixels of a stream lie in the still of a camera.
-pub(crate) fn map_of(stream: &Stream, still: [f64; 2], camera: &str) -> Result<StreamMap, Stop> {
-    stream.map(still).map_err(|why| match why {
-        StreamError::Proportion { size: [w, h], shown: [sw, sh] } => Stop::Usage(format!(
-            "--stream-size {w}x{h}: the sides of camera \"{camera}\", {sw} x {sh} pixels, are in another proportion; \
-             say how the image was fitted, with --stream-fit stretch or --stream-fit letterbox"
-        )),
-        other => Stop::Usage(format!("--stream-size: {other}")),
-    })
 }

@@ -73,7 +73,7 @@ impl Camera {
     #[pyo3(signature = (view="same-focal"))]
     fn undistorter(&self, py: Python<'_>, view: &str) -> PyResult<Undistorter> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
-        let crop = named(py, &self.id, "view", view, crop_of_name, expected)?;
+        let crop = named(py, Some(&self.id), "view", view, crop_of_name, expected)?;
         let (camera, size) = (self.view.camera(), self.view.size());
         py.detach(|| Undistorter::new(&self.id, camera, size, crop))
             .ok_or_else(|| refused(py, Some(&self.id), "size", "expected images of 2 x 2 to 1.4 gigapixels"))

@@ -13,6 +13,7 @@ mod undistorter;
 mod camera;
 mod mapping;
 mod site;
+mod table;
 
 use pyo3::prelude::*;
 

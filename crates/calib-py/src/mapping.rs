@@ -170,7 +170,8 @@ impl Camera {
     ) -> PyResult<Triple<'py>> {
         let (py, view) = (boxes.py(), self.of(stream)?);
         array::finite(py, "height", height)?;
-        let form = named(py, self.id(), "form", form, BoxForm::of_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
+        let form =
+            named(py, Some(self.id()), "form", form, BoxForm::of_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
         let boxes = array::doubles(boxes, "boxes")?;
         let shape = match boxes.shape() {
             [shape @ .., 4] => shape.to_vec(),

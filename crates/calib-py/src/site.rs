@@ -20,7 +20,7 @@ use crate::finding::{self, Finding};
 ///     CalibError: names the camera and the value that is wrong.
 #[pyclass(frozen, eq, module = "calib")]
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Site(calib_core::Site);
+pub(crate) struct Site(pub(crate) calib_core::Site);
 
 #[pymethods]
 impl Site {
@@ -179,6 +179,6 @@ fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// A time as text, whether it is text or a datetime.
-fn time(at: &Bound<'_, PyAny>) -> PyResult<String> {
+pub(crate) fn time(at: &Bound<'_, PyAny>) -> PyResult<String> {
     if at.is_instance_of::<PyString>() { at.extract() } else { at.call_method0("isoformat")?.extract() }
 }

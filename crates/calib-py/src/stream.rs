@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use calib_core::{CameraView, PixelOrigin, StreamFit};
+use calib_core::{CameraView, PixelOrigin, Stream, StreamFit};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -53,11 +53,8 @@ impl Pixels {
         self.origin.is_none() && self.stream_size.is_none() && self.fit.is_none() && self.crop.is_none()
     }
 
-    fn of<'a>(&self, py: Python<'_>, id: &str, view: &'a CameraView) -> PyResult<Cow<'a, CameraView>> {
-        if self.says_nothing() {
-            return Ok(Cow::Borrowed(view));
-        }
-        let mut stream = *view.stream();
+    /// The stream that they speak of, where they say something, and the one before elsewhere.
+    fn over(&self, py: Python<'_>, id: Option<&str>, mut stream: Stream) -> PyResult<Stream> {
         if let Some(name) = &self.origin {
             stream.origin = named(py, id, "origin", name, PixelOrigin::of_name, "\"corner\" or \"centre\"")?;
         }
@@ -69,29 +66,41 @@ impl Pixels {
             stream.size = Some([side(py, id, width)?, side(py, id, height)?]);
         }
         stream.crop = self.crop.or(stream.crop);
+        Ok(stream)
+    }
+
+    fn of<'a>(&self, py: Python<'_>, id: &str, view: &'a CameraView) -> PyResult<Cow<'a, CameraView>> {
+        if self.says_nothing() {
+            return Ok(Cow::Borrowed(view));
+        }
+        let stream = self.over(py, Some(id), *view.stream())?;
         let field = if self.crop.is_some() && self.stream_size.is_none() { "crop" } else { "stream_size" };
         view.with_stream(stream).map(Cow::Owned).map_err(|why| refused(py, Some(id), field, why))
     }
 }
 
+/// The stream that keywords speak of.
+pub(crate) fn stream_of(keywords: &Bound<'_, PyDict>) -> PyResult<Stream> {
+    Pixels::read(keywords)?.over(keywords.py(), None, Stream::default())
+}
+
 /// The option of a name.
 pub(crate) fn named<T>(
     py: Python<'_>,
-    id: &str,
+    id: Option<&str>,
     field: &str,
     name: &str,
     of_name: fn(&str) -> Option<T>,
     expected: &str,
 ) -> PyResult<T> {
-    of_name(name)
-        .ok_or_else(|| refused(py, Some(id), field, format_args!("found {name:?}, expected {expected}")))
+    of_name(name).ok_or_else(|| refused(py, id, field, format_args!("found {name:?}, expected {expected}")))
 }
 
-fn side(py: Python<'_>, id: &str, side: f64) -> PyResult<u32> {
+fn side(py: Python<'_>, id: Option<&str>, side: f64) -> PyResult<u32> {
     let whole = side as u32;
     if f64::from(whole) == side && whole > 0 {
         return Ok(whole);
     }
     let what = format!("found a side of {side}, expected (width, height) in whole pixels");
-    Err(refused(py, Some(id), "stream_size", what))
+    Err(refused(py, id, "stream_size", what))
 }

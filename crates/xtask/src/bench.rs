@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, bail};
 use serde_json::{Map, Value, json};
 
-use crate::archives;
+use crate::{archives, py};
 
 /// Benchmarks that stand beside the code: package, program, and the keys of its JSON object. They are not
 /// linked here, so that every other command of this one is built without a window.
@@ -30,6 +30,21 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
 /// What `archives` measures in one run: ratios.
 const ARCHIVES: [&str; 3] =
     ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
+
+/// What the wheel for Python measures beside `OpenCV` in one run: nanoseconds a point, microseconds a call, and
+/// ratios.
+const PYTHON: [&str; 9] = [
+    "python_to_floor_ns",
+    "python_to_floor_with_status_ns",
+    "python_to_floor_new_arrays_ns",
+    "python_distorted_to_floor_ns",
+    "python_undistort_ns",
+    "perspective_transform_over_to_floor",
+    "undistort_points_over_undistort",
+    "python_single_us",
+    "python_single_distorted_us",
+];
+
 /// Runs all benchmarks whose key contains `filter`.
 pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     let mut results = Map::new();
@@ -46,6 +61,12 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
                 results.extend(ARCHIVES.map(str::to_owned).into_iter().zip(values.map(|value| json!(value))));
             }
             Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVES.join(", ")),
+        }
+    }
+    if PYTHON.iter().any(|key| key.contains(filter)) {
+        match py::bench() {
+            Ok(measured) => results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter))),
+            Err(error) => eprintln!("SKIPPED {}: {error:#}", PYTHON.join(", ")),
         }
     }
     println!("{}", Value::Object(results));

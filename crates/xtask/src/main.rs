@@ -4,6 +4,7 @@
 // A module uses only those above it.
 mod workspace;
 mod wasm;
+mod tools;
 mod check;
 mod coverage;
 mod notices;

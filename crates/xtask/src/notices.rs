@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::bail;
 
-use crate::check;
+use crate::tools;
 use crate::workspace::root;
 
 /// A program's crate, and where its notices are.
@@ -15,9 +15,9 @@ const PROGRAMS: [(&str, &str); 3] = [
     ("crates/calib-js/Cargo.toml", "crates/calib-js/THIRD-PARTY.txt"),
 ];
 
-const ABOUT: check::Tool = check::Tool {
+const ABOUT: tools::Tool = tools::Tool {
     name: "cargo-about",
-    is_there: || check::runs("target/tools/bin/cargo-about", &["--version"]),
+    is_there: || tools::runs("target/tools/bin/cargo-about", &["--version"]),
     install: &[&[
         "cargo",
         "install",
@@ -33,7 +33,7 @@ const ABOUT: check::Tool = check::Tool {
 
 /// Writes the notices of every program.
 pub(crate) fn run() -> anyhow::Result<()> {
-    if !check::ready(&ABOUT, true) {
+    if !tools::ready(&ABOUT, true) {
         bail!("cargo-about could not be installed");
     }
     for (manifest, notices) in PROGRAMS {

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, ensure};
+use serde_json::{Map, Value};
 
-use crate::golden;
 use crate::workspace::{done, root};
+use crate::{golden, tools};
 
 /// Where its tools and what it is tried with are installed.
 const VENV: &str = "target/python-venv";
@@ -15,19 +16,20 @@ const CRATE: &str = "crates/calib-py";
 
 fn tool(name: &str) -> Command {
     let mut command = Command::new(root().join(VENV).join("bin").join(name));
-    command.current_dir(root().join(CRATE)).env("PYTHONWARNDEFAULTENCODING", "0");
+    command.current_dir(root().join(CRATE));
     command
 }
 
 /// Builds the wheel into `out`; where it is.
 pub(crate) fn run(out: &Path, profile: &str) -> anyhow::Result<PathBuf> {
+    ensure!(tools::ready(&tools::PYTHON, true), "{} could not be installed", tools::PYTHON.name);
     let wheels = out.join(profile);
     if wheels.exists() {
         fs::remove_dir_all(&wheels)?;
     }
     done(tool("maturin").args(["build", "--quiet", "--locked", "--profile", profile, "--out"]).arg(&wheels))?;
     let wheel = fs::read_dir(&wheels)?.next().context("maturin made no wheel")??.path();
-    println!("{}", wheel.display());
+    eprintln!("{}", wheel.display());
     Ok(wheel)
 }
 
@@ -67,4 +69,17 @@ fn demonstration(golden: &Path) -> anyhow::Result<()> {
     ensure!(calib.status.success(), "{}", String::from_utf8_lossy(&calib.stderr));
     let mut tracker = cargo(&["--package", "calib-core", "--example", "fuse_tracks", "--"]);
     done(tracker.args(["solved.json", "detections.csv", "tracks.csv"].map(|name| demo.join(name))))
+}
+
+/// Measures the wheel beside `OpenCV`: a JSON object.
+pub(crate) fn bench() -> anyhow::Result<Map<String, Value>> {
+    ensure!(tools::ready(&tools::PYTHON, false), "{VENV} is absent; `cargo xtask test --install` makes it");
+    let wheel = run(&root().join("target/python"), "release")?;
+    let packages = root().join("target/python-bench");
+    let mut install = tool("python");
+    install.args(["-m", "pip", "install", "--quiet", "--upgrade", "--no-deps", "--target"]).arg(&packages);
+    done(install.arg(wheel))?;
+    let output = tool("python").arg("tests/bench.py").env("PYTHONPATH", &packages).output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Ok(serde_json::from_slice(&output.stdout)?)
 }

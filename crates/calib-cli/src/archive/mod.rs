@@ -4,7 +4,6 @@ mod arrow;
 mod csv;
 mod guard;
 mod input;
-mod json_text;
 mod ndjson;
 mod packed;
 mod page_guard;
@@ -19,8 +18,8 @@ use std::path::Path;
 use ::arrow::array::RecordBatch;
 use ::arrow::datatypes::{Schema, SchemaRef};
 
+use calib_table::{is_json, json_field, plain};
 pub(crate) use input::Input;
-pub(crate) use json_text::{is_json, plain};
 pub(crate) use packed::Packed;
 pub(crate) use parquet::Packing;
 

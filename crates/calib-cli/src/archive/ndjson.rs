@@ -17,11 +17,10 @@ use ::arrow::json::writer::{
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
-use super::json_text::json_field;
 use super::utc::in_utc;
 use super::{
     BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing,
-    Purpose, Sink, Source, is_json, plain,
+    Purpose, Sink, Source, is_json, json_field, plain,
 };
 use crate::stop::Stop;
 

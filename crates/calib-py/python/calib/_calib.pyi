@@ -1,7 +1,7 @@
 from collections.abc import Sequence
 from os import PathLike
 from datetime import datetime
-from typing import Any, Literal, TypeAlias, final, overload
+from typing import Any, Literal, Protocol, TypeAlias, final, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ Crop: TypeAlias = Sequence[float]
 
 STATUS_NAMES: list[str]
 __version__: str
+
+class ArrowStream(Protocol):
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
 class CalibError(ValueError):
     camera: str | None
@@ -155,6 +158,14 @@ class Site:
         self, *, method: Literal["ml", "paper"] = "ml", refine: bool = True, prior: bool = True,
         cameras: Sequence[str] | None = None,
     ) -> Site: ...
+    def project(
+        self, table: ArrowStream, *, camera: str | None = None, camera_column: str | None = None,
+        at: str | datetime | None = None, at_column: str | None = None,
+        at_unit: Literal["s", "ms", "us", "ns"] | None = None, to: Literal["floor", "pixel"] = "floor",
+        columns: Literal["auto", "points", "boxes"] = "auto", height: float = 0.0, sigma_px: float | None = None,
+        replace: bool = False, bad_rows: Literal["fail", "status"] = "fail", origin: Origin | None = None,
+        stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
+    ) -> ArrowStream: ...
     def to_json(self) -> str: ...
     def to_dict(self) -> dict[str, Any]: ...
     def __eq__(self, other: object, /) -> bool: ...

@@ -1,23 +1,23 @@
 //! Columns of a table as numbers and times, and what becomes of cells that are neither.
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::compute::kernels::cast_utils::string_to_timestamp_nanos;
 use arrow::datatypes::{DataType, Float64Type, Int64Type, TimeUnit, TimestampNanosecondType};
-use clap::ValueEnum;
 
-use crate::archive::{is_json, plain};
-use crate::files::say;
-use crate::stop::Stop;
+use crate::json_text::{is_json, plain};
+use crate::table_error::TableError;
+use crate::wording::Wording;
 
 /// Says which row of a batch is meant.
-pub(crate) type Place<'a> = &'a dyn Fn(usize) -> String;
+pub type Place<'a> = &'a dyn Fn(usize) -> String;
 
 /// What becomes of a row that is not whole, or with a cell that is no number, or no time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BadRows {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum BadRows {
     /// The run ends and writes nothing
     Fail,
     /// Its status says so: missing without a number and where it is not whole, no-calibration without a time
@@ -26,48 +26,54 @@ pub(crate) enum BadRows {
 
 /// Cells that are no numbers and no times.
 #[derive(Debug)]
-pub(crate) struct BadCells {
+pub struct BadCells {
     rows: BadRows,
-    count: Cell<u64>,
+    count: AtomicU64,
     /// Rows that are not whole.
-    broken: Cell<u64>,
+    broken: AtomicU64,
+    wording: Wording,
 }
 
 impl BadCells {
-    pub(crate) fn new(rows: BadRows) -> Self {
-        Self { rows, count: Cell::new(0), broken: Cell::new(0) }
+    /// None yet; what becomes of those that are met.
+    #[must_use]
+    pub const fn new(rows: BadRows, wording: Wording) -> Self {
+        Self { rows, count: AtomicU64::new(0), broken: AtomicU64::new(0), wording }
+    }
+
+    pub(crate) const fn wording(&self) -> Wording {
+        self.wording
     }
 
     /// One more; an error where they end the run.
-    fn met(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), Stop> {
+    fn met(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), TableError> {
         if self.rows == BadRows::Status {
-            self.count.set(self.count.get() + 1);
+            self.count.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         }
-        Err(Stop::Invalid(format!(
-            "{place}, column {column}: found \"{found}\", expected {expected}; --bad-rows status goes on with the others"
+        Err(TableError::Invalid(format!(
+            "{place}, column {column}: found \"{found}\", expected {expected}; {} goes on with the others",
+            self.wording.with("bad-rows", "status")
         )))
     }
 
     /// Another row that is not whole.
     pub(crate) fn met_broken(&self) {
-        self.broken.set(self.broken.get() + 1);
+        self.broken.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Tells of them.
-    pub(crate) fn tell(&self) {
-        let broken = self.broken.get();
-        if broken > 0 {
-            say(format_args!(
-                "calib: {broken} rows are not whole (too few or too many cells, no JSON object, or not UTF-8): they have the status missing or no-calibration"
-            ));
-        }
-        let count = self.count.get();
-        if count > 0 {
-            say(format_args!(
-                "calib: {count} cells are no numbers or no times: their rows have the status missing or no-calibration"
-            ));
-        }
+    /// What is to be said of them, if there were any.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let whole = "are not whole (too few or too many cells, no JSON object, or not UTF-8)";
+        let told = [
+            (&self.broken, format!("rows {whole}: they have")),
+            (&self.count, "cells are no numbers or no times: their rows have".to_owned()),
+        ];
+        let met = told.into_iter().map(|(count, what)| (count.load(Ordering::Relaxed), what));
+        met.filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what} the status missing or no-calibration"))
+            .collect()
     }
 }
 
@@ -92,7 +98,7 @@ pub(crate) fn numbers<const N: usize>(
     expected: &str,
     place: Place<'_>,
     bad: &BadCells,
-) -> Result<[Vec<f64>; N], Stop> {
+) -> Result<[Vec<f64>; N], TableError> {
     let mut found = [const { Vec::new() }; N];
     for (values, name) in found.iter_mut().zip(wanted) {
         let Some(column) = column(batch, name) else {
@@ -101,16 +107,19 @@ pub(crate) fn numbers<const N: usize>(
                 || place(0).starts_with("line") && !batch.schema().fields().iter().any(|f| is_json(f));
             let place = if is_csv { "line 1".into() } else { place(0) };
             let what = format!("{place}: found the columns \"{}\", expected {expected}", names(batch));
-            return Err(Stop::Invalid(what));
+            return Err(TableError::Invalid(what));
         };
         *values = doubles(&column, name, place, bad)?;
     }
     Ok(found)
 }
 
-fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> Result<Vec<f64>, Stop> {
+fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> Result<Vec<f64>, TableError> {
     let refused = || {
-        Stop::Invalid(format!("column {name}: found values of type {}, expected numbers", column.data_type()))
+        TableError::Invalid(format!(
+            "column {name}: found values of type {}, expected numbers",
+            column.data_type()
+        ))
     };
     match column.data_type() {
         kind if kind.is_numeric() => {
@@ -144,7 +153,7 @@ fn parsed<T>(
     bad: &BadCells,
     expected: &str,
     value: impl Fn(&str) -> Option<T>,
-) -> Result<Vec<Option<T>>, Stop> {
+) -> Result<Vec<Option<T>>, TableError> {
     let texts = texts.as_string::<i32>().iter().enumerate();
     let parsed = texts.map(|(row, text)| match text.map(str::trim) {
         None | Some("") => Ok(None),
@@ -157,8 +166,9 @@ fn parsed<T>(
 }
 
 /// What numbers of a column of times count, from 1970-01-01 UTC.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum AtUnit {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum AtUnit {
     /// Seconds
     S,
     /// Milliseconds
@@ -173,7 +183,19 @@ impl AtUnit {
     /// Columns of numbers have their unit in their name: `at_s`, `time_ms`.
     fn of_name(name: &str) -> Option<Self> {
         let (_, unit) = name.rsplit_once('_')?;
-        Self::from_str(unit, true).ok()
+        Self::named(&unit.to_ascii_lowercase())
+    }
+
+    /// The one of this name: s, ms, us or ns.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "s" => Self::S,
+            "ms" => Self::Ms,
+            "us" => Self::Us,
+            "ns" => Self::Ns,
+            _ => return None,
+        })
     }
 
     const fn nanoseconds(self) -> i64 {
@@ -201,15 +223,22 @@ impl AtUnit {
 
 /// The column that says when a row was.
 #[derive(Clone, Debug)]
-pub(crate) struct AtColumn {
-    pub(crate) name: String,
+pub struct AtColumn {
+    name: String,
     unit: Option<AtUnit>,
+    wording: Wording,
 }
 
 impl AtColumn {
-    pub(crate) fn new(name: String, unit: Option<AtUnit>) -> Self {
+    /// The column of a name; numbers in it count in the unit, or in that of its name.
+    #[must_use]
+    pub fn new(name: String, unit: Option<AtUnit>, wording: Wording) -> Self {
         let unit = unit.or_else(|| AtUnit::of_name(&name));
-        Self { name, unit }
+        Self { name, unit, wording }
+    }
+
+    fn asked(&self) -> String {
+        self.wording.with("at-column", &self.name)
     }
 
     /// Times as nanoseconds since 1970; times without an offset count as UTC.
@@ -218,10 +247,10 @@ impl AtColumn {
         batch: &RecordBatch,
         place: Place<'_>,
         bad: &BadCells,
-    ) -> Result<Vec<Option<i64>>, Stop> {
+    ) -> Result<Vec<Option<i64>>, TableError> {
         let name = &self.name;
         let column = column(batch, name).ok_or_else(|| {
-            Stop::Invalid(format!("--at-column {name}: the table has the columns \"{}\"", names(batch)))
+            TableError::Invalid(format!("{}: the table has the columns \"{}\"", self.asked(), names(batch)))
         })?;
         let nanoseconds = |zone| DataType::Timestamp(TimeUnit::Nanosecond, zone);
         let exact = match column.data_type() {
@@ -230,33 +259,44 @@ impl AtColumn {
             kind if is_text(kind) => return self.of_text(&column, place, bad),
             kind if kind.is_numeric() => return self.of_numbers(&column),
             other => {
-                return Err(Stop::Invalid(format!(
-                    "--at-column {name}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z"
+                return Err(TableError::Invalid(format!(
+                    "{}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z",
+                    self.asked()
                 )));
             }
         };
         Ok(exact.as_primitive::<TimestampNanosecondType>().iter().collect())
     }
 
-    fn of_text(&self, column: &ArrayRef, place: Place<'_>, bad: &BadCells) -> Result<Vec<Option<i64>>, Stop> {
+    fn units(&self) -> String {
+        format!("{} s, ms, us or ns", self.wording.name("at-unit"))
+    }
+
+    fn of_text(
+        &self,
+        column: &ArrayRef,
+        place: Place<'_>,
+        bad: &BadCells,
+    ) -> Result<Vec<Option<i64>>, TableError> {
         let texts = cast(column, &DataType::Utf8)?;
         let time = |text: &str| {
             let number = self.unit.and_then(|unit| unit.time(text));
             number.or_else(|| string_to_timestamp_nanos(text).ok())
         };
         let expected = match self.unit {
-            Some(_) => "a number or a time such as 2026-05-01T08:00:00Z",
-            None => "a time such as 2026-05-01T08:00:00Z, or numbers with --at-unit s, ms, us or ns",
+            Some(_) => "a number or a time such as 2026-05-01T08:00:00Z".to_owned(),
+            None => format!("a time such as 2026-05-01T08:00:00Z, or numbers with {}", self.units()),
         };
-        parsed(&texts, &self.name, place, bad, expected, time)
+        parsed(&texts, &self.name, place, bad, &expected, time)
     }
 
-    fn of_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, Stop> {
+    fn of_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, TableError> {
         let Some(unit) = self.unit else {
-            return Err(Stop::Invalid(format!(
-                "--at-column {}: found {}; say with --at-unit s, ms, us or ns what it counts from 1970",
-                self.name,
-                column.data_type()
+            return Err(TableError::Invalid(format!(
+                "{}: found {}; say with {} what it counts from 1970",
+                self.asked(),
+                column.data_type(),
+                self.units()
             )));
         };
         if column.data_type().is_integer() {

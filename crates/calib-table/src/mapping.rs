@@ -5,16 +5,16 @@ use std::sync::Arc;
 use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions, StringBuilder};
 use arrow::datatypes::{Field, Schema};
 use calib_core::{BoxForm, Pixel, Status, StreamMap, WorldPoint};
-use clap::ValueEnum;
 
 use crate::calibrations::{Calibration, Calibrations, Choice};
 use crate::columns::{BadCells, Place, names, numbers};
 use crate::sigmas::Sigmas;
-use crate::stop::Stop;
+use crate::table_error::TableError;
 
 /// Which way to map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum To {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum To {
     /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`
     Floor,
     /// Columns `x_m,y_m,z_m` to `u,v,status`
@@ -22,8 +22,9 @@ pub(crate) enum To {
 }
 
 /// What the pixels of a table are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Columns {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Columns {
     /// Points if there are `u` and `v`, else boxes
     Auto,
     /// Points: `u,v`
@@ -34,34 +35,41 @@ pub(crate) enum Columns {
 
 /// What its source knows of the rows of a batch.
 #[derive(Clone, Copy)]
-pub(crate) struct Rows<'a> {
-    pub(crate) place: Place<'a>,
+pub struct Rows<'a> {
+    /// Which row of the source is meant.
+    pub place: Place<'a>,
     /// Whether a row is not whole.
-    pub(crate) is_broken: &'a dyn Fn(usize) -> bool,
+    pub is_broken: &'a dyn Fn(usize) -> bool,
 }
 
 /// How a table is mapped.
 #[derive(Debug)]
-pub(crate) struct Mapping {
-    pub(crate) to: To,
-    pub(crate) columns: Columns,
+pub struct Mapping {
+    /// Which way.
+    pub to: To,
+    /// What its pixels are.
+    pub columns: Columns,
     /// Of the plane, in metres, where the table does not say.
-    pub(crate) height: f64,
+    pub height: f64,
     /// Standard deviation of a detection, in pixels of its stream; with it, points have theirs.
-    pub(crate) sigma: Option<f64>,
+    pub sigma: Option<f64>,
     /// Whether columns that are there are written anew.
-    pub(crate) replaces: bool,
-    pub(crate) bad: BadCells,
+    pub replaces: bool,
+    /// What becomes of cells that are no numbers and no times.
+    pub bad: BadCells,
 }
 
 impl Mapping {
     /// The batch with the columns that were mapped.
-    pub(crate) fn map(
+    ///
+    /// # Errors
+    /// When a column is absent, or there already, or has a cell that cannot be read.
+    pub fn map(
         &self,
         batch: &RecordBatch,
         calibrations: &mut Calibrations,
         Rows { place, is_broken }: Rows<'_>,
-    ) -> Result<RecordBatch, Stop> {
+    ) -> Result<RecordBatch, TableError> {
         let mut points = self.points(batch, place)?;
         for row in (0..batch.num_rows()).filter(|&row| is_broken(row)) {
             self.bad.met_broken();
@@ -88,15 +96,16 @@ impl Mapping {
         Ok(RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)?)
     }
 
-    fn taken(&self, batch: &RecordBatch, name: &str) -> Stop {
-        Stop::Invalid(format!(
-            "the table has a column {name} already, among \"{}\"; --replace writes it anew, or rename it",
-            names(batch)
+    fn taken(&self, batch: &RecordBatch, name: &str) -> TableError {
+        TableError::Invalid(format!(
+            "the table has a column {name} already, among \"{}\"; {} writes it anew, or rename it",
+            names(batch),
+            self.bad.wording().name("replace")
         ))
     }
 
     /// What is to be mapped: pixels of the stream, or points of space.
-    fn points(&self, batch: &RecordBatch, place: Place<'_>) -> Result<Points, Stop> {
+    fn points(&self, batch: &RecordBatch, place: Place<'_>) -> Result<Points, TableError> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
         if self.to == To::Pixel {
@@ -117,13 +126,13 @@ impl Mapping {
         Ok(Points { a, b, c: Vec::new() })
     }
 
-    fn pixels(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], Stop> {
+    fn pixels(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let expected = if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" };
         numbers(batch, ["u", "v"], expected, place, &self.bad)
     }
 
     /// The middles of the lower edges of boxes.
-    fn feet(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], Stop> {
+    fn feet(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let names = ["x", "y", "w", "h"];
         let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", place, &self.bad)?;
         for row in 0..x.len() {

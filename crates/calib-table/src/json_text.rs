@@ -3,24 +3,27 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use ::arrow::array::{ArrayRef, AsArray as _, StringArray};
-use ::arrow::datatypes::{DataType, Field};
+use arrow::array::{ArrayRef, AsArray as _, StringArray};
+use arrow::datatypes::{DataType, Field};
 
 const KEY: &str = "ARROW:extension:name";
 const NAME: &str = "arrow.json";
 
 /// A column of JSON values.
-pub(super) fn json_field(name: &str) -> Field {
+#[must_use]
+pub fn json_field(name: &str) -> Field {
     Field::new(name, DataType::Utf8, true).with_metadata(HashMap::from([(KEY.to_owned(), NAME.to_owned())]))
 }
 
 /// Whether a column holds JSON values.
-pub(crate) fn is_json(field: &Field) -> bool {
+#[must_use]
+pub fn is_json(field: &Field) -> bool {
     field.data_type() == &DataType::Utf8 && field.metadata().get(KEY).is_some_and(|name| name == NAME)
 }
 
 /// JSON values as plain text: strings without quotes, null as null.
-pub(crate) fn plain(column: &ArrayRef) -> ArrayRef {
+#[must_use]
+pub fn plain(column: &ArrayRef) -> ArrayRef {
     let values = column.as_string::<i32>();
     let text = |value: &str| -> Option<String> {
         match value {

@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, HashMap};
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
-use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera, Stream, StreamMap};
+use calib_core::{Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap};
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
-use crate::files::{SiteFile, say};
-use crate::stop::Stop;
-use crate::stream::map_of;
+use crate::table_error::TableError;
+use crate::wording::Wording;
 
 /// One calibrated camera, for the time that it holds.
+#[derive(Debug)]
 pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
     /// In which detections are made.
@@ -24,6 +24,7 @@ pub(crate) struct Calibration {
 }
 
 /// What is said of a calibration.
+#[derive(Debug)]
 struct Entry {
     camera: String,
     from: Option<String>,
@@ -33,7 +34,8 @@ struct Entry {
 }
 
 /// The calibrations that a table is projected with.
-pub(crate) struct Calibrations {
+#[derive(Debug)]
+pub struct Calibrations {
     pub(crate) list: Vec<Calibration>,
     /// Indices of every camera's.
     of_camera: HashMap<String, Vec<u32>>,
@@ -41,6 +43,8 @@ pub(crate) struct Calibrations {
     at: Option<AtColumn>,
     /// SHA-256 of the site file.
     sha256: String,
+    wording: Wording,
+    notes: Vec<String>,
     /// Rows without a calibration, by camera: of so many cameras as one would look through.
     lost: BTreeMap<String, u64>,
     /// Such rows of further cameras.
@@ -51,7 +55,8 @@ pub(crate) struct Calibrations {
 const MOST_LOST: usize = 1000;
 
 /// Whose rows there are.
-pub(crate) enum ByCamera {
+#[derive(Clone, Debug)]
+pub enum ByCamera {
     /// All of one camera.
     Only(String),
     /// Of the camera that this column names.
@@ -59,13 +64,18 @@ pub(crate) enum ByCamera {
 }
 
 /// Which calibrations are wanted, and for what.
-pub(crate) struct Wanted {
-    pub(crate) camera: ByCamera,
-    pub(crate) at: Option<AtColumn>,
+#[derive(Clone, Debug)]
+pub struct Wanted {
+    /// Whose rows.
+    pub camera: ByCamera,
+    /// The column of times, where rows have one.
+    pub at: Option<AtColumn>,
     /// Of the plane, in metres.
-    pub(crate) height: f64,
+    pub height: f64,
     /// In which detections are made.
-    pub(crate) stream: Stream,
+    pub stream: Stream,
+    /// For messages.
+    pub wording: Wording,
 }
 
 /// Which calibration every row has; the number of calibrations is none of them.
@@ -75,14 +85,14 @@ pub(crate) enum Choice {
 }
 
 impl Calibration {
-    fn of(entry: &SiteCamera, wanted: &Wanted) -> Result<Self, Stop> {
+    fn of(entry: &SiteCamera, wanted: &Wanted) -> Result<Self, TableError> {
         let camera = entry.camera().ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
-            Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
+            TableError::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
-        let period = entry.period_ns().map_err(|error| Stop::Invalid(error.to_string()))?;
-        let stream = map_of(&wanted.stream, entry.size(), &entry.id)?;
+        let period = entry.period_ns().map_err(|error| TableError::Invalid(error.to_string()))?;
+        let stream = map_of(wanted, entry)?;
         let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
@@ -100,38 +110,41 @@ impl Calibration {
 
 impl Calibrations {
     /// The calibrations that are wanted; a camera that is not calibrated among them is told.
-    pub(crate) fn of(file: &SiteFile, wanted: Wanted) -> Result<Self, Stop> {
+    ///
+    /// # Errors
+    /// When none of them is calibrated, when a time is needed to tell them apart, and when the stream does not go
+    /// with a still.
+    pub fn of(site: &Site, sha256: String, wanted: Wanted) -> Result<Self, TableError> {
+        let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
             ByCamera::Only(id) => entry.id == *id,
             ByCamera::Column(_) => true,
         };
-        if file.site.cameras.iter().any(SiteCamera::is_placed) {
+        if site.cameras.iter().any(SiteCamera::is_placed) {
             let loose =
-                file.site.cameras.iter().filter(is_wanted).filter(|c| c.camera().is_some() && !c.is_placed());
+                site.cameras.iter().filter(is_wanted).filter(|c| c.camera().is_some() && !c.is_placed());
             for entry in loose {
-                say(format_args!(
-                    "calib: camera \"{}\" is not placed: its metres are from its own foot, not of the site",
+                notes.push(format!(
+                    "camera \"{}\" is not placed: its metres are from its own foot, not of the site",
                     entry.id
                 ));
             }
         }
         let (mut list, mut refused) = (Vec::new(), None);
-        for entry in file.site.cameras.iter().filter(is_wanted) {
+        for entry in site.cameras.iter().filter(is_wanted) {
             match Calibration::of(entry, &wanted) {
                 Ok(calibration) => list.push(calibration),
-                Err(Stop::Unsolved(why)) => {
-                    if let Some(why) = refused.replace(why) {
-                        say(format_args!("calib: {why}"));
-                    }
+                Err(TableError::Unsolved(why)) => {
+                    notes.extend(refused.replace(why));
                 }
                 Err(stop) => return Err(stop),
             }
         }
         if let Some(why) = refused {
             if list.is_empty() {
-                return Err(Stop::Unsolved(why));
+                return Err(TableError::Unsolved(why));
             }
-            say(format_args!("calib: {why}"));
+            notes.push(why);
         }
         let mut of_camera: HashMap<String, Vec<u32>> = HashMap::new();
         for (index, calibration) in (0..).zip(&list) {
@@ -140,14 +153,15 @@ impl Calibrations {
         if wanted.at.is_none()
             && let Some((id, _)) = of_camera.iter().find(|(_, periods)| periods.len() > 1)
         {
+            let [at, column] = ["at", "at-column"].map(|option| wanted.wording.name(option));
             let what = format!(
-                "camera \"{id}\": several periods have this id; choose one with --at TIME, or name the column of times with --at-column NAME"
+                "camera \"{id}\": several periods have this id; choose one with {at} TIME, or name the column of times with {column} NAME"
             );
-            return Err(Stop::Usage(what));
+            return Err(TableError::Usage(what));
         }
-        let sha256 = file.sha256.clone();
-        let Wanted { camera, at, .. } = wanted;
-        Ok(Self { list, of_camera, camera, at, sha256, lost: BTreeMap::new(), lost_more: 0 })
+        let Wanted { camera, at, wording, .. } = wanted;
+        let lost = BTreeMap::new();
+        Ok(Self { list, of_camera, camera, at, sha256, wording, notes, lost, lost_more: 0 })
     }
 
     /// What the output says of them, beside what the input said.
@@ -174,14 +188,14 @@ impl Calibrations {
         batch: &RecordBatch,
         place: Place<'_>,
         bad: &BadCells,
-    ) -> Result<Choice, Stop> {
+    ) -> Result<Choice, TableError> {
         let times = self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()?;
         if let (ByCamera::Only(_), None) = (&self.camera, &times) {
             return Ok(Choice::All(0));
         }
         let ids = match &self.camera {
             ByCamera::Only(_) => None,
-            ByCamera::Column(name) => Some(ids(batch, name)?),
+            ByCamera::Column(name) => Some(ids(batch, name, self.wording)?),
         };
         let only = match &self.camera {
             ByCamera::Only(id) => id.clone(),
@@ -223,30 +237,53 @@ impl Calibrations {
         Ok(Choice::Rows(rows))
     }
 
-    /// Tells of the rows that had no calibration.
-    pub(crate) fn tell_lost(&self) {
+    /// What is to be said of the cameras, before rows are mapped.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// What is to be said of the rows that had no calibration.
+    #[must_use]
+    pub fn lost(&self) -> Vec<String> {
         const MOST: usize = 5;
+        let mut notes = Vec::new();
         for (id, count) in self.lost.iter().take(MOST) {
             let why = if self.of_camera.contains_key(id) {
                 "are at times at which no calibration holds"
             } else {
                 "are of a camera that has no calibration"
             };
-            say(format_args!("calib: {count} rows of camera \"{id}\" {why}: status no-calibration"));
+            notes.push(format!("{count} rows of camera \"{id}\" {why}: status no-calibration"));
         }
         let more = self.lost_more + self.lost.values().skip(MOST).sum::<u64>();
         if more > 0 {
-            say(format_args!("calib: and {more} rows of other cameras; is that the column of cameras?"));
+            notes.push(format!("and {more} rows of other cameras; is that the column of cameras?"));
         }
+        notes
     }
 }
 
-/// The ids in a column: text, numbers, or a dictionary of either.
-fn ids(batch: &RecordBatch, name: &str) -> Result<ArrayRef, Stop> {
-    let found = column(batch, name).ok_or_else(|| {
-        Stop::Invalid(format!("--camera-column {name}: the table has the columns \"{}\"", names(batch)))
-    })?;
-    cast(&found, &DataType::Utf8).map_err(|error| {
-        Stop::Invalid(format!("--camera-column {name}: expected ids as text or numbers: {error}"))
+/// Where the pixels of the stream lie in the still of a camera.
+fn map_of(wanted: &Wanted, entry: &SiteCamera) -> Result<StreamMap, TableError> {
+    wanted.stream.map(entry.size()).map_err(|why| {
+        let (id, said) = (&entry.id, wanted.wording.name("stream-size"));
+        TableError::Usage(match (why, wanted.wording) {
+            (StreamError::Proportion { size: [w, h], shown: [sw, sh] }, Wording::Flags) => format!(
+                "{said} {w}x{h}: the sides of camera \"{id}\", {sw} x {sh} pixels, are in another proportion; say \
+                 how the image was fitted, with --stream-fit stretch or --stream-fit letterbox"
+            ),
+            (why, _) => format!("{said}: camera \"{id}\": {why}"),
+        })
     })
+}
+
+/// The ids in a column: text, numbers, or a dictionary of either.
+fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<ArrayRef, TableError> {
+    let asked = wording.with("camera-column", name);
+    let found = column(batch, name).ok_or_else(|| {
+        TableError::Invalid(format!("{asked}: the table has the columns \"{}\"", names(batch)))
+    })?;
+    cast(&found, &DataType::Utf8)
+        .map_err(|error| TableError::Invalid(format!("{asked}: expected ids as text or numbers: {error}")))
 }

@@ -1,0 +1,252 @@
+//! Whole tables, of any library that speaks the C interface of Arrow, as `calib project` maps files.
+
+use std::ffi::CString;
+
+use arrow::array::{RecordBatch, RecordBatchReader};
+use calib_core::Stream;
+use calib_table::{
+    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError, To,
+    Wanted,
+    Wording,
+};
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use pyo3_arrow::{PyRecordBatchReader, PyTable};
+use sha2::{Digest as _, Sha256};
+
+use crate::array::finite;
+use crate::error::refused;
+use crate::site::{Site, time};
+use crate::stream::stream_of;
+
+/// What is asked of a table, by keywords.
+#[derive(Debug)]
+struct Asked {
+    camera: Option<String>,
+    camera_column: Option<String>,
+    at: Option<String>,
+    at_column: Option<String>,
+    at_unit: Option<AtUnit>,
+    to: To,
+    columns: Columns,
+    height: f64,
+    sigma: Option<f64>,
+    replaces: bool,
+    bad_rows: BadRows,
+    stream: Stream,
+}
+
+const TO: [(&str, To); 2] = [("floor", To::Floor), ("pixel", To::Pixel)];
+const COLUMNS: [(&str, Columns); 3] =
+    [("auto", Columns::Auto), ("points", Columns::Points), ("boxes", Columns::Boxes)];
+const BAD_ROWS: [(&str, BadRows); 2] = [("fail", BadRows::Fail), ("status", BadRows::Status)];
+
+fn in_list<T: Copy>(list: &[(&str, T)], name: &str) -> Option<T> {
+    list.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
+}
+
+impl Asked {
+    fn read(py: Python<'_>, keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let (mut asked, pixels) = (Self::nothing(), PyDict::new(py));
+        for (keyword, value) in keywords.into_iter().flatten() {
+            if value.is_none() {
+                continue;
+            }
+            match keyword.extract::<String>()?.as_str() {
+                "camera" => asked.camera = value.extract()?,
+                "camera_column" => asked.camera_column = value.extract()?,
+                "at" => asked.at = Some(time(&value)?),
+                "at_column" => asked.at_column = value.extract()?,
+                "at_unit" => {
+                    asked.at_unit =
+                        Some(choice(&value, "at_unit", AtUnit::named, "\"s\", \"ms\", \"us\" or \"ns\"")?);
+                }
+                "to" => asked.to = choice(&value, "to", |name| in_list(&TO, name), "\"floor\" or \"pixel\"")?,
+                "columns" => {
+                    asked.columns = choice(
+                        &value,
+                        "columns",
+                        |name| in_list(&COLUMNS, name),
+                        "\"auto\", \"points\" or \"boxes\"",
+                    )?;
+                }
+                "height" => asked.height = finite(py, "height", value.extract()?)?,
+                "sigma_px" => asked.sigma = Some(finite(py, "sigma_px", value.extract()?)?),
+                "replace" => asked.replaces = value.extract()?,
+                "bad_rows" => {
+                    asked.bad_rows = choice(
+                        &value,
+                        "bad_rows",
+                        |name| in_list(&BAD_ROWS, name),
+                        "\"fail\" or \"status\"",
+                    )?;
+                }
+                _ => pixels.set_item(keyword, value)?,
+            }
+        }
+        asked.stream = stream_of(&pixels)?;
+        asked.check(py)?;
+        Ok(asked)
+    }
+
+    const fn nothing() -> Self {
+        Self {
+            camera: None,
+            camera_column: None,
+            at: None,
+            at_column: None,
+            at_unit: None,
+            to: To::Floor,
+            columns: Columns::Auto,
+            height: 0.0,
+            sigma: None,
+            replaces: false,
+            bad_rows: BadRows::Fail,
+            stream: Stream { origin: calib_core::PixelOrigin::Corner, size: None, fit: None, crop: None },
+        }
+    }
+
+    /// Refuses what does not go together.
+    fn check(&self, py: Python<'_>) -> PyResult<()> {
+        if self.camera.is_some() == self.camera_column.is_some() {
+            return Err(refused(py, None, "camera", "expected the id of a camera, or else camera_column"));
+        }
+        if self.at.is_some() && self.at_column.is_some() {
+            return Err(refused(py, None, "at", "expected a time, or else at_column"));
+        }
+        if self.to == To::Pixel && self.sigma.is_some() {
+            return Err(refused(py, None, "sigma_px", "goes with to=\"floor\""));
+        }
+        Ok(())
+    }
+
+    /// The calibrations that hold, of the cameras that are asked for.
+    fn calibrations(&self, py: Python<'_>, site: &calib_core::Site) -> PyResult<Calibrations> {
+        let mut site = site.clone();
+        let text = site.to_json();
+        if let Some(id) = self.camera.as_ref().filter(|id| site.cameras.iter().all(|entry| entry.id != **id))
+        {
+            return Err(crate::error::of_camera(py, id, calib_core::NoCamera::Unknown));
+        }
+        if let Some(at) = &self.at {
+            for entry in std::mem::take(&mut site.cameras) {
+                if entry.is_valid_at(at).map_err(|why| refused(py, None, "at", why.message()))? {
+                    site.cameras.push(entry);
+                }
+            }
+        }
+        let camera = match (&self.camera, &self.camera_column) {
+            (Some(id), _) => ByCamera::Only(id.clone()),
+            (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
+        };
+        let at = self.at_column.clone().map(|name| AtColumn::new(name, self.at_unit, Wording::Keywords));
+        let wanted =
+            Wanted { camera, at, height: self.height, stream: self.stream, wording: Wording::Keywords };
+        let digest: String =
+            Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        Calibrations::of(&site, digest, wanted).map_err(|why| of_table(py, &why))
+    }
+
+    fn mapping(&self) -> Mapping {
+        Mapping {
+            to: self.to,
+            columns: self.columns,
+            height: self.height,
+            sigma: self.sigma,
+            replaces: self.replaces,
+            bad: BadCells::new(self.bad_rows, Wording::Keywords),
+        }
+    }
+}
+
+fn choice<T>(
+    value: &Bound<'_, PyAny>,
+    field: &str,
+    of_name: impl Fn(&str) -> Option<T>,
+    expected: &str,
+) -> PyResult<T> {
+    let name: String = value.extract()?;
+    of_name(&name)
+        .ok_or_else(|| refused(value.py(), None, field, format_args!("found {name:?}, expected {expected}")))
+}
+
+fn of_table(py: Python<'_>, why: &TableError) -> PyErr {
+    refused(py, None, "table", why)
+}
+
+#[pymethods]
+impl Site {
+    /// Maps a whole table, row by row: every row by its camera, and by the calibration that held at its time.
+    ///
+    /// The other columns pass through with their types. Added are x_m, y_m and status (or u, v and status); with
+    /// sigma_px also sigma_x_m, sigma_y_m, rho of the pixel's part, and calibration_sigma_x_m and so on of the
+    /// calibration's. What has no answer is null.
+    ///
+    /// Args:
+    ///     table: of any library that speaks the C stream interface of Arrow: Polars, pandas, PyArrow, DuckDB.
+    ///     camera: id of the camera of all rows, or else
+    ///     camera_column: name of the column that says it.
+    ///     at: time at which the calibrations are to hold (RFC 3339, or a datetime with a time zone), or else
+    ///     at_column: name of the column that says it, and
+    ///     at_unit: what numbers in it count from 1970: "s", "ms", "us" or "ns"; by default what its name ends with.
+    ///     to: "floor" (columns u, v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m).
+    ///     columns: "points", "boxes" or "auto": points if there are u and v, else boxes.
+    ///     height: of the plane, in metres.
+    ///     sigma_px: standard deviation of a detection, in pixels of the stream.
+    ///     replace: write columns anew that the table has already.
+    ///     bad_rows: "fail", or "status": the status of rows with cells that are no numbers says so.
+    ///     origin, stream_size, fit, crop: which pixels, as `Camera` says.
+    ///
+    /// Returns:
+    ///     A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
+    #[pyo3(
+        signature = (table, **options),
+        text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', height=0.0, sigma_px=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
+        let py = table.py();
+        let asked = Asked::read(py, options)?;
+        let mut calibrations = asked.calibrations(py, &self.0)?;
+        for note in calibrations.notes() {
+            warn(py, note)?;
+        }
+        let unreadable = |why: PyErr| {
+            refused(
+                py,
+                None,
+                "table",
+                format_args!("expected a table with __arrow_c_stream__: {}", why.value(py)),
+            )
+        };
+        let reader = table.extract::<PyRecordBatchReader>().map_err(unreadable)?.into_reader()?;
+        let (mapping, schema) = (asked.mapping(), reader.schema());
+        let (mut mapped, mut before): (Vec<RecordBatch>, usize) = (Vec::new(), 0);
+        for batch in reader {
+            let batch = batch.map_err(|why| refused(py, None, "table", why))?;
+            let found =
+                py.detach(|| mapping.map(&batch, &mut calibrations, whole(&|row| format!("row {}", before + row))));
+            mapped.push(found.map_err(|why| of_table(py, &why))?);
+            before += batch.num_rows();
+        }
+        if mapped.is_empty() {
+            let none = mapping.map(&RecordBatch::new_empty(schema), &mut calibrations, whole(&|_| "row 0".into()));
+            mapped.push(none.map_err(|why| of_table(py, &why))?);
+        }
+        for note in mapping.bad.notes().into_iter().chain(calibrations.lost()) {
+            warn(py, &note)?;
+        }
+        let schema = mapped[0].schema();
+        PyTable::try_new(mapped, schema)
+    }
+}
+
+fn warn(py: Python<'_>, note: &str) -> PyResult<()> {
+    let text = CString::new(note.replace('\0', " ")).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
+}
+
+/// Rows of Arrow are whole.
+fn whole<'a>(place: Place<'a>) -> Rows<'a> {
+    Rows { place, is_broken: &|_| false }
+}

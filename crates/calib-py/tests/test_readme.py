@@ -1,0 +1,33 @@
+"""What the README shows runs as it stands there."""
+
+import re
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+
+README = (Path(__file__).parents[1] / "README.md").read_text()
+
+
+def blocks() -> list[str]:
+    return [textwrap.dedent(text) for text in re.findall(r"```python\n(.*?)```", README, re.DOTALL)]
+
+
+def test_every_block_runs(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    polars = pytest.importorskip("polars")
+    monkeypatch.chdir(folder / "demo")
+    boxes = np.array([[600.0, 300, 660, 480], [100, 350, 180, 600]])
+    frame = polars.DataFrame({"camera": ["shop-1"], "seen_at": ["2026-05-01T08:00:00Z"], "u": [900.0], "v": [800.0]})
+    names = {"boxes": boxes, "u": boxes[:, 2], "v": boxes[:, 3], "frame": frame, "polars": polars}
+    for block in blocks():
+        exec(block.replace('"door", stream_size', '"shop-1", stream_size'), names)
+    assert names["mapped"].height == 1 and names["pixel"].shape == (2, 2, 2)
+    assert isinstance(names["solved"].findings, list) and capsys.readouterr().out.startswith("[")
+
+
+def test_every_adapter_is_a_call_that_there_is() -> None:
+    calls = re.findall(r"camera\.(\w+)\(", README)
+    assert len(calls) >= 8 and all(hasattr(calib.Camera, call) for call in calls)

@@ -1,0 +1,20 @@
+//! Tables of pixels to the floor, and of points of space to pixels, batch by batch: every row by its camera, and by the
+//! calibration that held at its time.
+//!
+//! This is what `calib project` and `Site.project` of Python do between reading and writing: [`Calibrations`] are those
+//! of a site, a [`Mapping`] says which columns are mapped and how, and gives every batch of Arrow its new columns.
+
+mod wording;
+mod table_error;
+mod json_text;
+mod columns;
+mod calibrations;
+mod sigmas;
+mod mapping;
+
+pub use calibrations::{ByCamera, Calibrations, Wanted};
+pub use columns::{AtColumn, AtUnit, BadCells, BadRows, Place};
+pub use json_text::{is_json, json_field, plain};
+pub use mapping::{Columns, Mapping, Rows, To};
+pub use table_error::TableError;
+pub use wording::Wording;
