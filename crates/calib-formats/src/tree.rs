@@ -146,7 +146,7 @@ impl<'a> Node<'a> {
     /// What of the tree was not taken, as a sentence; nothing where all was.
     pub(crate) fn left_over(&self) -> Option<String> {
         /// Keys that the eye takes in.
-        const MOST: usize = 8;
+        const MOST: usize = 16;
         let mut keys = BTreeSet::new();
         gather(self.value, "", &self.taken.borrow(), &mut keys);
         let shown: Vec<&str> = keys.iter().take(MOST).map(String::as_str).collect();
