@@ -5,8 +5,7 @@ use std::path::Path;
 
 use calib_core::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Rows, To, Wanted,
-    Wording,
+    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Rows, To, Wanted, Wording,
 };
 use clap::builder::{PossibleValue, PossibleValuesParser};
 

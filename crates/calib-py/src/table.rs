@@ -5,9 +5,8 @@ use std::ffi::CString;
 use arrow::array::{RecordBatch, RecordBatchReader};
 use calib_core::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError, To,
-    Wanted,
-    Wording,
+    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError,
+    To, Wanted, Wording,
 };
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -224,13 +223,15 @@ impl Site {
         let (mut mapped, mut before): (Vec<RecordBatch>, usize) = (Vec::new(), 0);
         for batch in reader {
             let batch = batch.map_err(|why| refused(py, None, "table", why))?;
-            let found =
-                py.detach(|| mapping.map(&batch, &mut calibrations, whole(&|row| format!("row {}", before + row))));
+            let found = py.detach(|| {
+                mapping.map(&batch, &mut calibrations, whole(&|row| format!("row {}", before + row)))
+            });
             mapped.push(found.map_err(|why| of_table(py, &why))?);
             before += batch.num_rows();
         }
         if mapped.is_empty() {
-            let none = mapping.map(&RecordBatch::new_empty(schema), &mut calibrations, whole(&|_| "row 0".into()));
+            let none =
+                mapping.map(&RecordBatch::new_empty(schema), &mut calibrations, whole(&|_| "row 0".into()));
             mapped.push(none.map_err(|why| of_table(py, &why))?);
         }
         for note in mapping.bad.notes().into_iter().chain(calibrations.lost()) {

@@ -35,6 +35,7 @@ pub enum Columns {
 
 /// What its source knows of the rows of a batch.
 #[derive(Clone, Copy)]
+#[expect(missing_debug_implementations, reason = "closures have none")]
 pub struct Rows<'a> {
     /// Which row of the source is meant.
     pub place: Place<'a>,
