@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
-use calib_core::{Extent, FloorPoint, FloorProjector, SiteCamera};
+use calib_core::{Extent, FloorPoint, FloorProjector, Site, SiteCamera, Surface};
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
@@ -35,6 +35,7 @@ struct Entry {
 /// The calibrations that a table is projected with.
 pub(crate) struct Calibrations {
     pub(crate) list: Vec<Calibration>,
+    pub(crate) planes: Planes,
     /// Indices of every camera's.
     of_camera: HashMap<String, Vec<u32>>,
     camera: ByCamera,
@@ -45,6 +46,24 @@ pub(crate) struct Calibrations {
     lost: BTreeMap<String, u64>,
     /// Such rows of further cameras.
     lost_more: u64,
+}
+
+/// The planes of a site besides the floor, if any of them covers a part of the plan.
+#[derive(Default)]
+pub(crate) struct Planes {
+    pub(crate) surfaces: Vec<Surface>,
+    /// Of each, in the same order.
+    pub(crate) ids: Vec<String>,
+}
+
+impl Planes {
+    fn of(site: &Site) -> Self {
+        if site.planes.iter().all(|plane| plane.region.is_empty()) {
+            return Self::default();
+        }
+        let ids = site.planes.iter().map(|plane| plane.id.clone()).collect();
+        Self { surfaces: site.surfaces(), ids }
+    }
 }
 
 /// Whoever names a column that is none of cameras has an id in every row.
@@ -74,7 +93,7 @@ pub(crate) enum Choice {
 }
 
 impl Calibration {
-    fn of(entry: &SiteCamera, wanted: &Wanted) -> Result<Self, Stop> {
+    fn of(site: &Site, entry: &SiteCamera, wanted: &Wanted) -> Result<Self, Stop> {
         let camera = entry.camera().ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
@@ -87,7 +106,7 @@ impl Calibration {
             projector: FloorProjector::new(&camera, wanted.height),
             stream: stream.unwrap_or(Stream::STILL),
             size: entry.size(),
-            efov: entry.floor_polygon(),
+            efov: site.efov_on_floor(entry),
             entry: Entry { camera: entry.id.clone(), from, to, period },
         })
     }
@@ -116,7 +135,7 @@ impl Calibrations {
         }
         let (mut list, mut refused) = (Vec::new(), None);
         for entry in file.site.cameras.iter().filter(is_wanted) {
-            match Calibration::of(entry, &wanted) {
+            match Calibration::of(&file.site, entry, &wanted) {
                 Ok(calibration) => list.push(calibration),
                 Err(Stop::Unsolved(why)) => {
                     if let Some(why) = refused.replace(why) {
@@ -146,7 +165,8 @@ impl Calibrations {
         }
         let sha256 = file.sha256.clone();
         let Wanted { camera, at, .. } = wanted;
-        Ok(Self { list, of_camera, camera, at, sha256, lost: BTreeMap::new(), lost_more: 0 })
+        let planes = Planes::of(&file.site);
+        Ok(Self { list, planes, of_camera, camera, at, sha256, lost: BTreeMap::new(), lost_more: 0 })
     }
 
     /// What the output says of them, beside what the input said.

@@ -15,6 +15,7 @@ mod import;
 mod lens;
 mod mapping;
 mod merge;
+mod on_planes;
 mod overlay;
 mod part;
 mod picture;

@@ -172,27 +172,6 @@ impl Camera {
         ]
     }
 
-    /// The 3 x 3 matrix from homogeneous undistorted pixels to the plane at `height` metres, row by row.
-    ///
-    /// Its third coordinate is positive for pixels that show the plane (for planes below the camera),
-    /// and not positive on and above the horizon.
-    #[must_use]
-    pub fn homography_floor_from_pixel(&self, height: f64) -> [[f64; 3]; 3] {
-        let Pixel { u: cu, v: cv } = self.lens.principal_point;
-        let [right, down, forward] = self.rotation();
-        // Ray direction as a linear function of (u, v, 1).
-        let direction =
-            |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
-        let (dx, dy, dz) = (direction(0), direction(1), direction(2));
-        let drop = self.position.z - height;
-        let WorldPoint { x: x0, y: y0, .. } = self.position;
-        [
-            std::array::from_fn(|j| drop * dx[j] - x0 * dz[j]),
-            std::array::from_fn(|j| drop * dy[j] - y0 * dz[j]),
-            dz.map(|d| -d),
-        ]
-    }
-
     /// The camera with one of the unknowns of [`Covariance`] changed.
     #[cfg(test)]
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {

@@ -78,8 +78,47 @@ impl Camera {
     pub fn pixel_to_plane(&self, pixel: Pixel, plane: &Plane) -> Option<WorldPoint> {
         ray_to_plane(&self.pixel_to_ray(pixel)?, plane)
     }
+
+    /// Where the ray through a point of space meets a plane: what the point hides of it, or is hidden by.
+    ///
+    /// `None` when that ray does not meet it in front of the camera.
+    #[must_use]
+    pub fn point_to_plane(&self, at: WorldPoint, plane: &Plane) -> Option<WorldPoint> {
+        let origin = self.position;
+        let direction = [at.x - origin.x, at.y - origin.y, at.z - origin.z];
+        ray_to_plane(&Ray { origin, direction }, plane)
+    }
+
+    /// The 3 x 3 matrix from homogeneous undistorted pixels to the plane at `height` metres, row by row.
+    ///
+    /// Its third coordinate is positive for pixels that show the plane (for planes below the camera),
+    /// and not positive on and above the horizon.
+    #[must_use]
+    pub fn homography_floor_from_pixel(&self, height: f64) -> [[f64; 3]; 3] {
+        self.homography_plane_from_pixel(&Plane::level(height))
+    }
+
+    /// As [`Self::homography_floor_from_pixel`], to x and y of the points of a plane.
+    #[must_use]
+    pub fn homography_plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
+        let Pixel { u: cu, v: cv } = self.lens.principal_point;
+        let [right, down, forward] = self.rotation();
+        // Ray direction as a linear function of (u, v, 1), and with it the rise above the plane.
+        let direction =
+            |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
+        let (dx, dy, dz) = (direction(0), direction(1), direction(2));
+        let rise: [f64; 3] = std::array::from_fn(|j| plane.rise(&[dx[j], dy[j], dz[j]]));
+        let drop = self.position.z - plane.height_at(self.position.on_floor());
+        let WorldPoint { x: x0, y: y0, .. } = self.position;
+        [
+            std::array::from_fn(|j| drop * dx[j] - x0 * rise[j]),
+            std::array::from_fn(|j| drop * dy[j] - y0 * rise[j]),
+            rise.map(|r| -r),
+        ]
+    }
 }
 
+/// The ray's direction may be of any length.
 pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
     /// A point further than this many times the drop is the horizon's rounding.
     const FARTHEST: f64 = 1e12;

@@ -5,6 +5,7 @@
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
 //! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `remap` undistorted images.
 
 mod placement;
@@ -15,6 +16,7 @@ mod status;
 mod extent;
 mod surfaces;
 mod projector;
+mod surface_projector;
 mod remap;
 
 pub use efov::{Efov, default_efov, efov_on_floor};
@@ -28,4 +30,5 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use status::Status;
+pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint};

@@ -28,13 +28,22 @@ impl Surface {
         crossed.count() % 2 == 1
     }
 
+    /// The plane raised by `height` metres, if the camera looks at it from above.
+    pub(crate) fn below(&self, camera: &Camera, height: f64) -> Option<Plane> {
+        let raised = self.plane.raised(height);
+        (camera.position.z > raised.height_at(camera.position.on_floor())).then_some(raised)
+    }
+
     /// Where the ray of a pixel meets the plane raised by `height` metres from above, inside the region.
     fn met(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
-        let raised = self.plane.raised(height);
-        let is_above = camera.position.z > raised.height_at(camera.position.on_floor());
-        let at = camera.pixel_to_plane(pixel, &raised).filter(|_| is_above)?;
+        let at = camera.pixel_to_plane(pixel, &self.below(camera, height)?)?;
         self.holds_at(at.on_floor()).then_some(at)
     }
+}
+
+/// Whether a surface lies below the floor there, so that the floor is not.
+pub(crate) fn is_pit(surfaces: &[Surface], at: FloorPoint) -> bool {
+    surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.holds_at(at))
 }
 
 /// A point of the site that a pixel shows.
@@ -46,6 +55,14 @@ pub struct SurfacePoint {
     pub at: WorldPoint,
 }
 
+impl SurfacePoint {
+    /// Of two points of one ray, the one that the ray from `eye` meets first: where a plane lies on
+    /// the floor or on another plane it is `other`, which is later in the list.
+    pub(crate) fn or_before(self, other: Self, eye: WorldPoint) -> Self {
+        if self.at.distance(eye) < other.at.distance(eye) { self } else { other }
+    }
+}
+
 impl Camera {
     /// The point that `pixel` shows `height` metres above the floor or a surface, whichever its ray meets first.
     ///
@@ -55,13 +72,9 @@ impl Camera {
         let met = surfaces.iter().enumerate().filter_map(|(index, surface)| {
             Some(SurfacePoint { surface: Some(index), at: surface.met(self, pixel, height)? })
         });
-        let is_pit = |at: FloorPoint| {
-            surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.holds_at(at))
-        };
-        let on_floor = self.pixel_to_floor(pixel, height).filter(|&at| !is_pit(at));
+        let on_floor = self.pixel_to_floor(pixel, height).filter(|&at| !is_pit(surfaces, at));
         let on_floor = on_floor.map(|at| SurfacePoint { surface: None, at: at.at_height(height) });
-        let away = |point: &SurfacePoint| point.at.distance(self.position);
-        met.chain(on_floor).min_by(|a, b| away(a).total_cmp(&away(b)))
+        on_floor.into_iter().chain(met).reduce(|before, next| before.or_before(next, self.position))
     }
 }
 
