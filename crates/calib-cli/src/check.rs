@@ -4,10 +4,11 @@ use calib_core::{Code, Names, Site, SiteCamera, SiteSolution, Solution, Warning}
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
+use crate::planes::planes_text;
 use crate::site_summary::{together, worst_first};
 use crate::solve::Format;
 use crate::stop::Stop;
-use crate::words::{centimetres, few};
+use crate::words::{centimetres, few, visible};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]
@@ -154,6 +155,7 @@ fn report(
             files::print(&explained(verdict))?;
         }
     }
+    files::print(&visible(planes_text(&file.site).trim_start_matches('\n')))?;
     let Some(faults) = of_site else { return Ok(()) };
     let judged = file.site.solution.as_ref().map(judged_site).unwrap_or_default();
     files::print(&format!("the site: {}{judged}\n", said(faults)))

@@ -21,6 +21,7 @@ mod part;
 mod picture;
 mod plan_quality;
 mod plan_view;
+mod planes;
 mod progress;
 mod project;
 mod render;

@@ -10,6 +10,7 @@ use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{SiteFile, say};
 use crate::picture;
 use crate::plan_view::plan_view;
+use crate::planes::planes_section;
 use crate::render::{Extras, camera_view};
 use crate::site_section::site_section;
 use crate::stop::Stop;
@@ -49,6 +50,7 @@ pub(crate) fn page(file: &SiteFile) -> Result<String, Stop> {
     );
     summary(&mut html, &file.site.cameras);
     site_section(&mut html, &file.site);
+    planes_section(&mut html, &file.site);
     let picture = match file.plan_image() {
         Ok(picture) => picture,
         Err(Stop::Invalid(message)) => {

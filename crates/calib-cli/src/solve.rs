@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::args::ImageArgs;
 use crate::files::{self, SiteFile};
+use crate::planes::planes_text;
 use crate::progress::Pulse;
 use crate::site_file;
 use crate::site_summary::site_summary;
@@ -177,6 +178,7 @@ fn text(site: &Site, asked: &[Asked]) -> String {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution, findings);
     }
+    out.push_str(&planes_text(site));
     out.push_str(&site_summary(site));
     visible(&out).into_owned()
 }

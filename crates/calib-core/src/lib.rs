@@ -138,9 +138,9 @@ pub use camera::{
 };
 pub use floor::{
     ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
-    Remap, STAGE_1_HEIGHT, Status, Surface, SurfacePoint, SurfaceProjector, Undistortion, default_efov,
-    efov_on_floor, ellipse, floor_grid, from_control_points, horizon, in_front, on_image, position_ellipse,
-    prism, vertical, with_placement_covariance,
+    Remap, STAGE_1_HEIGHT, Status, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion,
+    default_efov, efov_on_floor, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
+    position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,

@@ -129,6 +129,7 @@ impl Overlay<'_> {
     fn drawn(&self) -> Vec<ImageLayer> {
         let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
+            (field && free, ImageLayer::Planes),
             (field, ImageLayer::DrawnEfov),
             (field && free, ImageLayer::OtherEfovs),
             (free, ImageLayer::Marks),
@@ -178,6 +179,7 @@ impl Overlay<'_> {
             Meaning::Mark(_) if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
             // A prism that follows the hand must not hide what is drawn.
             Meaning::Prism(_) => pen.faint(),
+            Meaning::Plane(index) if self.session.plane == Some(index) => pen.coloured(on_image::ACCENT),
             _ => pen,
         }
     }

@@ -31,4 +31,4 @@ pub use scene::{
 };
 pub use status::Status;
 pub use surface_projector::SurfaceProjector;
-pub use surfaces::{Surface, SurfacePoint};
+pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};

@@ -146,6 +146,7 @@ mod tests {
     fn rectangle([x, y]: [f64; 2], [half_x, half_y]: [f64; 2], plane: Plane) -> Surface {
         let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
         let region = corners.map(|[a, b]| FloorPoint { x: x + a * half_x, y: y + b * half_y }).to_vec();
+        let plane = Plane { anchor: FloorPoint { x, y }, ..plane };
         Surface { plane, covariance: [[4e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 1e-4]], region }
     }
 

@@ -7,8 +7,7 @@ impl Site {
     /// The plane that the field of view of a camera lies on.
     #[must_use]
     pub fn efov_plane(&self, entry: &SiteCamera) -> Plane {
-        let index = self.planes.iter().position(|plane| Some(&plane.id) == entry.efov_plane.as_ref());
-        index.and_then(|index| self.surfaces().get(index).map(|found| found.plane)).unwrap_or(Plane::FLOOR)
+        self.plane_or_floor(entry.efov_plane.as_deref())
     }
 
     /// Corners of the EFOV of a camera on the plane that it lies on, in metres; empty without a calibration.

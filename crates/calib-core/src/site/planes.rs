@@ -100,6 +100,12 @@ impl PlaneEntry {
         Self { id: id.into(), name: None, height_m: None, tilt: None, region: Vec::new(), solution: None }
     }
 
+    /// What it is called where it is shown: its name, or its id.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        self.name.as_deref().unwrap_or(&self.id)
+    }
+
     /// The mean of the corners of its region; the origin without one.
     #[must_use]
     pub fn anchor(&self) -> FloorPoint {
@@ -162,6 +168,13 @@ impl Site {
     #[must_use]
     pub fn plane(&self, id: &str) -> Option<&PlaneEntry> {
         self.planes.iter().find(|plane| plane.id == id)
+    }
+
+    /// Where the plane of this id is; the floor without one.
+    #[must_use]
+    pub fn plane_or_floor(&self, id: Option<&str>) -> Plane {
+        let floor_tilt = self.scene.map_or_else(Default::default, |scene| scene.errors()).floor_tilt;
+        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(floor_tilt).plane)
     }
 
     /// The planes that cover a part of the plan, in the order of the file: what pixels are mapped to besides the
