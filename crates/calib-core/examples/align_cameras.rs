@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let adjustment = BundleAdjustment {
         cameras: vec![first, member(1)],
         landmarks: landmarks.to_vec(),
-        distances: Vec::new(),
+        ..BundleAdjustment::default()
     };
     let summary = adjustment.solve()?;
     let second = summary.cameras[1].as_ref().ok_or("the second camera is not connected")?.camera;

@@ -129,7 +129,7 @@ mod site;
 
 pub use bundle::{
     BundleAdjustment, BundleCamera, BundleError, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate,
+    DistanceMeasurement, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate, PlaneEstimate,
 };
 pub use camera::{
     BrownConrady, Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance, FloorPoint,
@@ -139,19 +139,19 @@ pub use camera::{
 pub use floor::{
     ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
     Remap, STAGE_1_HEIGHT, Status, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion,
-    default_efov, efov_on_floor, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
-    position_ellipse, prism, vertical, with_placement_covariance,
+    default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front,
+    on_image, position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
     Severity, SharedEvidence, Source, Subject, Suggestion, WhyNotConnected, WhyUnused,
 };
 pub use single::{
-    Annotation, ConstraintKind, Constraints, Deviation, Direction, Edge, Endpoint, Fit, FitOptions, Fitted,
-    FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit, LensOptions, Line,
-    LocalMinimum, Orientation, PlanePrior, Prior, Priors, RULED_OUT, Repeats, SceneErrors, Shape, Sketch,
-    USUAL_SIZES, Upright, UsualSize, closed_form, draw_next, findings, line_name, paper_minimum,
-    straightness_rms,
+    Annotation, ConstraintKind, Constraints, Deviation, Direction, DrawnPlane, Edge, Endpoint, Fit,
+    FitOptions, Fitted, FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit,
+    LensOptions, Line, LocalMinimum, Orientation, PlanePrior, Prior, Priors, RULED_OUT, Repeats, SceneErrors,
+    Shape, Sketch, USUAL_SIZES, Upright, UsualSize, closed_form, draw_next, findings, line_name,
+    paper_minimum, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{

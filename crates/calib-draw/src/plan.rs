@@ -145,8 +145,7 @@ fn marks(view: &PlanView) -> Vec<Item<FloorPoint>> {
 fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let mut items = Vec::new();
     for (index, link) in view.scene.site().links.iter().enumerate() {
-        let (site, height) = (view.scene.site(), link.height_m.unwrap_or(0.0));
-        let plane = site.plane_or_floor(link.plane.as_deref()).raised(height);
+        let plane = view.scene.plane(link.plane.as_deref()).raised(link.height_m.unwrap_or(0.0));
         let put = link.seen.iter().filter_map(|seen| {
             let camera = view.scene.index(&seen.camera)?;
             view.scene.placed(camera)?;

@@ -312,7 +312,8 @@ fn a_region_and_a_field_lie_at_the_height_and_slope_of_their_plane() {
     let text = r#"{"format": "calib-site", "version": 1,
         "planes": [{"id": "ramp", "name": "Ramp", "height_m": 1,
             "tilt": {"toward_deg": 0, "fall_deg": 5}, "region": [[-2, 6], [2, 6], [2, 10], [-2, 10]]}],
-        "cameras": [{"id": "a", "size_px": [1920, 1080], "efov_plane": "ramp", "solution": {"method": "given",
+        "cameras": [{"id": "a", "size_px": [1920, 1080], "efov_plane": "ramp",
+            "efov_px": [[100, 900], [1800, 900], [900, 300]], "solution": {"method": "given",
             "stage": "placed", "position_m": [0, 0, 5], "yaw_deg": 0, "pitch_deg": 30, "roll_deg": 0,
             "focal_px": 1200, "principal_point_px": [960, 540], "efov_m": [[-1, 7], [1, 7], [1, 9], [-1, 9]]}}]}"#;
     let site = calib_core::Site::from_json(text).unwrap();

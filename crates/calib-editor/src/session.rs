@@ -95,6 +95,7 @@ impl Session {
         for mark in &mut site.marks {
             mark.solution = None;
         }
+        site.planes.iter_mut().for_each(|plane| plane.solution = None);
         let history = History::new(&site);
         let mut session = Self {
             site,
@@ -340,7 +341,8 @@ impl Session {
     pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
         let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
         let (Some(drawn), Some(pose)) = (drawn, self.solved.pose(index)) else { return Vec::new() };
-        let plane = self.site.cameras.get(index).map_or(Plane::FLOOR, |camera| self.site.efov_plane(camera));
+        let of = |camera: &SiteCamera| self.solved.efov_plane(&self.site, camera);
+        let plane = self.site.cameras.get(index).map_or(Plane::FLOOR, of);
         let feet = drawn.iter().filter_map(|&corner| pose.pixel_to_plane(corner, &plane));
         feet.map(|foot| vec![foot, WorldPoint { z: foot.z + calib_core::PRISM_HEIGHT, ..foot }]).collect()
     }

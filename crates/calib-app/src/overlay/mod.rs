@@ -6,7 +6,7 @@ mod lines;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, DrawNext, Pixel, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Pixel, Plane, Site, SiteCamera, Solution};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
@@ -34,6 +34,10 @@ impl Scene for Shown<'_> {
 
     fn solution(&self, camera: usize) -> Option<&Solution> {
         self.0.solved.solution(camera)
+    }
+
+    fn plane(&self, id: Option<&str>) -> Plane {
+        self.0.solved.plane(&self.0.site, id)
     }
 }
 

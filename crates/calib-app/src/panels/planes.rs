@@ -50,9 +50,9 @@ fn row(app: &mut App, ui: &mut Ui, index: usize) {
 
 /// How high it is and how it falls, as solved or as it is known.
 fn summary(app: &App, plane: &PlaneEntry) -> String {
-    let units = app.editor.session().units;
-    let now = app.editor.site().plane_or_floor(Some(&plane.id));
-    let is_known = plane.height_m.is_some() || plane.solution.is_some();
+    let (session, units) = (app.editor.session(), app.editor.session().units);
+    let now = session.solved.plane(&session.site, Some(&plane.id));
+    let is_known = plane.height_m.is_some() || now != session.site.plane_or_floor(Some(&plane.id));
     let height = if is_known { units.length(now.height, 2) } else { "height unknown".into() };
     if now.fall() == 0.0 {
         height

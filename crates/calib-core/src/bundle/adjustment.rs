@@ -9,6 +9,7 @@ use crate::bundle::refinement::Refinement;
 use crate::bundle::summary::BundleSummary;
 use crate::bundle::view_graph::clusters;
 use crate::camera::Camera;
+use crate::single::PlanePrior;
 
 /// Several cameras, what they observe in common, and distances that were measured: refined together.
 ///
@@ -56,7 +57,7 @@ use crate::camera::Camera;
 /// let first = BundleCamera { initial_pose: InitialPose::Fixed, ..BundleCamera::new(truth[0], size) };
 /// let second = BundleCamera::new(camera(0.0, 0.0, 0.0), size);
 /// let adjustment =
-///     BundleAdjustment { cameras: vec![first, second], landmarks: landmarks.to_vec(), distances: Vec::new() };
+///     BundleAdjustment { cameras: vec![first, second], landmarks: landmarks.to_vec(), ..Default::default() };
 /// let summary = adjustment.solve()?;
 ///
 /// let second = summary.cameras[1].as_ref().expect("it is connected");
@@ -74,6 +75,8 @@ pub struct BundleAdjustment<'a> {
     pub landmarks: Vec<Landmark>,
     /// Distances between landmarks.
     pub distances: Vec<DistanceMeasurement>,
+    /// Planes besides the floor: those that the constraints of cameras and landmarks name by their index.
+    pub planes: Vec<PlanePrior>,
 }
 
 /// What of an adjustment names something that does not exist, or has an impossible standard deviation.
@@ -88,6 +91,16 @@ pub enum BundleError {
     MissingFit {
         /// Index of the camera.
         camera: usize,
+    },
+    /// Something is drawn on this camera on a plane that does not exist.
+    CameraPlane {
+        /// Index of the camera.
+        camera: usize,
+    },
+    /// This landmark stands on a plane that does not exist.
+    LandmarkPlane {
+        /// Index of the landmark.
+        landmark: usize,
     },
     /// An observation of a camera or a point that does not exist, or its standard deviation is not positive.
     Observation {
@@ -113,6 +126,10 @@ impl std::fmt::Display for BundleError {
         match self {
             Self::LensOf { camera } => write!(f, "camera {camera} has the lens of a camera without one"),
             Self::MissingFit { camera } => write!(f, "camera {camera} has constraints but no fit"),
+            Self::CameraPlane { camera } => write!(f, "camera {camera} shows a plane that does not exist"),
+            Self::LandmarkPlane { landmark } => {
+                write!(f, "landmark {landmark} stands on a plane that does not exist")
+            }
             Self::Observation { landmark, observation } => write!(
                 f,
                 "observation {observation} of landmark {landmark} is of nothing, or its sigma not positive"
@@ -148,6 +165,7 @@ impl BundleAdjustment<'_> {
         let mut summary = BundleSummary {
             cameras: vec![None; self.cameras.len()],
             landmark_covariances: vec![None; landmarks.len()],
+            planes: vec![None; self.planes.len()],
             landmarks,
             distances,
             components,
@@ -173,10 +191,13 @@ impl BundleAdjustment<'_> {
             views: self.views(cluster, poses, summary),
             landmarks: local_landmarks(&landmarks, cluster, summary),
             distances: local_distances(&distances, &landmarks, summary),
+            planes: self.planes.clone(),
             noise_is_known: cluster.iter().map(|&camera| self.cameras[camera].noise_is_known).collect(),
         };
         match refinement.solve() {
-            Some(refined) => summary.take(refined, &self.cameras, [cluster, &landmarks, &distances]),
+            Some(refined) => {
+                summary.take(refined, (&self.cameras, &self.planes), [cluster, &landmarks, &distances])
+            }
             None => summary.unsolved.extend(cluster),
         }
     }
@@ -204,7 +225,15 @@ impl BundleAdjustment<'_> {
                 return Err(BundleError::MissingFit { camera: index });
             }
         }
+        for (index, camera) in self.cameras.iter().enumerate() {
+            if camera.constraints.planes.iter().any(|drawn| drawn.index >= self.planes.len()) {
+                return Err(BundleError::CameraPlane { camera: index });
+            }
+        }
         for (index, landmark) in self.landmarks.iter().enumerate() {
+            if landmark.plane.is_some_and(|plane| plane >= self.planes.len()) {
+                return Err(BundleError::LandmarkPlane { landmark: index });
+            }
             self.check_landmark(index, landmark)?;
         }
         for (index, distance) in self.distances.iter().enumerate() {

@@ -3,8 +3,9 @@
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::common_tilt::{CommonTilt, by_common};
-use crate::bundle::problem::BundleProblem;
+use crate::bundle::problem::{BundleProblem, listed};
 use crate::bundle::residuals::{ResidualKind, Stage1Residuals, stage_1_by_lens, stage_1_residuals};
+use crate::bundle::shared_planes::{ByPlane, POSE_OF_PLANE};
 use crate::camera::{Camera, Covariance, Distortion, POSE_PARAMS};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, State};
@@ -38,16 +39,25 @@ impl BundleProblem<'_> {
             if in_common.is_some() && is_prior_of_another {
                 continue;
             }
-            let nuisance = match (&in_common, self.tilt) {
-                (Some((by_lean, by_yaw)), Some(CommonTilt { block, .. })) => {
-                    by[Covariance::YAW] = *by_yaw;
-                    Some(JacobianBlock { block, by: by_lean })
-                }
-                _ => self.nuisance_jacobian(view, nuisance, &mut sorted),
-            };
+            let on_plane = self.by_plane(state, view, camera, nuisance);
+            // A plane that is shared has its priors once, by itself.
+            if on_plane.is_some() && source.is_none() {
+                continue;
+            }
+            let tilt =
+                in_common.as_ref().zip(self.tilt).map(|((by_lean, by_yaw), CommonTilt { block, .. })| {
+                    by[Covariance::YAW] += *by_yaw;
+                    JacobianBlock { block, by: by_lean }
+                });
+            let plane = on_plane.as_ref().and_then(|ByPlane { plane, by_plane, by_pose }| {
+                POSE_OF_PLANE.iter().zip(by_pose).for_each(|(&at, by_pose)| by[at] += by_pose);
+                Some(JacobianBlock { block: self.plane_blocks[*plane]?, by: by_plane })
+            });
+            let own = self.nuisance_jacobian(view, nuisance, &mut sorted);
+            let (others, count) = listed([tilt, plane, own]);
             let kind =
                 source.map_or(ResidualKind::CameraPrior, |source| ResidualKind::Annotation { view, source });
-            self.sink_view(view, *residual, &by, nuisance, kind, sink);
+            self.sink_view(view, *residual, &by, &others[..count], kind, sink);
         }
         Some(())
     }
@@ -64,9 +74,9 @@ impl BundleProblem<'_> {
             return Some((stage_1_residuals(&this.stage_1, state)?, Vec::new()));
         }
         let scene = this.stage_1.constraints.scene;
-        let constraints = Constraints::new(this.annotations, &camera.lens, scene);
+        let constraints = Constraints::on_planes(this.annotations, &camera.lens, scene, &self.planes);
         let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
-        let constraints = Constraints::by_lens(this.annotations, &camera.lens, scene);
+        let constraints = Constraints::by_lens(this.annotations, &camera.lens, scene, &self.planes);
         let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
         (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
     }
@@ -79,12 +89,18 @@ impl BundleProblem<'_> {
         sorted: &'b mut Vec<f64>,
     ) -> Option<JacobianBlock<'b>> {
         let entries =
-            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.nuisance_places[view][i]?, by)));
+            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.own_place(view, i)?, by)));
         let ((block, _), _) = entries().next()?;
         sorted.clear();
         sorted.resize(self.blocks.sizes[block], 0.0);
         entries().for_each(|((_, place), by)| sorted[place] = by);
         Some(JacobianBlock { block, by: sorted })
+    }
+
+    /// Block and place of a nuisance parameter that is the view's own.
+    fn own_place(&self, view: usize, nuisance: usize) -> Option<(usize, usize)> {
+        let is_shared = |place: &(usize, usize)| self.tilt.is_some_and(|tilt| tilt.block == place.0);
+        self.nuisance_places[view][nuisance].filter(|place| !is_shared(place))
     }
 
     /// Of a view that shows a tilt which it shares with others: its index among the nuisance parameters of the

@@ -33,7 +33,7 @@ pub(crate) fn control_points<'a>(
     let points = landmarks.filter(|(landmark, _)| !matches!(landmark.model, LandmarkModel::Line { .. }));
     let seen = points.flat_map(|(landmark, place)| {
         let own = landmark.observations.iter().filter(move |seen| seen.view == view);
-        own.map(move |seen| (seen.pixel, landmark.model.point(&place, seen.point).0))
+        own.map(move |seen| (seen.pixel, landmark.model.point(&place, seen.point, &landmark.ground).0))
     });
     seen.map(|(pixel, world)| ControlPoint { pixel, world }).collect()
 }
@@ -107,7 +107,7 @@ fn similarity_equations(camera: &Camera, view: usize, landmarks: &[PlacedLandmar
     let mut rows = Vec::new();
     for (landmark, place) in landmarks {
         for seen in landmark.observations.iter().filter(|seen| seen.view == view) {
-            let world = landmark.model.point(place, seen.point).0;
+            let world = landmark.model.point(place, seen.point, &landmark.ground).0;
             let Some(FloorPoint { x, y }) = camera.pixel_to_floor(seen.pixel, world.z) else { continue };
             let normals: &[[f64; 2]] = match landmark.model {
                 LandmarkModel::Line { .. } => &[[-place[1].sin(), place[1].cos()]],

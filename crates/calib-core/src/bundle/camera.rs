@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    Repeats, SceneErrors, edges, weak_prior,
+    edges, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -55,18 +55,7 @@ pub struct BundleCamera<'a> {
 }
 
 /// The constraints of a camera on which nothing was drawn.
-static NO_CONSTRAINTS: Constraints = Constraints {
-    lines: Vec::new(),
-    groups: 0,
-    lengths: Vec::new(),
-    length_groups: Vec::new(),
-    uprights: Vec::new(),
-    deviations: Vec::new(),
-    scene: SceneErrors::EXACT,
-    repeats: Repeats::NONE,
-    sigma_px: Vec::new(),
-    invalid: Vec::new(),
-};
+static NO_CONSTRAINTS: Constraints = Constraints::EMPTY;
 
 impl<'a> BundleCamera<'a> {
     /// A camera of known roll, pitch, focal and lens, on which nothing was drawn: position and

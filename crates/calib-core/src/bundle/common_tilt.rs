@@ -27,6 +27,12 @@ pub(crate) fn in_view([x, y]: [f64; 2], yaw: f64) -> [f64; 2] {
     axes(yaw).map(|[a, b]| a * x + b * y)
 }
 
+/// Derivatives by components in the base system from those by what a view of this yaw sees.
+pub(crate) fn in_base([right, ahead]: [f64; 2], yaw: f64) -> [f64; 2] {
+    let [[rx, ry], [ax, ay]] = axes(yaw);
+    [right * rx + ahead * ax, right * ry + ahead * ay]
+}
+
 /// The derivatives of a residual by the lean in the base system and by yaw, from those by the lean in the view,
 /// whose parameters start at `tilt`; `None` of a residual that does not depend on it.
 pub(crate) fn by_common(
@@ -41,9 +47,8 @@ pub(crate) fn by_common(
         by[index - tilt] += derivative;
     }
     entries.clone().next()?;
-    let [[rx, ry], [ax, ay]] = axes(yaw);
     let [right, ahead] = in_view(lean, yaw);
-    Some(([by[0] * rx + by[1] * ax, by[0] * ry + by[1] * ay], by[0] * ahead - by[1] * right))
+    Some((in_base(by, yaw), by[0] * ahead - by[1] * right))
 }
 
 #[cfg(test)]

@@ -79,7 +79,7 @@ fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark])
     let mut pairs = Vec::new();
     for landmark in known {
         for seen in landmark.observations.iter().filter(|seen| component.contains(&seen.view)) {
-            let at = landmark.model.point(&landmark.place, seen.point).0;
+            let at = landmark.point(seen.point);
             if let Some(found) = cameras[seen.view].pixel_to_floor(seen.pixel, at.z) {
                 pairs.push(([found.x, found.y], at.on_floor()));
             }
@@ -290,7 +290,7 @@ fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>,
         // The height of the head of a post is not known yet.
         let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;
         for point in points.into_iter().filter(|&point| !is_head(point)) {
-            let height = landmark.model.point(&landmark.place, point).0.z;
+            let height = landmark.point(point).z;
             let seen = on_floor(landmark, point, cameras);
             if seen.len() > 1 {
                 let own =

@@ -2,8 +2,8 @@
 //! observation with its Jacobian.
 
 use crate::camera::{
-    Covariance, Distortion, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera, ReprojectedLine, Reprojection,
-    WorldPoint,
+    Covariance, Distortion, FloorPoint, LineDistance, ObservedPixel, POSE_PARAMS, Pixel, Plane, PosedCamera,
+    ReprojectedLine, Reprojection, WorldPoint,
 };
 use crate::single::Prior;
 
@@ -71,6 +71,12 @@ pub struct Landmark {
     /// are triangulated before they are refined: their values here do not matter, but for the length of a
     /// post and the turn of a mark that no observation tells.
     pub place: [f64; 3],
+    /// The plane that it stands or lies on, an index into
+    /// [`BundleAdjustment::planes`](crate::BundleAdjustment::planes); the floor without.
+    pub plane: Option<usize>,
+    /// Where that plane is thought to be, and after the adjustment where it was found: heights of the model are
+    /// above it.
+    pub ground: Plane,
     /// Which parameters are estimated.
     pub free: [bool; 3],
     /// Priors of single parameters, with the index of each.
@@ -93,6 +99,8 @@ impl Landmark {
         Self {
             model,
             place: [0.0; LANDMARK_PARAMS],
+            plane: None,
+            ground: Plane::FLOOR,
             free: [is_free, is_free, third],
             priors: Vec::new(),
             observations,
@@ -143,17 +151,18 @@ pub(crate) struct ReprojectionError {
     /// By the camera's pose, its log focal, and its coefficients.
     pub(crate) d_view: [f64; Covariance::SIZE],
     pub(crate) d_landmark: [f64; LANDMARK_PARAMS],
+    /// By height and slope of the plane that the landmark stands on.
+    pub(crate) d_plane: [f64; 3],
 }
 
+/// A point with its derivatives: row by row x, y, z by the parameters of its landmark.
+pub(crate) type PointJacobian = (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]);
+
 impl LandmarkModel {
-    /// A point of the landmark at a place, with its derivatives: row by row x, y, z by the parameters.
+    /// A point of the landmark at a place on level ground.
     ///
     /// The point of a line is its origin moved to it.
-    pub(crate) fn point(
-        &self,
-        place: &[f64; LANDMARK_PARAMS],
-        index: usize,
-    ) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
+    fn on_level(&self, place: &[f64; LANDMARK_PARAMS], index: usize) -> PointJacobian {
         let [a, b, c] = *place;
         let by_xy = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
         match self {
@@ -177,14 +186,53 @@ impl LandmarkModel {
 
     /// The point that distances are measured to and that is reported as the landmark's position, with its
     /// derivatives by the parameters.
-    pub(crate) fn anchor(&self, place: &[f64; LANDMARK_PARAMS]) -> (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]) {
-        match self {
+    pub(crate) fn anchor(&self, place: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
+        let level = match self {
             // Its foot, whichever of its points was seen.
             Self::Mark { z, .. } => {
                 let jacobian = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
                 (WorldPoint::new(place[0], place[1], *z), jacobian)
             }
-            _ => self.point(place, 0),
+            _ => self.on_level(place, 0),
+        };
+        self.lifted(level, place, ground)
+    }
+
+    /// A point of the landmark at a place on its ground.
+    pub(crate) fn point(
+        &self,
+        place: &[f64; LANDMARK_PARAMS],
+        index: usize,
+        ground: &Plane,
+    ) -> PointJacobian {
+        self.lifted(self.on_level(place, index), place, ground)
+    }
+
+    /// A point of level ground, lifted by the height of the ground under the landmark: shapes stay upright.
+    fn lifted(
+        &self,
+        (point, mut jacobian): PointJacobian,
+        place: &[f64; LANDMARK_PARAMS],
+        ground: &Plane,
+    ) -> PointJacobian {
+        let Some(foot) = self.foot(place) else { return (point, jacobian) };
+        if *ground == Plane::FLOOR {
+            return (point, jacobian);
+        }
+        let is_line = matches!(self, Self::Line { .. });
+        let by_foot = if is_line { [jacobian[0], jacobian[1]] } else { [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
+        for k in 0..LANDMARK_PARAMS {
+            jacobian[2][k] += ground.slope[0] * by_foot[0][k] + ground.slope[1] * by_foot[1][k];
+        }
+        (WorldPoint { z: point.z + ground.height_at(foot), ..point }, jacobian)
+    }
+
+    /// The point of the floor below which or above which its ground counts; none of what was measured.
+    pub(crate) fn foot(&self, place: &[f64; LANDMARK_PARAMS]) -> Option<FloorPoint> {
+        match self {
+            Self::Measured => None,
+            Self::Line { .. } => Some(self.on_level(place, 0).0.on_floor()),
+            _ => Some(FloorPoint { x: place[0], y: place[1] }),
         }
     }
 
@@ -194,14 +242,17 @@ impl LandmarkModel {
         &self,
         place: &[f64; LANDMARK_PARAMS],
         point: usize,
+        ground: &Plane,
         pose: &PosedCamera,
         observed: &ObservedPixel,
     ) -> Option<Vec<ReprojectionError>> {
         if let Self::Line { origin } = self {
-            return Some(vec![line_error(&pose.reproject_line(*origin, place[0], place[1]), observed)]);
+            let line = pose.reproject_line(ground, *origin, place[0], place[1]);
+            return Some(vec![line_error(&line, observed)]);
         }
-        let (point, jacobian) = self.point(place, point);
-        Some(point_errors(&pose.reproject(point)?, &jacobian, observed).to_vec())
+        let (point, jacobian) = self.point(place, point, ground);
+        let by_plane = self.foot(place).map_or([0.0; 3], |foot| ground.height_by_parameters(foot));
+        Some(point_errors(&pose.reproject(point)?, &jacobian, &by_plane, observed).to_vec())
     }
 
     /// Number of residuals that one observation gives.
@@ -212,18 +263,19 @@ impl LandmarkModel {
 
 /// Signed distance of an observed pixel from the reprojected floor line.
 fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionError {
-    let (pixels, d_camera, d_lens, [offset, angle]) = line.distance(observed);
+    let LineDistance { pixels, d_camera, d_lens, d_line: [offset, angle], d_plane } = line.distance(observed);
     let mut d_view = [0.0; Covariance::SIZE];
     d_view[..POSE_PARAMS].copy_from_slice(&d_camera);
     d_view[POSE_PARAMS..].copy_from_slice(&d_lens);
-    ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0] }
+    ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0], d_plane }
 }
 
 /// Reprojected less observed pixel, u and v, with `jacobian` the derivatives of the point by the parameters
-/// of its landmark.
+/// of its landmark, and `by_plane` those of its height by its plane.
 fn point_errors(
     reprojected: &Reprojection,
     jacobian: &[[f64; LANDMARK_PARAMS]; 3],
+    by_plane: &[f64; 3],
     observed: &ObservedPixel,
 ) -> [ReprojectionError; 2] {
     let pixels = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
@@ -235,11 +287,14 @@ fn point_errors(
         let along = |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
         observed.raw([along(0), along(1)])
     });
+    let up = observed.raw([reprojected.d_point[0][2], reprojected.d_point[1][2]]);
     [0, 1].map(|i| {
         let mut d_view = [0.0; Covariance::SIZE];
         (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
         (0..Distortion::MOST).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
-        ReprojectionError { pixels: pixels[i], d_view, d_landmark: d_landmark.map(|column| column[i]) }
+        let d_landmark = d_landmark.map(|column| column[i]);
+        let d_plane = by_plane.map(|by| by * up[i]);
+        ReprojectionError { pixels: pixels[i], d_view, d_landmark, d_plane }
     })
 }
 
@@ -255,7 +310,17 @@ impl Landmark {
     /// line's own origin.
     #[must_use]
     pub fn position(&self) -> WorldPoint {
-        self.model.anchor(&self.place).0
+        self.model.anchor(&self.place, &self.ground).0
+    }
+
+    /// The plane at the height of a point of it above its ground.
+    pub(crate) fn plane_of(&self, point: usize) -> Plane {
+        self.ground.raised(self.model.on_level(&self.place, point).0.z)
+    }
+
+    /// A point of it where it is.
+    pub(crate) fn point(&self, point: usize) -> WorldPoint {
+        self.model.point(&self.place, point, &self.ground).0
     }
 
     /// Indices of the cameras that see it, each once, ascending.

@@ -7,7 +7,7 @@
 //!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
 //! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
 //!   `initialization` cameras placed along a spanning tree;
-//! - `common_tilt` the lean of the floor that views share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
+//! - `common_tilt` the lean of the floor that views share, `shared_planes` the planes that they share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
 //!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
 //!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
 //!   `annotation_residuals`;
@@ -25,6 +25,7 @@ mod view_graph;
 mod attachment;
 mod initialization;
 mod common_tilt;
+mod shared_planes;
 mod parameters;
 mod residuals;
 mod problem;
@@ -38,7 +39,7 @@ pub use adjustment::{BundleAdjustment, BundleError};
 pub use camera::{BundleCamera, InitialPose};
 pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 pub use marginals::CrossCovariance;
-pub use refinement::OutlierCandidate;
+pub use refinement::{OutlierCandidate, PlaneEstimate};
 pub use summary::{BundleSummary, CameraEstimate};
 pub use view_graph::Component;
 

@@ -10,9 +10,10 @@ use std::collections::HashSet;
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::common_tilt::CommonTilt;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
+use crate::bundle::shared_planes::{PLANE_PARAMS, is_estimated};
 use crate::camera::{Camera, Covariance};
 use crate::optimize::{BlockStructure, NuisanceLayout};
-use crate::single::Problem;
+use crate::single::PlanePrior;
 
 /// Block of every parameter of a camera and its place in the block; none where it is not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];
@@ -27,6 +28,8 @@ pub(crate) struct ParameterLayout {
     pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of every landmark, its free parameters in their order.
     pub(crate) landmarks: Vec<Option<usize>>,
+    /// Block of every plane, height and slope; none of one that is held, or that nothing shared lies on.
+    pub(crate) planes: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
 }
@@ -41,28 +44,36 @@ struct LayoutBuilder {
 }
 
 impl ParameterLayout {
-    pub(crate) fn new(views: &[View], landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> Self {
+    pub(crate) fn new(
+        views: &[View],
+        landmarks: &[Landmark],
+        distances: &[DistanceMeasurement],
+        planes: &[PlanePrior],
+    ) -> Self {
         let mut builder = LayoutBuilder::default();
         let shared = builder.shared_lenses(views);
         let cameras: Vec<CameraLayout> =
             views.iter().map(|view| builder.camera(&view.free, shared[view.lens])).collect();
         let tilt = builder.common_tilt(views);
+        let planes = builder.planes(planes, views, landmarks);
         let nuisances = views
             .iter()
             .zip(&cameras)
             .map(|(view, camera)| {
                 let tilt = tilt.filter(|_| shows_tilt(view)).map(|tilt| tilt.block);
-                builder.nuisances(&view.stage_1, camera, tilt)
+                builder.nuisances(view, camera, tilt, &planes)
             })
             .collect();
         let used: Vec<&DistanceMeasurement> = distances.iter().filter(|distance| !distance.off).collect();
         let kept: HashSet<usize> = used.iter().flat_map(|distance| distance.between).collect();
-        let landmark_blocks = builder.landmarks(landmarks, &kept, &cameras);
+        let landmark_blocks = builder.landmarks(landmarks, &kept, &cameras, &planes);
+        let ground = |landmark: usize| landmarks[landmark].plane.and_then(|plane| planes[plane]);
         for distance in used {
-            builder.couple(distance.between.iter().filter_map(|&landmark| landmark_blocks[landmark]));
+            let ends = distance.between.iter().flat_map(|&end| [landmark_blocks[end], ground(end)]);
+            builder.couple(ends.flatten());
         }
         let blocks = BlockStructure::new(builder.sizes, &builder.keep, &builder.coupled);
-        Self { blocks, cameras, nuisances, landmarks: landmark_blocks, tilt }
+        Self { blocks, cameras, nuisances, landmarks: landmark_blocks, planes, tilt }
     }
 }
 
@@ -119,18 +130,41 @@ impl LayoutBuilder {
         Some(CommonTilt { block, first })
     }
 
+    /// The blocks of planes that are estimated.
+    fn planes(
+        &mut self,
+        planes: &[PlanePrior],
+        views: &[View],
+        landmarks: &[Landmark],
+    ) -> Vec<Option<usize>> {
+        let drawn = views.iter().filter(|view| view.shares_floor);
+        let drawn = drawn.flat_map(|view| view.stage_1.constraints.planes.iter().map(|drawn| drawn.index));
+        let stood_on =
+            landmarks.iter().filter(|landmark| !landmark.off).filter_map(|landmark| landmark.plane);
+        let estimated = is_estimated(planes, drawn.chain(stood_on));
+        estimated.into_iter().map(|is| if is { self.block(PLANE_PARAMS, true) } else { None }).collect()
+    }
+
     /// Blocks of the nuisance parameters of a view that are used, as the fit of the camera alone has them; its
-    /// tilt in a block that it shares, if it does.
+    /// tilt and its planes in blocks that it shares, if it does.
     fn nuisances(
         &mut self,
-        stage_1: &Problem,
+        view: &View,
         camera: &CameraLayout,
         common_tilt: Option<usize>,
+        planes: &[Option<usize>],
     ) -> Vec<Option<(usize, usize)>> {
+        let stage_1 = &view.stage_1;
         let mut used = stage_1.used();
         let tilt = stage_1.nuisances().tilt();
         if common_tilt.is_some() {
             used[tilt..tilt + 2].fill(false);
+        }
+        let mut own: Vec<usize> = blocks_of(camera).collect();
+        if view.shares_floor {
+            used[stage_1.nuisances().plane(0)..].fill(false);
+            let drawn = stage_1.constraints.planes.iter();
+            own.extend(drawn.filter_map(|drawn| planes[drawn.index]));
         }
         let NuisanceLayout { places, sizes } = stage_1.nuisances().layout(stage_1.constraints);
         let mut counts = vec![0; sizes.len()];
@@ -143,11 +177,11 @@ impl LayoutBuilder {
             })
             .collect();
         let blocks: Vec<Option<usize>> = counts.iter().map(|&count| self.block(count, false)).collect();
-        blocks.iter().flatten().for_each(|&block| self.couple(blocks_of(camera).chain([block])));
+        blocks.iter().flatten().for_each(|&block| self.couple(own.iter().copied().chain([block])));
+        self.couple(own.into_iter().chain(common_tilt));
         let mut places: Vec<Option<(usize, usize)>> =
             places.iter().map(|place| place.and_then(|(block, at)| Some((blocks[block]?, at)))).collect();
         if let Some(block) = common_tilt {
-            self.couple(blocks_of(camera).chain([block]));
             places[tilt..tilt + 2].copy_from_slice(&[Some((block, 0)), Some((block, 1))]);
         }
         places
@@ -158,6 +192,7 @@ impl LayoutBuilder {
         landmarks: &[Landmark],
         kept: &HashSet<usize>,
         cameras: &[CameraLayout],
+        planes: &[Option<usize>],
     ) -> Vec<Option<usize>> {
         let blocks: Vec<Option<usize>> = landmarks
             .iter()
@@ -168,8 +203,9 @@ impl LayoutBuilder {
             })
             .collect();
         for (landmark, &block) in landmarks.iter().zip(&blocks).filter(|(landmark, _)| !landmark.off) {
+            let ground = landmark.plane.and_then(|plane| planes[plane]);
             for view in landmark.views() {
-                self.couple(blocks_of(&cameras[view]).chain(block));
+                self.couple(blocks_of(&cameras[view]).chain(block).chain(ground));
             }
         }
         blocks

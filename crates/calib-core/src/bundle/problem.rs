@@ -6,9 +6,10 @@ use crate::bundle::common_tilt::{CommonTilt, in_view};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
+use crate::bundle::shared_planes::parameters_of_plane;
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
-use crate::single::{Prior, straightness_with_jacobian};
+use crate::single::{PlanePrior, Prior, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -22,6 +23,10 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
+    /// Planes besides the floor.
+    pub(crate) planes: Vec<PlanePrior>,
+    /// Block of every plane that is estimated.
+    pub(crate) plane_blocks: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
     /// Observed pixels, undistorted, where the lens is not estimated.
@@ -33,9 +38,16 @@ impl<'a> BundleProblem<'a> {
         views: Vec<View<'a>>,
         landmarks: Vec<Landmark>,
         distances: Vec<DistanceMeasurement>,
+        planes: Vec<PlanePrior>,
     ) -> Self {
-        let ParameterLayout { blocks, cameras, nuisances, landmarks: landmark_blocks, tilt } =
-            ParameterLayout::new(&views, &landmarks, &distances);
+        let ParameterLayout {
+            blocks,
+            cameras,
+            nuisances,
+            landmarks: landmark_blocks,
+            planes: plane_blocks,
+            tilt,
+        } = ParameterLayout::new(&views, &landmarks, &distances, &planes);
         let mut problem = Self {
             views,
             landmarks,
@@ -44,6 +56,8 @@ impl<'a> BundleProblem<'a> {
             camera_layout: cameras,
             nuisance_places: nuisances,
             landmark_blocks,
+            planes,
+            plane_blocks,
             tilt,
             observed: Vec::new(),
         };
@@ -82,6 +96,10 @@ impl<'a> BundleProblem<'a> {
             for (place, value) in places.iter().zip(&view.nuisance) {
                 place.filter(is_own).iter().for_each(|&(block, place)| set(block, place, *value));
             }
+        }
+        for (plane, block) in self.planes.iter().zip(&self.plane_blocks) {
+            let values = parameters_of_plane(&plane.plane).into_iter().enumerate();
+            block.iter().for_each(|&block| values.clone().for_each(|(k, value)| set(block, k, value)));
         }
         for (landmark, block) in self.landmarks.iter().zip(&self.landmark_blocks) {
             let free = (0..LANDMARK_PARAMS).filter(|&k| landmark.free[k]);
@@ -130,6 +148,7 @@ impl<'a> BundleProblem<'a> {
         if let Some((at, lean, yaw)) = self.common_tilt(state, view) {
             values[at..at + 2].copy_from_slice(&in_view(lean, yaw));
         }
+        self.set_planes(state, view, &mut values);
         values
     }
 
@@ -167,10 +186,11 @@ impl<'a> BundleProblem<'a> {
             self.each_annotation(state, view, camera, &mut sink)?;
             self.each_edge(view, camera, &mut sink)?;
         }
+        self.each_plane_prior(state, &mut sink);
         let poses: Vec<PosedCamera> = cameras.into_iter().map(PosedCamera::new).collect();
         for landmark in (0..self.landmarks.len()).filter(|&landmark| !self.landmarks[landmark].off) {
             let place = self.place(state, landmark);
-            self.each_observation(landmark, &place, &poses, &mut sink)?;
+            self.each_observation(state, landmark, &place, &poses, &mut sink)?;
             self.each_landmark_prior(landmark, &place, &mut sink);
         }
         for distance in (0..self.distances.len()).filter(|&distance| !self.distances[distance].off) {
@@ -203,7 +223,7 @@ impl<'a> BundleProblem<'a> {
                 for (&k, column) in free.iter().zip(&columns) {
                     by[POSE_PARAMS + k] = scale * column[i];
                 }
-                self.sink_view(view, scale * distance, &by, None, ResidualKind::StraightEdge, sink);
+                self.sink_view(view, scale * distance, &by, &[], ResidualKind::StraightEdge, sink);
             }
         }
         Some(())
@@ -212,6 +232,7 @@ impl<'a> BundleProblem<'a> {
     /// The reprojection errors of a landmark.
     fn each_observation(
         &self,
+        state: &[f64],
         index: usize,
         place: &[f64; LANDMARK_PARAMS],
         poses: &[PosedCamera],
@@ -219,6 +240,7 @@ impl<'a> BundleProblem<'a> {
     ) -> Option<()> {
         let landmark = &self.landmarks[index];
         let kind = ResidualKind::Observation { landmark: index };
+        let (ground, plane) = self.ground(state, index);
         for (observation, seen) in landmark.observations.iter().enumerate() {
             let pose = &poses[seen.view];
             let observed = if self.lens_is_free(seen.view) {
@@ -226,12 +248,14 @@ impl<'a> BundleProblem<'a> {
             } else {
                 self.observed[index][observation]
             }?;
-            for error in landmark.model.reprojection_error(place, seen.point, pose, &observed)? {
+            for error in landmark.model.reprojection_error(place, seen.point, &ground, pose, &observed)? {
                 let by = error.d_view.map(|derivative| derivative / seen.sigma);
                 let own =
                     of_free(&error.d_landmark.map(|derivative| derivative / seen.sigma), &landmark.free);
-                let own = self.landmark_jacobian(index, &own);
-                self.sink_view(seen.view, error.pixels / seen.sigma, &by, own, kind, sink);
+                let by_plane = error.d_plane.map(|derivative| derivative / seen.sigma);
+                let plane = plane.map(|block| JacobianBlock { block, by: &by_plane });
+                let (others, count) = listed([self.landmark_jacobian(index, &own), plane]);
+                self.sink_view(seen.view, error.pixels / seen.sigma, &by, &others[..count], kind, sink);
             }
         }
         Some(())
@@ -262,19 +286,25 @@ impl<'a> BundleProblem<'a> {
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) {
         let distance = &self.distances[index];
-        let ends = distance
-            .between
-            .map(|landmark| self.landmarks[landmark].model.anchor(&self.place(state, landmark)));
-        let (residual, by) = distance_residual(distance, &ends);
-        let [a, b] = distance.between;
-        let by = [of_free(&by[0], &self.landmarks[a].free), of_free(&by[1], &self.landmarks[b].free)];
-        let jacobian = [self.landmark_jacobian(a, &by[0]), self.landmark_jacobian(b, &by[1])];
-        let kind = ResidualKind::Distance { distance: index };
-        match jacobian {
-            [Some(a), Some(b)] => sink(residual, &[a, b], kind),
-            [Some(one), None] | [None, Some(one)] => sink(residual, &[one], kind),
-            [None, None] => sink(residual, &[], kind),
-        }
+        let grounds = distance.between.map(|landmark| self.ground(state, landmark));
+        let of_end = |end: usize| {
+            let landmark = distance.between[end];
+            let (model, place) = (&self.landmarks[landmark].model, self.place(state, landmark));
+            let rise = model.foot(&place).map_or([0.0; 3], |foot| grounds[end].0.height_by_parameters(foot));
+            (model.anchor(&place, &grounds[end].0), rise)
+        };
+        let [(a, rise_a), (b, rise_b)] = [of_end(0), of_end(1)];
+        let (residual, by, by_z) = distance_residual(distance, &[a, b]);
+        let ends = distance.between.map(|landmark| &self.landmarks[landmark].free);
+        let by = [of_free(&by[0], ends[0]), of_free(&by[1], ends[1])];
+        let by_planes = [rise_a.map(|rise| rise * by_z), rise_b.map(|rise| -rise * by_z)];
+        let plane = |end: usize| {
+            let block = grounds[end].1?;
+            Some(JacobianBlock { block, by: &by_planes[end] })
+        };
+        let own = |end: usize| self.landmark_jacobian(distance.between[end], &by[end]);
+        let (blocks, count) = listed([own(0), own(1), plane(0), plane(1)]);
+        sink(residual, &blocks[..count], ResidualKind::Distance { distance: index });
     }
 
     /// Derivatives by the free parameters of a landmark, if it has any.
@@ -293,12 +323,12 @@ impl<'a> BundleProblem<'a> {
         view: usize,
         residual: f64,
         by: &[f64; CAMERA_PARAMS],
-        other: Option<JacobianBlock>,
+        others: &[JacobianBlock],
         kind: ResidualKind,
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) {
         let jacobian = CameraJacobian::new(by, &self.camera_layout[view], &self.blocks.sizes);
-        jacobian.with(other, |jacobian| sink(residual, jacobian, kind));
+        jacobian.with(others, |jacobian| sink(residual, jacobian, kind));
     }
 
     /// Normal equations at a state; `None` where the geometry is impossible.
@@ -307,6 +337,19 @@ impl<'a> BundleProblem<'a> {
         self.each_residual(state, |residual, jacobian, _| self.blocks.add(&mut normal, residual, jacobian))?;
         normal.cost.is_finite().then_some(normal)
     }
+}
+
+/// The blocks that there are, first, and their number.
+pub(crate) fn listed<const N: usize>(
+    blocks: [Option<JacobianBlock<'_>>; N],
+) -> ([JacobianBlock<'_>; N], usize) {
+    let mut listed = [JacobianBlock { block: 0, by: &[] }; N];
+    let mut count = 0;
+    for block in blocks.into_iter().flatten() {
+        listed[count] = block;
+        count += 1;
+    }
+    (listed, count)
 }
 
 impl LeastSquares for BundleProblem<'_> {

@@ -11,10 +11,10 @@ use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::marginals::{CrossCovariance, Marginals, of_landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
-use crate::camera::{Camera, Covariance};
+use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{BlockCovariance, Summary, least_squares};
 use crate::single::{
-    LEVEL, OPEN_FOCAL, Prior, chi2_score, inflation, is_misfit, is_significant, student_factor,
+    LEVEL, OPEN_FOCAL, PlanePrior, Prior, chi2_score, inflation, is_misfit, is_significant, student_factor,
 };
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
@@ -39,6 +39,15 @@ pub(crate) struct LandmarkEstimate {
     pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
 }
 
+/// A plane as it was estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneEstimate {
+    /// Where it is.
+    pub plane: Plane,
+    /// Covariance of height and slope, in square metres and squares of rise per metre.
+    pub covariance: [[f64; 3]; 3],
+}
+
 /// A refined cluster.
 #[derive(Clone, Debug)]
 pub(crate) struct Refined {
@@ -57,6 +66,8 @@ pub(crate) struct Refined {
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
     /// Directions and lengths of stage 1, of every view.
     pub(crate) nuisances: Vec<Vec<f64>>,
+    /// Planes that were estimated.
+    pub(crate) planes: Vec<Option<PlaneEstimate>>,
     /// Covariance of cameras that observe landmarks in common.
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
 }
@@ -77,6 +88,8 @@ pub(crate) struct Refinement<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
+    /// Planes besides the floor.
+    pub(crate) planes: Vec<PlanePrior>,
     /// Of which views the noise was given; where it is of all, a chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
 }
@@ -159,7 +172,7 @@ impl Refinement<'_> {
             view.stage_1.priors.weak_log_focal = weak;
         }
         let (landmarks, distances) = self.without(rejected);
-        BundleProblem::new(views, landmarks, distances)
+        BundleProblem::new(views, landmarks, distances, self.planes.clone())
     }
 
     /// The candidate without which the rest has the least chi-square score, with the minimum there.
@@ -211,6 +224,7 @@ impl Refinement<'_> {
             rejected,
             is_misfit: is_misfit(*chi2, *dof),
             residuals,
+            planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
         }
     }
@@ -257,6 +271,18 @@ impl Converged<'_> {
         (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
     }
 
+    /// The planes that were estimated, as far as the covariance is known.
+    fn planes(&self, covariance: Option<&BlockCovariance>, inflation: f64) -> Vec<Option<PlaneEstimate>> {
+        let estimate = |plane: usize| {
+            let block = self.problem.plane_blocks[plane]?;
+            let own = covariance?.block(&self.problem.blocks, block, block);
+            let entry = |i: usize, j: usize| own[(i, j)] * inflation;
+            let covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+            Some(PlaneEstimate { plane: self.problem.plane(&self.state, plane), covariance })
+        };
+        (0..self.problem.planes.len()).map(estimate).collect()
+    }
+
     /// Whether the focal of a view is estimated and its log has a large variance, or none that is a number.
     fn focal_is_open(&self, view: usize) -> bool {
         let Some((block, place)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
@@ -292,7 +318,10 @@ impl Converged<'_> {
                 landmarks[landmark] += residual * residual;
             }
             ResidualKind::Distance { distance } => distances[distance] += residual * residual,
-            ResidualKind::Annotation { .. } | ResidualKind::StraightEdge | ResidualKind::CameraPrior => {}
+            ResidualKind::Annotation { .. }
+            | ResidualKind::StraightEdge
+            | ResidualKind::CameraPrior
+            | ResidualKind::PlanePrior => {}
         });
         (landmarks, distances)
     }

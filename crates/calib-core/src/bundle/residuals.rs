@@ -7,7 +7,7 @@
 //! - a point of a straight edge, its distance from the best line through the undistorted edge, in pixels;
 //! - an observation: reprojected less observed pixel, two residuals; of a floor line one, the distance of
 //!   the observed pixel from the reprojected line ([`LandmarkModel::reprojection_error`]);
-//! - a prior on a parameter of a camera or a landmark: `value - prior`;
+//! - a prior on a parameter of a camera, a plane or a landmark: `value - prior`;
 //! - a measured distance: `|A - B| - length`.
 //!
 //! [`Problem::each_residual`]: crate::single::Problem::each_residual
@@ -31,6 +31,8 @@ pub(crate) enum ResidualKind {
     CameraPrior,
     /// An observation of a landmark.
     Observation { landmark: usize },
+    /// A prior on a parameter of a plane.
+    PlanePrior,
     /// A prior on a parameter of a landmark.
     LandmarkPrior { landmark: usize },
     /// A measured distance.
@@ -38,11 +40,11 @@ pub(crate) enum ResidualKind {
 }
 
 /// `(|A - B| - length) / sigma` with its derivatives by the parameters of both landmarks, of which
-/// position and derivatives are given.
+/// position and derivatives are given, and by the height of A.
 pub(crate) fn distance_residual(
     distance: &DistanceMeasurement,
     ends: &[(WorldPoint, [[f64; LANDMARK_PARAMS]; 3]); 2],
-) -> (f64, [[f64; LANDMARK_PARAMS]; 2]) {
+) -> (f64, [[f64; LANDMARK_PARAMS]; 2], f64) {
     let sigma = distance.length.sigma;
     let [a, b] = [ends[0].0, ends[1].0].map(<[f64; 3]>::from);
     let difference: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
@@ -56,7 +58,7 @@ pub(crate) fn distance_residual(
             sign * along / sigma
         })
     });
-    ((length - distance.length.value) / sigma, by)
+    ((length - distance.length.value) / sigma, by, direction[2] / sigma)
 }
 
 /// The derivatives of a residual by the free parameters of a landmark.
@@ -90,15 +92,15 @@ impl CameraJacobian {
         Self { blocks }
     }
 
-    /// Calls `sink` with the blocks and that of a landmark or nuisance parameter.
+    /// Calls `sink` with the blocks and those of landmark, plane, tilt or nuisance parameters, at most three.
     #[inline]
-    pub(crate) fn with<'a>(&'a self, other: Option<JacobianBlock<'a>>, sink: impl FnOnce(&[JacobianBlock])) {
-        let mut jacobian = [JacobianBlock { block: 0, by: &[] }; 3];
+    pub(crate) fn with<'a>(&'a self, others: &[JacobianBlock<'a>], sink: impl FnOnce(&[JacobianBlock])) {
+        let mut jacobian = [JacobianBlock { block: 0, by: &[] }; 5];
         let own = self.blocks.iter().filter(|(_, _, size)| *size > 0);
         let own = own.map(|(block, by, size)| JacobianBlock { block: *block, by: &by[..*size] });
         let mut count = 0;
-        for block in own.chain(other) {
-            jacobian[count] = block;
+        for (slot, block) in jacobian.iter_mut().zip(own.chain(others.iter().copied())) {
+            *slot = block;
             count += 1;
         }
         sink(&jacobian[..count]);
@@ -191,7 +193,7 @@ mod tests {
             let state = problem.state_at([roll, pitch, 1100.0_f64.ln(), 3.0_f64.ln()]);
             prop_assume!(state.is_some());
             let Some(state) = state else { return Ok(()) };
-            let by = stage_1_by_lens(&problem, &Constraints::by_lens(&annotations, &lens, SCENE), &state);
+            let by = stage_1_by_lens(&problem, &Constraints::by_lens(&annotations, &lens, SCENE, &[]), &state);
             let values = |lens: &Lens| -> Option<Vec<f64>> {
                 let constraints = Constraints::new(&annotations, lens, SCENE);
                 let residuals = stage_1_residuals(&problem.of(&constraints), &state)?;

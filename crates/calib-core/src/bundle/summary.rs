@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use crate::bundle::camera::BundleCamera;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::bundle::marginals::CrossCovariance;
-use crate::bundle::refinement::{OutlierCandidate, Refined};
+use crate::bundle::refinement::{OutlierCandidate, PlaneEstimate, Refined};
 use crate::bundle::residuals::ResidualKind;
 use crate::bundle::view_graph::Component;
 use crate::camera::Camera;
-use crate::single::{Constraints, Problem, Source, State, predictable};
+use crate::single::{Constraints, PlanePrior, Problem, Source, State, predictable};
 
 /// A camera after the adjustment.
 #[derive(Clone, Debug)]
@@ -43,6 +43,8 @@ pub struct BundleSummary {
     pub landmarks: Vec<Landmark>,
     /// Covariance of the parameters of every landmark that was refined; zeros for those that are not free.
     pub landmark_covariances: Vec<Option<[[f64; 3]; 3]>>,
+    /// Planes that were estimated.
+    pub planes: Vec<Option<PlaneEstimate>>,
     /// Every distance; switched off where it was rejected or took no part.
     pub distances: Vec<DistanceMeasurement>,
     /// Outliers.
@@ -96,18 +98,24 @@ impl BundleSummary {
     pub(crate) fn take(
         &mut self,
         refined: Refined,
-        cameras: &[BundleCamera],
+        of: (&[BundleCamera], &[PlanePrior]),
         [cluster, landmarks, distances]: [&[usize]; 3],
     ) {
         let own = annotation_residuals(&refined, cluster.len());
+        for (plane, estimate) in self.planes.iter_mut().zip(&refined.planes) {
+            *plane = estimate.or(*plane);
+        }
         for (view, &camera) in cluster.iter().enumerate() {
             let estimate =
-                CameraEstimate::new(&cameras[camera], &refined, view, &own[view], self.is_connected(camera));
+                CameraEstimate::new(of, &refined, [camera, view], &own[view], self.is_connected(camera));
             self.cameras[camera] = Some(estimate);
         }
         for (estimate, &landmark) in refined.landmarks.iter().zip(landmarks) {
             if let Some(estimate) = estimate {
-                self.landmarks[landmark].place = estimate.place;
+                let Landmark { place, plane, ground, .. } = &mut self.landmarks[landmark];
+                *place = estimate.place;
+                let found = plane.and_then(|plane| refined.planes[plane]);
+                *ground = found.map_or(*ground, |found| found.plane);
                 self.landmark_covariances[landmark] = Some(estimate.covariance);
             }
         }
@@ -130,19 +138,19 @@ impl BundleSummary {
 
 impl CameraEstimate {
     fn new(
-        entry: &BundleCamera,
+        (cameras, planes): (&[BundleCamera], &[PlanePrior]),
         refined: &Refined,
-        view: usize,
+        [index, view]: [usize; 2],
         residuals: &[(Source, f64)],
         is_connected: bool,
     ) -> Self {
-        let camera = refined.cameras[view];
+        let (entry, camera) = (&cameras[index], refined.cameras[view]);
         let inflation = if entry.noise_is_known { 1.0 } else { refined.inflation };
         let sigma = entry.fit.map_or(1.0, |fit| fit.sigma);
         let times = |source: Source| entry.constraints.repeats.times(source).sqrt();
         let mut residuals: Vec<(Source, f64)> =
             residuals.iter().map(|(source, residual)| (*source, residual * sigma * times(*source))).collect();
-        residuals.extend(rejected_residuals(entry, &camera, &refined.nuisances[view]));
+        residuals.extend(rejected_residuals(entry, &camera, &refined.nuisances[view], planes));
         Self {
             camera,
             is_connected,
@@ -169,12 +177,18 @@ fn annotation_residuals(refined: &Refined, views: usize) -> Vec<Vec<(Source, f64
 }
 
 /// Distances in pixels of the annotations that stage 1 rejected from what the refined camera predicts.
-fn rejected_residuals(entry: &BundleCamera, camera: &Camera, nuisance: &[f64]) -> Vec<(Source, f64)> {
+fn rejected_residuals(
+    entry: &BundleCamera,
+    camera: &Camera,
+    nuisance: &[f64],
+    planes: &[PlanePrior],
+) -> Vec<(Source, f64)> {
     let rejected = entry.fit.map_or(&[][..], |fit| &fit.outliers[..]);
     if rejected.is_empty() {
         return Vec::new();
     }
-    let constraints = Constraints::new(entry.annotations, &camera.lens, entry.constraints.scene);
+    let scene = entry.constraints.scene;
+    let constraints = Constraints::on_planes(entry.annotations, &camera.lens, scene, planes);
     let log_height = camera.position.z.abs().max(1e-9).ln();
     let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
     let constraints = predictable(&constraints, &parameters);

@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
-use crate::camera::{Camera, Distortion, FloorPoint, ObservedPixel, PosedCamera};
+use crate::camera::{Camera, Distortion, FloorPoint, ObservedPixel, Plane, PosedCamera};
 
 /// A point of a mark, relative to its origin, and where it was seen on the floor.
 type PointPair = ([f64; 2], FloorPoint);
@@ -46,22 +46,23 @@ fn from_observations(
     Some(match &landmark.model {
         LandmarkModel::Measured => (LandmarkModel::Measured, landmark.place),
         LandmarkModel::Point { height } => {
-            let at = from_nearest(seen, cameras, 0, *height)?;
+            let at = from_nearest(seen, cameras, 0, &landmark.ground.raised(*height))?;
             (landmark.model.clone(), [at.x, at.y, third])
         }
         LandmarkModel::Post => {
-            let foot = from_nearest(seen, cameras, 0, 0.0)?;
+            let foot = from_nearest(seen, cameras, 0, &landmark.ground)?;
             let initial = if third > 0.0 { third } else { 1.0 };
-            let length = post_length(seen, cameras, &foot).unwrap_or(initial);
+            let length = post_length(seen, cameras, &foot);
+            let length = length.map_or(initial, |length| length - landmark.ground.height_at(foot));
             (LandmarkModel::Post, [foot.x, foot.y, length])
         }
         LandmarkModel::Mark { z, points } => {
-            let pairs = points_on_floor(seen, cameras, *z, points)?;
+            let pairs = points_on_floor(seen, cameras, &landmark.ground.raised(*z), points)?;
             let fixed_turn = (!landmark.free[2]).then_some(third);
             (landmark.model.clone(), rigid_motion(&pairs, fixed_turn, third))
         }
         LandmarkModel::Line { .. } => {
-            let (a, b) = longest_segment(seen, cameras)?;
+            let (a, b) = longest_segment(seen, cameras, &landmark.ground)?;
             let origin = [0.5 * (a.x + b.x), 0.5 * (a.y + b.y)];
             (LandmarkModel::Line { origin }, [0.0, (b.y - a.y).atan2(b.x - a.x), 0.0])
         }
@@ -74,10 +75,10 @@ fn away(camera: &Camera, at: &FloorPoint) -> f64 {
 }
 
 /// The place of a point by the nearest camera that observes it.
-fn from_nearest(seen: &[Observation], cameras: &[Camera], point: usize, height: f64) -> Option<FloorPoint> {
+fn from_nearest(seen: &[Observation], cameras: &[Camera], point: usize, plane: &Plane) -> Option<FloorPoint> {
     let on_floor = |seen: &Observation| {
         let camera = &cameras[seen.view];
-        let at = camera.pixel_to_floor(seen.pixel, height)?;
+        let at = camera.pixel_to_plane(seen.pixel, plane)?.on_floor();
         Some((away(camera, &at), at))
     };
     let candidates = seen.iter().filter(|seen| seen.point == point).filter_map(on_floor);
@@ -99,14 +100,14 @@ fn post_length(seen: &[Observation], cameras: &[Camera], foot: &FloorPoint) -> O
 fn points_on_floor(
     seen: &[Observation],
     cameras: &[Camera],
-    z: f64,
+    ground: &Plane,
     points: &[[f64; 3]],
 ) -> Option<Vec<PointPair>> {
     let mut by_view: BTreeMap<usize, Vec<PointPair>> = BTreeMap::new();
     for seen in seen {
         let Some(&[x, y, up]) = points.get(seen.point) else { continue };
-        if let Some(at) = cameras[seen.view].pixel_to_floor(seen.pixel, z + up) {
-            by_view.entry(seen.view).or_default().push(([x, y], at));
+        if let Some(at) = cameras[seen.view].pixel_to_plane(seen.pixel, &ground.raised(up)) {
+            by_view.entry(seen.view).or_default().push(([x, y], at.on_floor()));
         }
     }
     let candidates =
@@ -115,11 +116,15 @@ fn points_on_floor(
 }
 
 /// Ends of a floor line by the camera that observes the longest piece of it.
-fn longest_segment(seen: &[Observation], cameras: &[Camera]) -> Option<(FloorPoint, FloorPoint)> {
+fn longest_segment(
+    seen: &[Observation],
+    cameras: &[Camera],
+    ground: &Plane,
+) -> Option<(FloorPoint, FloorPoint)> {
     let mut by_view: BTreeMap<usize, Vec<FloorPoint>> = BTreeMap::new();
     for seen in seen {
-        if let Some(at) = cameras[seen.view].pixel_to_floor(seen.pixel, 0.0) {
-            by_view.entry(seen.view).or_default().push(at);
+        if let Some(at) = cameras[seen.view].pixel_to_plane(seen.pixel, ground) {
+            by_view.entry(seen.view).or_default().push(at.on_floor());
         }
     }
     let ends = by_view.into_values().filter_map(|points| Some((*points.first()?, *points.last()?)));
@@ -153,7 +158,7 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     let is_line = matches!(landmark.model, LandmarkModel::Line { .. });
     landmark.observations.iter().all(|seen| {
         let camera = cameras[seen.view];
-        let at = landmark.model.point(&landmark.place, seen.point).0;
+        let at = landmark.point(seen.point);
         let is_in_lens = ObservedPixel::new(seen.pixel, &camera.lens, [false; Distortion::MOST]).is_some();
         is_in_lens && (is_line || PosedCamera::new(camera).reproject(at).is_some())
     })
@@ -183,8 +188,10 @@ pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Ve
 /// The place on the floor of a point of a landmark by every camera that observes it, at its height in the
 /// model.
 pub(crate) fn on_floor(landmark: &Landmark, point: usize, cameras: &[Camera]) -> Vec<(usize, FloorPoint)> {
-    let height = landmark.model.point(&landmark.place, point).0.z;
+    let plane = landmark.plane_of(point);
     let seen = landmark.observations.iter().filter(|seen| seen.point == point);
-    seen.filter_map(|seen| Some((seen.view, cameras[seen.view].pixel_to_floor(seen.pixel, height)?)))
-        .collect()
+    seen.filter_map(|seen| {
+        Some((seen.view, cameras[seen.view].pixel_to_plane(seen.pixel, &plane)?.on_floor()))
+    })
+    .collect()
 }

@@ -140,7 +140,7 @@ pub(crate) fn describe(
 /// Where on the floor the points of a known landmark are that some camera sees.
 fn known_places(landmark: &Landmark) -> Vec<FloorPoint> {
     let points: BTreeSet<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
-    points.iter().map(|&point| landmark.model.point(&landmark.place, point).0.on_floor()).collect()
+    points.iter().map(|&point| landmark.point(point).on_floor()).collect()
 }
 
 /// Whether the observed points of a landmark have a known size: two points of a mark, a post of known length.
@@ -162,7 +162,7 @@ fn spread_of_heights(landmarks: &[&Landmark]) -> f64 {
     let heights = landmarks.iter().flat_map(|landmark| {
         let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;
         let seen = landmark.observations.iter().filter(move |seen| !is_head(seen.point));
-        seen.map(|seen| landmark.model.point(&landmark.place, seen.point).0.z)
+        seen.map(|seen| landmark.point(seen.point).z)
     });
     let (low, high) =
         heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)));

@@ -6,7 +6,7 @@
 //! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
 //! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
 //! - `covariance` the covariance of a camera; `pinhole` the camera itself;
-//! - `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
+//! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
 //!   Jacobians, for the bundle adjustment;
 //! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
 
@@ -40,4 +40,6 @@ pub(crate) use distortion::{ByCoefficient, ByCoefficients, Matrix2, times};
 pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
-pub(crate) use reprojection::{ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection};
+pub(crate) use reprojection::{
+    LineDistance, ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection,
+};

@@ -98,22 +98,26 @@ impl Camera {
         self.homography_plane_from_pixel(&Plane::level(height))
     }
 
-    /// As [`Self::homography_floor_from_pixel`], to x and y of the points of a plane.
+    /// The homography from undistorted pixels to the x and y of the points of a plane, homogeneous: the third
+    /// coordinate is positive where the plane is seen from above.
+    ///
+    /// With the ray `d` of a pixel and the height D of the plane at the camera less that of the camera, the point
+    /// is `C + d D / rise(d)`, so `(-C_x rise - D d_x, -C_y rise - D d_y, -rise)`, linear in the pixel.
     #[must_use]
     pub fn homography_plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         let [right, down, forward] = self.rotation();
-        // Ray direction as a linear function of (u, v, 1), and with it the rise above the plane.
+        // The ray as a linear function of (u, v, 1), its components times the focal.
         let direction =
             |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
         let (dx, dy, dz) = (direction(0), direction(1), direction(2));
-        let rise: [f64; 3] = std::array::from_fn(|j| plane.rise(&[dx[j], dy[j], dz[j]]));
-        let drop = self.position.z - plane.height_at(self.position.on_floor());
-        let WorldPoint { x: x0, y: y0, .. } = self.position;
+        let rises: [f64; 3] = std::array::from_fn(|j| plane.rise(&[dx[j], dy[j], dz[j]]));
+        let WorldPoint { x: x0, y: y0, z: z0 } = self.position;
+        let drop = z0 - plane.height_at(self.position.on_floor());
         [
-            std::array::from_fn(|j| drop * dx[j] - x0 * rise[j]),
-            std::array::from_fn(|j| drop * dy[j] - y0 * rise[j]),
-            rise.map(|r| -r),
+            std::array::from_fn(|j| drop * dx[j] - x0 * rises[j]),
+            std::array::from_fn(|j| drop * dy[j] - y0 * rises[j]),
+            rises.map(|rise| -rise),
         ]
     }
 }
@@ -149,6 +153,22 @@ mod tests {
             prop_assume!(at.on_floor().distance(camera.position.on_floor()) < 100.0);
             let back = camera.world_to_pixel(at).unwrap();
             prop_assert!(back.distance(Pixel { u, v }) < 1e-6, "{back:?}");
+        }
+
+        #[test]
+        fn the_homography_of_a_plane_is_its_map(
+            camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
+            slope in [-0.1..0.1_f64, -0.1..0.1_f64],
+        ) {
+            let plane = Plane { height, slope, anchor: FloorPoint { x: 1.0, y: -2.0 } };
+            let Some(at) = camera.pixel_to_plane(Pixel { u, v }, &plane) else { return Ok(()) };
+            prop_assume!(at.on_floor().distance(camera.position.on_floor()) < 100.0);
+            prop_assume!(camera.position.z > plane.height_at(camera.position.on_floor()));
+            let straight = camera.undistort(Pixel { u, v }).unwrap();
+            let [x, y, w] = camera.homography_plane_from_pixel(&plane).map(|[a, b, c]| a * straight.u + b * straight.v + c);
+            prop_assert!(w > 0.0);
+            let mapped = FloorPoint { x: x / w, y: y / w };
+            prop_assert!(mapped.distance(at.on_floor()) < 1e-6);
         }
 
         #[test]

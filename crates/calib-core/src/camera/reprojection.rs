@@ -6,7 +6,8 @@
 use crate::camera::distortion::Distortion;
 use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
-use crate::camera::space::{Pixel, WorldPoint};
+use crate::camera::plane::Plane;
+use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 
 /// Number of parameters of a camera without its distortion: x, y, z, yaw, pitch, roll, log focal.
 pub(crate) const POSE_PARAMS: usize = 7;
@@ -44,6 +45,8 @@ pub(crate) struct ReprojectedLine {
     line: [f64; 3],
     d_camera: [[f64; 3]; POSE_PARAMS],
     d_line: [[f64; 3]; 2],
+    /// By height and slope of the plane that it lies on.
+    d_plane: [[f64; 3]; 3],
 }
 
 impl ObservedPixel {
@@ -115,13 +118,22 @@ impl PosedCamera {
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
-    /// The image of the floor line at `offset` to the left of `origin` that leads along `angle`:
-    /// `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin, 0)`.
-    pub(crate) fn reproject_line(&self, origin: [f64; 2], offset: f64, angle: f64) -> ReprojectedLine {
+    /// The image of the line on a plane at `offset` to the left of `origin` that leads along `angle`, both as
+    /// seen from above: `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin)`, lifted
+    /// onto the plane.
+    pub(crate) fn reproject_line(
+        &self,
+        plane: &Plane,
+        origin: [f64; 2],
+        offset: f64,
+        angle: f64,
+    ) -> ReprojectedLine {
         let (sin, cos) = angle.sin_cos();
         let WorldPoint { x, y, z } = self.camera.position;
-        let q = [origin[0] - offset * sin - x, origin[1] + offset * cos - y, -z];
-        let (along, left) = ([cos, sin, 0.0], [-sin, cos, 0.0]);
+        let at = FloorPoint { x: origin[0] - offset * sin, y: origin[1] + offset * cos };
+        let q = [at.x - x, at.y - y, plane.height_at(at) - z];
+        let lifted = |[x, y]: [f64; 2]| [x, y, plane.slope[0] * x + plane.slope[1] * y];
+        let (along, left) = (lifted([cos, sin]), lifted([-sin, cos]));
         let focal = self.camera.focal;
         let image = |[x, y, w]: [f64; 3]| [focal * x, focal * y, w];
         let (p, d) = (self.turn(&q), self.turn(&along));
@@ -138,21 +150,33 @@ impl PosedCamera {
         let moved = self.turn(&left);
         // Turning the line turns the point at `offset` back along it.
         let back = self.turn(&along.map(|c| -offset * c));
+        let up = image(self.turn(&[0.0, 0.0, 1.0]));
+        let raised = |point: f64, direction: f64| jacobian(up.map(|c| point * c), up.map(|c| direction * c));
+        let [by_height, by_x, by_y] = plane.height_by_parameters(at);
         ReprojectedLine {
             line: cross(&point, &direction),
+            d_plane: [raised(by_height, 0.0), raised(by_x, cos), raised(by_y, sin)],
             d_camera: [axis(0), axis(1), axis(2), angle_of(0), angle_of(1), angle_of(2), d_focal],
             d_line: [jacobian(image(moved), none), jacobian(image(back), image(moved))],
         }
     }
 }
 
+/// The signed distance in raw pixels of a drawn point from a line, with its derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LineDistance {
+    pub(crate) pixels: f64,
+    pub(crate) d_camera: [f64; POSE_PARAMS],
+    pub(crate) d_lens: [f64; Distortion::MOST],
+    /// By offset and angle of the line.
+    pub(crate) d_line: [f64; 2],
+    /// By height and slope of the plane that it lies on.
+    pub(crate) d_plane: [f64; 3],
+}
+
 impl ReprojectedLine {
-    /// Signed distance in raw pixels of a drawn point from the line, with its derivatives by the camera, the
-    /// coefficients, and the offset and angle of the line: `n . (at, 1) / |J' n_xy|`.
-    pub(crate) fn distance(
-        &self,
-        observed: &ObservedPixel,
-    ) -> (f64, [f64; POSE_PARAMS], [f64; Distortion::MOST], [f64; 2]) {
+    /// The signed distance of a drawn point: `n . (at, 1) / |J' n_xy|`.
+    pub(crate) fn distance(&self, observed: &ObservedPixel) -> LineDistance {
         let homogeneous = [observed.at[0], observed.at[1], 1.0];
         let [[a, b], [c, d]] = observed.jacobian;
         let raw = |n: &[f64; 3]| [a * n[0] + c * n[1], b * n[0] + d * n[1]];
@@ -167,7 +191,13 @@ impl ReprojectedLine {
         let d_lens = std::array::from_fn(|k| {
             (self.line[0] * observed.d_lens[0][k] + self.line[1] * observed.d_lens[1][k]) / length
         });
-        (distance, self.d_camera.map(|s| jacobian(&s)), d_lens, self.d_line.map(|s| jacobian(&s)))
+        LineDistance {
+            pixels: distance,
+            d_camera: self.d_camera.map(|s| jacobian(&s)),
+            d_lens,
+            d_line: self.d_line.map(|s| jacobian(&s)),
+            d_plane: self.d_plane.map(|s| jacobian(&s)),
+        }
     }
 }
 
@@ -225,10 +255,11 @@ mod tests {
         #[test]
         fn the_jacobian_of_a_line_is_that_of_differences(
             camera in any_camera(), origin in [-9.0..9.0_f64, -9.0..9.0_f64], offset in -2.0..2.0_f64, angle in -3.0..3.0_f64,
-            u in 0.0..1920.0_f64, v in 0.0..1080.0_f64,
+            u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
+            let plane = Plane { height, slope, anchor: FloorPoint { x: 2.0, y: 1.0 } };
             let Some(observed) = ObservedPixel::new(Pixel { u, v }, &camera.lens, [false; 5]) else { return Ok(()) };
-            let (distance, d_camera, _, d_line) = PosedCamera::new(camera).reproject_line(origin, offset, angle).distance(&observed);
+            let LineDistance { pixels: distance, d_camera, d_line, d_plane, .. } = PosedCamera::new(camera).reproject_line(&plane, origin, offset, angle).distance(&observed);
             let check = |a: f64, b: f64, analytic: f64, what: usize| {
                 let numeric = (a - b) / (2.0 * STEP);
                 let fine = (numeric - analytic).abs() < 1e-3 * (1.0 + analytic.abs() + distance.abs());
@@ -236,12 +267,23 @@ mod tests {
                 Ok(())
             };
             for index in 0..POSE_PARAMS {
-                let at = |by: f64| nudged(&camera, index, by).reproject_line(origin, offset, angle).distance(&observed).0;
+                let at = |by: f64| nudged(&camera, index, by).reproject_line(&plane, origin, offset, angle).distance(&observed).pixels;
                 check(at(STEP), at(-STEP), d_camera[index], index)?;
             }
-            let line = |offset: f64, angle: f64| PosedCamera::new(camera).reproject_line(origin, offset, angle).distance(&observed).0;
+            let line = |offset: f64, angle: f64| PosedCamera::new(camera).reproject_line(&plane, origin, offset, angle).distance(&observed).pixels;
             check(line(offset + STEP, angle), line(offset - STEP, angle), d_line[0], 10)?;
             check(line(offset, angle + STEP), line(offset, angle - STEP), d_line[1], 11)?;
+            for (index, analytic) in d_plane.into_iter().enumerate() {
+                let at = |by: f64| {
+                    let mut moved = plane;
+                    match index {
+                        0 => moved.height += by,
+                        _ => moved.slope[index - 1] += by,
+                    }
+                    PosedCamera::new(camera).reproject_line(&moved, origin, offset, angle).distance(&observed).pixels
+                };
+                check(at(STEP), at(-STEP), analytic, 20 + index)?;
+            }
         }
 
         #[test]
@@ -254,7 +296,7 @@ mod tests {
             // Lines are drawn on the image; far beside it a lens magnifies the rounding of its inverse.
             prop_assume!((0.0..1920.0).contains(&pixel.u) && (0.0..1080.0).contains(&pixel.v));
             let Some(observed) = ObservedPixel::new(pixel, &camera.lens, [false; 5]) else { return Ok(()) };
-            let (distance, ..) = PosedCamera::new(camera).reproject_line(origin, 0.0, angle).distance(&observed);
+            let LineDistance { pixels: distance, .. } = PosedCamera::new(camera).reproject_line(&Plane::FLOOR, origin, 0.0, angle).distance(&observed);
             prop_assert!(distance.abs() < 1e-6, "{distance}");
         }
     }

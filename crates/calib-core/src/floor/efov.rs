@@ -1,6 +1,6 @@
 //! The effective field of view: the polygon on the image, and the part of it that lies on the floor.
 
-use crate::camera::{Camera, FloorPoint, Pixel, UndistortedPixel};
+use crate::camera::{Camera, FloorPoint, Pixel, Plane, UndistortedPixel};
 
 /// The floor polygon that an image polygon shows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,7 +23,13 @@ const STEPS: usize = 8;
 /// Between corners the edge is followed through the lens; where it bends, points are added.
 #[must_use]
 pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
-    on_floor(camera, corners, REACH_DRAWN)
+    efov_on_plane(camera, corners, &Plane::FLOOR)
+}
+
+/// As [`efov_on_floor`], of a polygon that lies on a plane: its corners as seen from above.
+#[must_use]
+pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov {
+    on_plane(camera, corners, plane, REACH_DRAWN)
 }
 
 /// The image's floor part nearer than five camera heights: the EFOV where none was drawn.
@@ -31,10 +37,10 @@ pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
 pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     let [w, h] = size;
     let corners = [[0.0, h], [w, h], [w, 0.0], [0.0, 0.0]].map(Pixel::from);
-    Efov { clipped: false, ..on_floor(camera, &corners, REACH_DEFAULT) }
+    Efov { clipped: false, ..on_plane(camera, &corners, &Plane::FLOOR, REACH_DEFAULT) }
 }
 
-fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
+fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
     let steps = if bent { STEPS } else { 1 };
     let outline: Vec<Pixel> = (0..corners.len())
@@ -49,8 +55,8 @@ fn on_floor(camera: &Camera, corners: &[Pixel], reach: f64) -> Efov {
     let lost = outline.iter().any(|&pixel| camera.undistort(pixel).is_none());
     let straight: Vec<_> = outline.iter().filter_map(|&pixel| shown(camera, pixel)).collect();
     // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0 and clipping is linear.
-    let h = camera.homography_floor_from_pixel(0.0);
-    let drop = camera.position.z;
+    let h = camera.homography_plane_from_pixel(plane);
+    let drop = camera.position.z - plane.height_at(camera.position.on_floor());
     let homogeneous: Vec<[f64; 3]> = straight
         .iter()
         .map(|p| {

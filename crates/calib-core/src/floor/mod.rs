@@ -19,7 +19,7 @@ mod projector;
 mod surface_projector;
 mod remap;
 
-pub use efov::{Efov, default_efov, efov_on_floor};
+pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use projector::FloorProjector;

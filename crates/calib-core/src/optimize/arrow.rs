@@ -31,16 +31,19 @@ pub(crate) struct NuisanceLayout {
     pub(crate) sizes: Vec<usize>,
 }
 
-/// Derivatives of a residual by at most three nuisance parameters of one block: index and derivative.
+/// The most nuisance parameters that a residual depends on.
+const MOST: usize = 5;
+
+/// Derivatives of a residual by at most [`MOST`] nuisance parameters of one block: index and derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NuisanceJacobian {
     count: usize,
-    by: [(usize, f64); 3],
+    by: [(usize, f64); MOST],
 }
 
 impl NuisanceJacobian {
     /// Of a residual that depends on none.
-    pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); 3] };
+    pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); MOST] };
 
     /// Of a residual that depends on one.
     #[inline]
@@ -48,7 +51,7 @@ impl NuisanceJacobian {
         Self::NONE.and(index, derivative)
     }
 
-    /// With one more; at most three are kept.
+    /// With one more; at most [`MOST`] are kept.
     #[inline]
     pub(crate) fn and(mut self, index: usize, derivative: f64) -> Self {
         if let Some(entry) = self.by.get_mut(self.count) {
@@ -56,6 +59,12 @@ impl NuisanceJacobian {
             self.count += 1;
         }
         self
+    }
+
+    /// With those of another.
+    #[inline]
+    pub(crate) fn with(self, other: &Self) -> Self {
+        other.entries().iter().fold(self, |all, &(index, derivative)| all.and(index, derivative))
     }
 
     #[inline]

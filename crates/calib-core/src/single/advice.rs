@@ -183,7 +183,7 @@ impl Candidate {
             match constraint {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
-                    joined.lengths.push(Length { ends, group, spread: 0.0, source: source(i) });
+                    joined.lengths.push(Length { ends, group, spread: 0.0, plane: None, source: source(i) });
                 }
                 _ => joined.lines.push(Line { ends, direction, deviation: None, source: source(i) }),
             }

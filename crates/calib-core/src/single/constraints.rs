@@ -10,6 +10,7 @@ use crate::optimize::{ByLens, Number};
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind, Known};
 pub use crate::single::endpoint::Endpoint;
+use crate::single::plane_prior::PlanePrior;
 use crate::single::repeats::{Drawn, Repeats};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
@@ -49,6 +50,8 @@ pub struct Length<E = f64> {
     pub group: usize,
     /// Standard deviation of its log against that of its group.
     pub spread: f64,
+    /// The plane it lies on, an index into [`Constraints::planes`]; the floor without.
+    pub plane: Option<usize>,
     /// The drawing that it comes from.
     pub source: Source,
 }
@@ -62,8 +65,19 @@ pub struct Upright<E = f64> {
     pub head: Endpoint<E>,
     /// From foot to head, in metres.
     pub height: Known,
+    /// The plane it stands on, an index into [`Constraints::planes`]; the floor without.
+    pub plane: Option<usize>,
     /// The drawing that it comes from.
     pub source: Source,
+}
+
+/// A plane that something was drawn on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnPlane {
+    /// Its index among all planes of the scene.
+    pub index: usize,
+    /// What is known of it.
+    pub prior: PlanePrior,
 }
 
 /// The constraints of one camera.
@@ -82,6 +96,8 @@ pub struct Constraints<E = f64> {
     pub uprights: Vec<Upright<E>>,
     /// How far drawn directions may be from those of their groups, where they may.
     pub deviations: Vec<Deviation>,
+    /// Planes besides the floor that something was drawn on.
+    pub planes: Vec<DrawnPlane>,
     /// How far the scene may be from what was drawn.
     pub scene: SceneErrors,
     /// What is drawn more than once: the variance of its ends is so many times that of one.
@@ -106,22 +122,26 @@ const MIN_LENGTH: f64 = 1e-3;
 
 impl<E> Default for Constraints<E> {
     fn default() -> Self {
-        Self {
-            lines: Vec::new(),
-            groups: 0,
-            lengths: Vec::new(),
-            length_groups: Vec::new(),
-            uprights: Vec::new(),
-            deviations: Vec::new(),
-            scene: SceneErrors::EXACT,
-            repeats: Repeats::NONE,
-            sigma_px: Vec::new(),
-            invalid: Vec::new(),
-        }
+        Self::EMPTY
     }
 }
 
 impl<E> Constraints<E> {
+    /// Those of an image on which nothing was drawn.
+    pub const EMPTY: Self = Self {
+        lines: Vec::new(),
+        groups: 0,
+        lengths: Vec::new(),
+        length_groups: Vec::new(),
+        uprights: Vec::new(),
+        deviations: Vec::new(),
+        planes: Vec::new(),
+        scene: SceneErrors::EXACT,
+        repeats: Repeats::NONE,
+        sigma_px: Vec::new(),
+        invalid: Vec::new(),
+    };
+
     /// Whether there is nothing to fit.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -133,21 +153,38 @@ impl Constraints {
     /// The constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
     pub fn new(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
-        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
+        Self::on_planes(annotations, lens, scene, &[])
+    }
+
+    /// As [`Self::new`], of annotations that may lie on these planes; one that names none of them lies on the
+    /// floor.
+    #[must_use]
+    pub fn on_planes(
+        annotations: &[Annotation],
+        lens: &Lens,
+        scene: SceneErrors,
+        planes: &[PlanePrior],
+    ) -> Self {
+        Builder::build(annotations, lens, scene, planes, |annotation| !annotation.off)
     }
 
     /// The constraints of the annotations that are switched off: not fitted, but their residuals are
     /// reported.
     #[must_use]
-    pub fn switched_off(annotations: &[Annotation], lens: &Lens) -> Self {
-        Builder::build(annotations, lens, SceneErrors::EXACT, |annotation| annotation.off)
+    pub fn switched_off(annotations: &[Annotation], lens: &Lens, planes: &[PlanePrior]) -> Self {
+        Builder::build(annotations, lens, SceneErrors::EXACT, planes, |annotation| annotation.off)
     }
 }
 
 impl Constraints<ByLens> {
-    /// As [`Constraints::new`], with the derivatives by the coefficients of the lens.
-    pub(crate) fn by_lens(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
-        Builder::build(annotations, lens, scene, |annotation| !annotation.off)
+    /// As [`Constraints::on_planes`], with the derivatives by the coefficients of the lens.
+    pub(crate) fn by_lens(
+        annotations: &[Annotation],
+        lens: &Lens,
+        scene: SceneErrors,
+        planes: &[PlanePrior],
+    ) -> Self {
+        Builder::build(annotations, lens, scene, planes, |annotation| !annotation.off)
     }
 }
 
@@ -166,6 +203,7 @@ fn share_noise<E: Number>(drawn: &mut Constraints<E>) {
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
     lens: &'a Lens,
+    planes: &'a [PlanePrior],
     constraints: Constraints<E>,
     /// Floor directions that are known so far: group, and whether at right angles to it.
     directions: Vec<Option<(usize, bool)>>,
@@ -176,12 +214,13 @@ impl<'a, E: OfLens> Builder<'a, E> {
         annotations: &'a [Annotation],
         lens: &'a Lens,
         scene: SceneErrors,
+        planes: &'a [PlanePrior],
         is_used: impl Fn(&Annotation) -> bool,
     ) -> Constraints<E> {
         let directions = vec![None; annotations.len()];
         let sigma_px = annotations.iter().map(|annotation| annotation.sigma_px).collect();
         let constraints = Constraints { scene, sigma_px, ..Constraints::default() };
-        let mut builder = Self { annotations, lens, constraints, directions };
+        let mut builder = Self { annotations, lens, planes, constraints, directions };
         for (index, annotation) in annotations.iter().enumerate() {
             if is_used(annotation) {
                 builder.add(index, annotation);
@@ -209,7 +248,8 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let scene = self.constraints.scene.of(annotation);
         // The annotation that others are tied to gives the group its direction.
         let azimuth = if annotation.at_right_angles_to.is_some() { scene.angle } else { 0.0 };
-        let deviation = self.deviation(group, orthogonal, [azimuth, scene.level()]);
+        let plane = self.plane(annotation);
+        let deviation = self.deviation(Deviation { group, orthogonal, azimuth, level: scene.level(), plane });
         self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
     }
 
@@ -218,17 +258,33 @@ impl<'a, E: OfLens> Builder<'a, E> {
         self.constraints.groups += 1;
         let scene = self.constraints.scene.of(annotation);
         let azimuth = |i: usize| if i > 0 { scene.angle } else { 0.0 };
-        let deviations: Vec<Option<usize>> =
-            (0..segments.len()).map(|i| self.deviation(group, i > 0, [azimuth(i), scene.level()])).collect();
+        let plane = self.plane(annotation);
+        let deviation = |i: usize| {
+            let (orthogonal, azimuth, level) = (i > 0, azimuth(i), scene.level());
+            self.deviation(Deviation { group, orthogonal, azimuth, level, plane })
+        };
+        let deviations: Vec<Option<usize>> = (0..segments.len()).map(deviation).collect();
         self.add_lines(index, segments, |i| (Direction::Floor { group, orthogonal: i > 0 }, deviations[i]));
     }
 
-    /// A deviation of a drawn direction, if directions deviate.
-    fn deviation(&mut self, group: usize, orthogonal: bool, [azimuth, level]: [f64; 2]) -> Option<usize> {
-        (azimuth > 0.0 || level > 0.0).then(|| {
-            self.constraints.deviations.push(Deviation { group, orthogonal, azimuth, level });
+    /// The deviation of a drawn direction, if it deviates or lies on a plane.
+    fn deviation(&mut self, deviation: Deviation) -> Option<usize> {
+        let Deviation { azimuth, level, plane, .. } = deviation;
+        (azimuth > 0.0 || level > 0.0 || plane.is_some()).then(|| {
+            self.constraints.deviations.push(deviation);
             self.constraints.deviations.len() - 1
         })
+    }
+
+    /// The plane that an annotation names, as one that something was drawn on.
+    fn plane(&mut self, annotation: &Annotation) -> Option<usize> {
+        let named = annotation.plane.as_ref()?;
+        let index = self.planes.iter().position(|plane| plane.id == *named)?;
+        let drawn = &mut self.constraints.planes;
+        Some(drawn.iter().position(|plane| plane.index == index).unwrap_or_else(|| {
+            drawn.push(DrawnPlane { index, prior: self.planes[index].clone() });
+            drawn.len() - 1
+        }))
     }
 
     fn add_lines(
@@ -254,6 +310,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let known = annotation.length();
         let spread = if known.is_some() { 0.0 } else { self.constraints.scene.of(annotation).length };
         self.constraints.length_groups.push(known);
+        let plane = self.plane(annotation);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
             let ends = points
@@ -261,7 +318,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 .zip(points.last())
                 .and_then(|(&a, &b)| Some([E::endpoint(a, self.lens)?, E::endpoint(b, self.lens)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.constraints.lengths.push(Length { ends, group, spread, source }),
+                Ok(ends) => self.constraints.lengths.push(Length { ends, group, spread, plane, source }),
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
@@ -273,9 +330,10 @@ impl<'a, E: OfLens> Builder<'a, E> {
         else {
             return;
         };
+        let plane = self.plane(annotation);
         match (E::endpoint(foot, self.lens), E::endpoint(head, self.lens)) {
             (Some(foot), Some(head)) => {
-                self.constraints.uprights.push(Upright { foot, head, height, source });
+                self.constraints.uprights.push(Upright { foot, head, height, plane, source });
             }
             _ => self.constraints.invalid.push((source, InvalidSegment::OutsideLens)),
         }

@@ -12,7 +12,7 @@ pub(crate) struct Directions<'a, E> {
     constraints: &'a Constraints<E>,
     nuisances: Nuisances,
     nadir: VanishingPoint,
-    /// Of every group, along it and at right angles to it.
+    /// Of every group, along it and at right angles to it; empty where every line deviates.
     groups: Vec<[VanishingPoint; 2]>,
     /// Of every deviation.
     deviations: Vec<VanishingPoint>,
@@ -20,7 +20,14 @@ pub(crate) struct Directions<'a, E> {
 }
 
 impl<'a, E> Directions<'a, E> {
-    pub(crate) fn new(constraints: &'a Constraints<E>, parameters: &Parameters, nuisance: &[f64]) -> Self {
+    /// `on_plane` are the parameters of the camera relative to a plane; `None` where there are none and a line
+    /// is drawn on it.
+    pub(crate) fn new<'b>(
+        constraints: &'a Constraints<E>,
+        parameters: &Parameters,
+        nuisance: &[f64],
+        on_plane: impl Fn(usize) -> Option<&'b Parameters>,
+    ) -> Option<Self> {
         let nuisances = Nuisances::of(constraints);
         let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
         let angles = Angles::new(parameters);
@@ -32,16 +39,19 @@ impl<'a, E> Directions<'a, E> {
         let deviating = |(index, deviation): (usize, &Deviation)| {
             let at = nuisances.deviation(index);
             let angle = turned(deviation.group, deviation.orthogonal) + nuisance[at];
-            angles.floor(angle, nuisance[at + 1])
+            let Some(plane) = deviation.plane else { return Some(angles.floor(angle, nuisance[at + 1])) };
+            Some(Angles::new(on_plane(plane)?).floor(angle, nuisance[at + 1]))
         };
-        Self {
+        let is_exact = |line: &Line<E>| line.deviation.is_none() && line.direction != Direction::Vertical;
+        let has_exact = constraints.lines.iter().any(is_exact);
+        Some(Self {
             constraints,
             nuisances,
             nadir: angles.nadir(tilt),
-            groups: (0..constraints.groups).map(exact).collect(),
-            deviations: constraints.deviations.iter().enumerate().map(deviating).collect(),
+            groups: if has_exact { (0..constraints.groups).map(exact).collect() } else { Vec::new() },
+            deviations: constraints.deviations.iter().enumerate().map(deviating).collect::<Option<_>>()?,
             has_tilt: constraints.tilt_sigma().is_some(),
-        }
+        })
     }
 
     /// That of a line.
@@ -52,6 +62,12 @@ impl<'a, E> Directions<'a, E> {
             (Direction::Floor { .. }, Some(deviation)) => &self.deviations[deviation],
             (Direction::Floor { group, orthogonal }, None) => &self.groups[group][usize::from(orthogonal)],
         }
+    }
+
+    /// The plane that a line was drawn on; the floor without.
+    #[inline]
+    pub(crate) fn plane_of(&self, line: &Line<E>) -> Option<usize> {
+        self.constraints.deviations[line.deviation?].plane
     }
 
     /// The derivatives of the residual of a line by nuisance parameters, from those by the two parameters of its

@@ -15,11 +15,12 @@ use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
 };
 use crate::single::annotation::Known;
-use crate::single::constraints::{Constraints, Direction, Length, Line, Source, Upright};
+use crate::single::constraints::{Constraints, Direction, DrawnPlane, Length, Line, Source, Upright};
 use crate::single::directions::Directions;
 use crate::single::fixed_parameters::FixedParameters;
-use crate::single::nuisances::Nuisances;
+use crate::single::nuisances::{Nuisances, PlaneNuisances};
 use crate::single::orientation::Orientation;
+use crate::single::plane_frame::{Measured, PlaneFrame};
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, floor_length,
@@ -150,8 +151,16 @@ impl<'a> Problem<'a> {
         }
         let mut totals = vec![(0.0, 0.0); self.constraints.length_groups.len()];
         let at = CameraTerms::<f64>::new(&parameters, [0.0; 2]);
+        let planes = self.constraints.plane_frames(&parameters, &nuisance);
         for length in self.lengths() {
-            let (log_length, _) = floor_length(&at, &length.ends)?;
+            let log_length = match length.plane.map(|plane| &planes[plane]) {
+                None => floor_length(&at, &length.ends)?.0,
+                Some(plane) => {
+                    let plane = plane.as_ref()?;
+                    let at = CameraTerms::<f64>::new(&plane.parameters, plane.tilt);
+                    floor_length(&at, &length.ends)?.0 - plane.log_ratio(parameters[LOG_HEIGHT])
+                }
+            };
             totals[length.group].0 += log_length;
             totals[length.group].1 += 1.0;
         }
@@ -200,7 +209,42 @@ impl<'a> Problem<'a> {
     }
 }
 
+/// What a drawing on a plane depends on.
+struct OnPlane {
+    /// None where the camera is not above the plane.
+    frame: Option<PlaneFrame>,
+    nuisances: PlaneNuisances,
+}
+
+impl OnPlane {
+    /// Of what lies on the plane: it does not depend on the verticals.
+    fn of_level(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
+        Some((self.frame.as_ref()?, PlaneNuisances { tilt: None, ..self.nuisances }))
+    }
+}
+
+impl<E> Constraints<E> {
+    /// Where a camera of these parameters stands relative to every plane; `None` of one that it is not above.
+    pub(crate) fn plane_frames(&self, parameters: &Parameters, nuisance: &[f64]) -> Vec<Option<PlaneFrame>> {
+        let nuisances = Nuisances::of(self);
+        let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
+        let frame = |(plane, drawn): (usize, &DrawnPlane)| {
+            let [right, ahead, foot] = std::array::from_fn(|k| nuisance[nuisances.plane(plane) + k]);
+            PlaneFrame::new(parameters, tilt, [right, ahead], drawn.prior.plane.height + foot)
+        };
+        self.planes.iter().enumerate().map(frame).collect()
+    }
+}
+
 impl<'a, E: Number> Problem<'a, E> {
+    /// What drawings on every plane depend on.
+    fn on_planes(&self, state: &State) -> Vec<OnPlane> {
+        let frames = self.constraints.plane_frames(&state.parameters, &state.nuisance);
+        let with_nuisances =
+            |(plane, frame)| OnPlane { frame, nuisances: self.constraints.nuisances_on(plane) };
+        frames.into_iter().enumerate().map(with_nuisances).collect()
+    }
+
     /// Standard deviation of a drawn coordinate of an annotation, in pixels.
     #[inline]
     fn sigma_of(&self, source: Source) -> f64 {
@@ -242,20 +286,12 @@ impl<'a, E: Number> Problem<'a, E> {
         if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || parameters[PITCH].abs() > 3.0 {
             return None;
         }
-        self.each_line(state, &mut sink);
+        let planes = self.on_planes(state);
+        self.each_line(state, &planes, &mut sink)?;
         let tilt = self.nuisances().tilt();
         let at = CameraTerms::<N>::new(parameters, [state.nuisance[tilt], state.nuisance[tilt + 1]]);
-        self.each_length(state, &at, &mut sink)?;
-        for upright in self.uprights() {
-            for residual in upright_residuals(&at, upright, self.sigma_of(upright.source))? {
-                let [.., right, ahead] = residual.gradient();
-                let by_tilt = match self.constraints.tilt_sigma() {
-                    Some(_) => NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead),
-                    None => NuisanceJacobian::NONE,
-                };
-                sink(residual, by_tilt, Some(upright.source));
-            }
-        }
+        self.each_length(state, &at, &planes, &mut sink)?;
+        self.each_upright(&at, &planes, &mut sink)?;
         self.each_length_prior(state, &mut sink);
         self.each_prior(parameters, |residual| sink(residual, NuisanceJacobian::NONE, None));
         self.constraints.each_scene_prior(|index, sigma| {
@@ -271,21 +307,81 @@ impl<'a, E: Number> Problem<'a, E> {
         &self,
         state: &State,
         at: &CameraTerms<N>,
+        planes: &[OnPlane],
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         for length in self.lengths() {
-            let scale = self.sigma_of(length.source).recip();
-            let (log_length, noise) = floor_length(at, &length.ends)?;
-            let noise = with_spread(noise, length.spread * scale);
-            let index = self.nuisances().length(length.group);
-            let (expected, is_nuisance) = match self.constraints.length_groups[length.group] {
-                Some(Known { value, sigma: None, .. }) => (in_heights(value, &state.parameters), false),
-                _ => (N::constant(state.nuisance[index]), true),
+            let Some(plane) = length.plane else {
+                let (residual, nuisance) = self.length(state, at, &state.parameters, length)?;
+                sink(residual, nuisance, Some(length.source));
+                continue;
             };
-            let residual = (log_length - expected) / noise * scale;
-            let by_length = NuisanceJacobian::of(index, -scale / noise.value());
-            let nuisance = if is_nuisance { by_length } else { NuisanceJacobian::NONE };
-            sink(residual, nuisance, Some(length.source));
+            let (frame, nuisances) = planes[plane].of_level()?;
+            let at = CameraTerms::<N>::new(&frame.parameters, frame.tilt);
+            let (residual, nuisance) = self.length(state, &at, &frame.parameters, length)?;
+            let (mut gradient, jacobian) = frame.carried(&residual.gradient(), Measured::OnPlane, &nuisances);
+            // The log length of its group is in units of the height above the floor.
+            nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
+            sink(N::new(residual.value(), gradient), nuisance.with(&jacobian), Some(length.source));
+        }
+        Some(())
+    }
+
+    /// The residual of one length on the floor of a camera with these parameters, and its derivative by the log
+    /// length of its group.
+    #[inline]
+    fn length<N: NumberOver<E>>(
+        &self,
+        state: &State,
+        at: &CameraTerms<N>,
+        parameters: &Parameters,
+        length: &Length<E>,
+    ) -> Option<(N, NuisanceJacobian)> {
+        let scale = self.sigma_of(length.source).recip();
+        let (log_length, noise) = floor_length(at, &length.ends)?;
+        let noise = with_spread(noise, length.spread * scale);
+        let index = self.nuisances().length(length.group);
+        if let Some(Known { value, sigma: None, .. }) = self.constraints.length_groups[length.group] {
+            let residual = (log_length - in_heights::<N>(value, parameters)) / noise * scale;
+            return Some((residual, NuisanceJacobian::NONE));
+        }
+        let mut expected = N::constant(state.nuisance[index]);
+        if length.plane.is_some() {
+            expected =
+                expected + state.parameters[LOG_HEIGHT] - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT);
+        }
+        let residual = (log_length - expected) / noise * scale;
+        Some((residual, NuisanceJacobian::of(index, -scale / noise.value())))
+    }
+
+    /// The two residuals of every upright.
+    #[inline]
+    fn each_upright<N: NumberOver<E>>(
+        &self,
+        at: &CameraTerms<N>,
+        planes: &[OnPlane],
+        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
+    ) -> Option<()> {
+        let has_tilt = self.constraints.tilt_sigma().is_some();
+        let tilt = self.nuisances().tilt();
+        for upright in self.uprights() {
+            let sigma = self.sigma_of(upright.source);
+            let Some(plane) = upright.plane else {
+                for residual in upright_residuals(at, upright, sigma)? {
+                    let [.., right, ahead] = residual.gradient();
+                    let by_tilt = NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead);
+                    let by_tilt = if has_tilt { by_tilt } else { NuisanceJacobian::NONE };
+                    sink(residual, by_tilt, Some(upright.source));
+                }
+                continue;
+            };
+            let OnPlane { frame, nuisances } = &planes[plane];
+            let frame = frame.as_ref()?;
+            let at = CameraTerms::<N>::new(&frame.along_verticals, frame.tilt);
+            for residual in upright_residuals(&at, upright, sigma)? {
+                let (gradient, jacobian) = frame.carried(&residual.gradient(), Measured::Upright, nuisances);
+                sink(N::new(residual.value(), gradient), jacobian, Some(upright.source));
+            }
         }
         Some(())
     }
@@ -318,9 +414,11 @@ impl<'a, E: Number> Problem<'a, E> {
     fn each_line<N: NumberOver<E>>(
         &self,
         state: &State,
+        planes: &[OnPlane],
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
-    ) {
-        let directions = Directions::new(self.constraints, &state.parameters, &state.nuisance);
+    ) -> Option<()> {
+        let at = |plane: usize| planes[plane].frame.as_ref().map(|frame| &frame.parameters);
+        let directions = Directions::new(self.constraints, &state.parameters, &state.nuisance, at)?;
         for line in self.lines() {
             let scale = self.sigma_of(line.source).recip();
             let vanishing = directions.of(line);
@@ -336,9 +434,18 @@ impl<'a, E: Number> Problem<'a, E> {
             gradient[ROLL] = derivative(&vanishing.d_roll);
             gradient[PITCH] = derivative(&vanishing.d_pitch);
             gradient[LOG_FOCAL] = derivative(&vanishing.d_log_focal);
-            let nuisance = directions.by_nuisances(line, vanishing.d_own.map(|change| derivative(&change)));
+            let mut nuisance =
+                directions.by_nuisances(line, vanishing.d_own.map(|change| derivative(&change)));
+            if let Some(plane) = directions.plane_of(line) {
+                let (frame, of_plane) = planes[plane].of_level()?;
+                let of_plane = PlaneNuisances { foot: None, ..of_plane };
+                let (carried, jacobian) = frame.carried(&gradient, Measured::OnPlane, &of_plane);
+                gradient = carried;
+                nuisance = nuisance.with(&jacobian);
+            }
             sink(N::new(value.value(), gradient), nuisance, Some(line.source));
         }
+        Some(())
     }
 
     /// `(value - mean) / sigma` for every prior.

@@ -1,5 +1,7 @@
 use super::*;
+use crate::camera::{FloorPoint, Plane};
 use crate::optimize::{LevenbergMarquardt, Summary, Termination, least_squares};
+use crate::single::PlanePrior;
 use crate::single::annotation::Known;
 use crate::single::constraints::Endpoint;
 use crate::single::residual::Angles;
@@ -10,6 +12,12 @@ fn any_end() -> impl Strategy<Value = Endpoint> {
     ([-900.0..900.0_f64, 50.0..500.0_f64], 0.6..1.5_f64, -0.2..0.2_f64, 0.6..1.5_f64).prop_map(
         |(point, a, b, d)| Endpoint { point, covariance: [a * a + b * b, b * (a + d), d * d + b * b] },
     )
+}
+
+/// A plane that falls by about three degrees.
+fn ramp() -> PlanePrior {
+    let plane = Plane { height: 0.3, slope: [0.05, 0.0], anchor: FloorPoint::default() };
+    PlanePrior { id: "ramp".into(), plane, along: [1.0, 0.0], sigma: [0.1, 0.02, 0.01] }
 }
 
 fn source(segment: usize) -> Source {
@@ -46,7 +54,11 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
             lengths: lengths
                 .into_iter()
                 .enumerate()
-                .map(|(i, (ends, group))| Length { ends, group, spread: 0.01, source: source(100 + i) })
+                .map(|(i, (ends, group))| {
+                    // Those of the first group lie on a plane.
+                    let plane = (group == 0).then_some(0);
+                    Length { ends, group, spread: 0.01, plane, source: source(100 + i) }
+                })
                 .collect(),
             length_groups: vec![None, Some(Known::fixed(2.0)), Some(Known::prior(3.0, 0.1))],
             uprights: uprights
@@ -54,13 +66,15 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .enumerate()
                 .map(|(i, (foot, head, height))| {
                     let height = Known::prior(height, 0.05);
-                    Upright { foot, head, height, source: source(200 + i) }
+                    let plane = (i == 1).then_some(0);
+                    Upright { foot, head, height, plane, source: source(200 + i) }
                 })
                 .collect(),
             deviations: vec![
-                Deviation { group: 0, orthogonal: true, azimuth: 0.01, level: 0.005 },
-                Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005 },
+                Deviation { group: 0, orthogonal: true, azimuth: 0.01, level: 0.005, plane: None },
+                Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005, plane: Some(0) },
             ],
+            planes: vec![DrawnPlane { index: 0, prior: ramp() }],
             scene: SceneErrors { floor_tilt: 0.02, ..SceneErrors::EXACT },
             repeats: crate::single::Repeats::NONE,
             sigma_px: Vec::new(),

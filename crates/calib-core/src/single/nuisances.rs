@@ -2,21 +2,35 @@
 //! in, and its prior.
 
 use crate::optimize::NuisanceLayout;
-use crate::single::constraints::{Constraints, Direction, Line};
+use crate::single::constraints::{Constraints, Direction, DrawnPlane, Line};
 
 /// Where the nuisance parameters of constraints are in a state: the angles of the groups, the log lengths of
-/// the groups of lengths, azimuth and elevation of every deviation, and the two tilts.
+/// the groups of lengths, azimuth and elevation of every deviation, the two tilts, and of every plane that
+/// something was drawn on its two slopes and its height under the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nuisances {
     groups: usize,
     lengths: usize,
     deviations: usize,
+    planes: usize,
+}
+
+/// The nuisance parameters that a drawing on a plane depends on, by their first index.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlaneNuisances {
+    /// Of the two tilts of the floor.
+    pub(crate) tilt: Option<usize>,
+    /// Of the two slopes of the plane.
+    pub(crate) slope: Option<usize>,
+    /// Of its height under the camera.
+    pub(crate) foot: Option<usize>,
 }
 
 impl Nuisances {
     pub(crate) fn of<E>(constraints: &Constraints<E>) -> Self {
-        let Constraints { groups, length_groups, deviations, .. } = constraints;
-        Self { groups: *groups, lengths: length_groups.len(), deviations: deviations.len() }
+        let Constraints { groups, length_groups, deviations, planes, .. } = constraints;
+        let (lengths, deviations, planes) = (length_groups.len(), deviations.len(), planes.len());
+        Self { groups: *groups, lengths, deviations, planes }
     }
 
     /// The log length of a group of lengths.
@@ -34,21 +48,35 @@ impl Nuisances {
         self.deviation(self.deviations)
     }
 
-    pub(crate) fn count(&self) -> usize {
-        self.tilt() + 2
+    /// The slope of a plane to the right; that away from the camera and the height under it, less that which the
+    /// plane is thought to have, are the next.
+    pub(crate) fn plane(&self, plane: usize) -> usize {
+        self.tilt() + 2 + 3 * plane
     }
 
-    /// The blocks of parameters that have residuals in common: a group with its deviations, a length, the tilt.
+    pub(crate) fn count(&self) -> usize {
+        self.plane(self.planes)
+    }
+
+    /// The blocks of parameters that have residuals in common: a group with its deviations, a length, and the
+    /// tilt with all planes and what was drawn on them.
     pub(crate) fn layout<E>(&self, constraints: &Constraints<E>) -> NuisanceLayout {
-        let mut sizes = vec![1; self.groups + self.lengths];
-        let mut places: Vec<(usize, usize)> = (0..sizes.len()).map(|block| (block, 0)).collect();
+        let common = self.groups + self.lengths;
+        let mut block_of: Vec<usize> = (0..common).collect();
+        let on_planes = constraints.deviations.iter().filter(|deviation| deviation.plane.is_some());
+        on_planes.for_each(|deviation| block_of[deviation.group] = common);
+        let on_planes = constraints.lengths.iter().filter(|length| length.plane.is_some());
+        on_planes.for_each(|length| block_of[self.length(length.group)] = common);
         for deviation in &constraints.deviations {
-            let size = &mut sizes[deviation.group];
-            places.extend([(deviation.group, *size), (deviation.group, *size + 1)]);
-            *size += 2;
+            block_of.extend([block_of[deviation.group]; 2]);
         }
-        places.extend([(sizes.len(), 0), (sizes.len(), 1)]);
-        sizes.push(2);
+        block_of.resize(self.count(), common);
+        let mut sizes = vec![0; common + 1];
+        let place = |&block: &usize| {
+            sizes[block] += 1;
+            (block, sizes[block] - 1)
+        };
+        let places = block_of.iter().map(place).collect();
         NuisanceLayout { places, sizes }
     }
 }
@@ -66,6 +94,12 @@ impl<E> Constraints<E> {
             sink(nuisances.tilt(), sigma);
             sink(nuisances.tilt() + 1, sigma);
         }
+        let planes = self.planes.iter().enumerate().flat_map(|(plane, drawn)| {
+            let at = nuisances.plane(plane);
+            let (slope, foot) = (drawn.slope_sigma(), drawn.foot_sigma());
+            [(at, slope), (at + 1, slope), (at + 2, foot)]
+        });
+        planes.filter(|&(_, sigma)| sigma > 0.0).for_each(|(index, sigma)| sink(index, sigma));
     }
 
     /// Whether the length of a group is known to the millimetre.
@@ -78,5 +112,26 @@ impl<E> Constraints<E> {
         let is_vertical = |line: &Line<E>| line.direction == Direction::Vertical;
         let has_verticals = || !self.uprights.is_empty() || self.lines.iter().any(is_vertical);
         Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && has_verticals())
+    }
+
+    /// The nuisance parameters of a drawing on a plane.
+    pub(crate) fn nuisances_on(&self, plane: usize) -> PlaneNuisances {
+        let (nuisances, drawn) = (Nuisances::of(self), &self.planes[plane]);
+        let at = nuisances.plane(plane);
+        PlaneNuisances {
+            tilt: self.tilt_sigma().map(|_| nuisances.tilt()),
+            slope: (drawn.slope_sigma() > 0.0).then_some(at),
+            foot: (drawn.foot_sigma() > 0.0).then_some(at + 2),
+        }
+    }
+}
+
+impl DrawnPlane {
+    fn slope_sigma(&self) -> f64 {
+        self.prior.slope_in_any_direction()
+    }
+
+    fn foot_sigma(&self) -> f64 {
+        self.prior.height_sigma_under_camera()
     }
 }

@@ -3,8 +3,10 @@
 use crate::camera::Plane;
 
 /// A plane of the scene, with how well its height and its slope are known.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlanePrior {
+    /// By which annotations refer to it.
+    pub id: String,
     /// Where it is thought to be.
     pub plane: Plane,
     /// The horizontal direction of its fall, of unit length.
@@ -20,8 +22,8 @@ const REACH: f64 = 10.0;
 impl PlanePrior {
     /// A plane that is known exactly.
     #[must_use]
-    pub const fn held(plane: Plane) -> Self {
-        Self { plane, along: [1.0, 0.0], sigma: [0.0; 3] }
+    pub fn held(id: impl Into<String>, plane: Plane) -> Self {
+        Self { id: id.into(), plane, along: [1.0, 0.0], sigma: [0.0; 3] }
     }
 
     /// Whether nothing of it is estimated.

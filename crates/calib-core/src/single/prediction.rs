@@ -3,7 +3,9 @@
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::Problem;
+use crate::single::nuisances::Nuisances;
 use crate::single::orientation::Orientation;
+use crate::single::plane_frame::Measured;
 use crate::single::prior::Priors;
 use crate::single::residual::{CameraTerms, Parameters, floor_length, upright_residuals};
 
@@ -31,8 +33,27 @@ pub(crate) fn residuals_at(
 /// the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
-    let at = CameraTerms::<f64>::new(parameters, [0.0; 2]);
-    constraints.lengths.retain(|length| floor_length(&at, &length.ends).is_some());
-    constraints.uprights.retain(|upright| upright_residuals(&at, upright, 1.0).is_some());
+    let nuisance = vec![0.0; Nuisances::of(&constraints).count()];
+    let planes = constraints.plane_frames(parameters, &nuisance);
+    let deviations = constraints.deviations.clone();
+    let at = |plane: Option<usize>, measured: Measured| {
+        let Some(plane) = plane else { return Some(CameraTerms::<f64>::new(parameters, [0.0; 2])) };
+        let frame = planes[plane].as_ref()?;
+        let parameters =
+            if measured == Measured::OnPlane { &frame.parameters } else { &frame.along_verticals };
+        Some(CameraTerms::new(parameters, frame.tilt))
+    };
+    let is_above = |deviation: Option<usize>| {
+        let plane = deviation.and_then(|deviation| deviations[deviation].plane);
+        plane.is_none_or(|plane| planes[plane].is_some())
+    };
+    constraints.lines.retain(|line| is_above(line.deviation));
+    constraints.lengths.retain(|length| {
+        at(length.plane, Measured::OnPlane).is_some_and(|at| floor_length(&at, &length.ends).is_some())
+    });
+    constraints.uprights.retain(|upright| {
+        let at = at(upright.plane, Measured::Upright);
+        at.is_some_and(|at| upright_residuals(&at, upright, 1.0).is_some())
+    });
     constraints
 }

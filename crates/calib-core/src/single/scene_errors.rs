@@ -73,4 +73,7 @@ pub struct Deviation {
     pub azimuth: f64,
     /// Standard deviation of its elevation above the floor plane, in radians.
     pub level: f64,
+    /// The plane it is level on, an index into [`Constraints::planes`](crate::Constraints::planes); the floor
+    /// without.
+    pub plane: Option<usize>,
 }

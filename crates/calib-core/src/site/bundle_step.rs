@@ -5,12 +5,12 @@ use std::collections::HashMap;
 
 use crate::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, InitialPose, Landmark, OutlierCandidate,
+    DistanceMeasurement, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
 };
 use crate::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use crate::floor::STAGE_1_HEIGHT;
 use crate::outcome::Failure;
-use crate::single::{Fitted, FixedParameters, Priors};
+use crate::single::{Fitted, FixedParameters, PlanePrior, Priors};
 use crate::site::document::{Site, SiteCamera};
 use crate::site::observations::{LandmarkSource, Shared, Unused};
 use crate::site::single_step::SingleFit;
@@ -41,6 +41,8 @@ pub(crate) struct BundleResult {
     pub(crate) lost: Vec<usize>,
     /// Landmarks and distances that carry no information.
     pub(crate) unused: Unused,
+    /// Planes that were estimated.
+    pub(crate) planes: Vec<Option<PlaneEstimate>>,
     pub(crate) loop_closure: Option<f64>,
     /// Covariance of pairs of cameras that observe landmarks in common.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
@@ -92,6 +94,7 @@ impl BundleResult {
             unfitted: summary.unsolved,
             lost: summary.unobservable,
             unused,
+            planes: summary.planes,
             loop_closure: summary.loop_closure,
             pairs: summary.cross_covariances,
         }
@@ -103,8 +106,9 @@ impl Site {
     pub(crate) fn join(&self, single_fits: &[Result<SingleFit, Failure>]) -> BundleResult {
         let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
         let members = members(&entries, single_fits);
-        let shared = self.shared(single_fits, &|camera| members[camera].is_some());
-        adjust(&entries, &members, shared)
+        let planes = self.plane_priors();
+        let shared = self.shared(single_fits, &planes, &|camera| members[camera].is_some());
+        adjust(&entries, &members, shared, planes)
     }
 }
 
@@ -113,8 +117,9 @@ impl Site {
 pub(crate) fn refine_lenses(
     entries: &[&SiteCamera],
     single_fits: &[Result<SingleFit, Failure>],
+    planes: Vec<PlanePrior>,
 ) -> BundleResult {
-    adjust(entries, &members(entries, single_fits), Shared::default())
+    adjust(entries, &members(entries, single_fits), Shared::default(), planes)
 }
 
 fn members<'a>(
@@ -125,12 +130,17 @@ fn members<'a>(
     each.map(|(entry, single)| Member::new(entry, single.as_ref().ok()?)).collect()
 }
 
-fn adjust(entries: &[&SiteCamera], members: &[Option<Member>], shared: Shared) -> BundleResult {
+fn adjust(
+    entries: &[&SiteCamera],
+    members: &[Option<Member>],
+    shared: Shared,
+    planes: Vec<PlanePrior>,
+) -> BundleResult {
     let Shared { landmarks, measurements, unused } = shared;
     let (sources, landmarks) = landmarks.into_iter().unzip();
     let (indices, distances) = measurements.into_iter().unzip();
     let cameras = bundle_cameras(entries, members);
-    let mut summary = BundleAdjustment { cameras, landmarks, distances }.solve_checked();
+    let mut summary = BundleAdjustment { cameras, landmarks, distances, planes }.solve_checked();
     for (estimate, member) in summary.cameras.iter_mut().zip(members) {
         if let (Some(estimate), Some(member)) = (estimate, member)
             && !estimate.is_connected

@@ -4,10 +4,11 @@ use crate::camera::{FloorPoint, Plane, WorldPoint};
 use crate::site::document::{Site, SiteCamera};
 
 impl Site {
-    /// The plane that the field of view of a camera lies on.
+    /// The plane that the field of view of a camera lies on; one that nobody drew lies on the floor.
     #[must_use]
     pub fn efov_plane(&self, entry: &SiteCamera) -> Plane {
-        self.plane_or_floor(entry.efov_plane.as_deref())
+        let id = entry.efov_plane.as_deref().filter(|_| entry.efov_px.is_some());
+        self.plane_or_floor(id)
     }
 
     /// Corners of the EFOV of a camera on the plane that it lies on, in metres; empty without a calibration.
@@ -27,7 +28,7 @@ impl Site {
     /// [`Extent`]: crate::Extent
     #[must_use]
     pub fn efov_on_floor(&self, entry: &SiteCamera) -> Vec<FloorPoint> {
-        if entry.efov_plane.is_none() || !is_on_plane(entry) {
+        if self.efov_plane(entry) == Plane::FLOOR || !is_on_plane(entry) {
             return entry.floor_polygon();
         }
         let on_floor = through(entry, self.efov_outline(entry).into_iter(), &Plane::FLOOR);
@@ -62,7 +63,7 @@ mod tests {
 
     #[test]
     fn a_field_on_a_plane_covers_the_floor_behind_it() {
-        let site = site(r#", "efov_plane": "deck""#);
+        let site = site(r#", "efov_plane": "deck", "efov_px": [[0, 900], [900, 900], [500, 700]]"#);
         let entry = &site.cameras[0];
         assert_eq!(site.efov_outline(entry)[0], WorldPoint::new(0.0, 5.0, 1.5));
         // 3 m above the deck and 4.5 m above the floor: half as far again from the foot at (1, 2).

@@ -36,7 +36,7 @@ impl Site {
         let entries: Vec<&SiteCamera> = family.iter().filter_map(|&index| self.cameras.get(index)).collect();
         let lenses = self.lenses(&entries, before);
         let single_fits = self.single_fits(&entries, &lenses, &options);
-        let refined = refine_lenses(&entries, &single_fits).cameras;
+        let refined = refine_lenses(&entries, &single_fits, self.plane_priors()).cameras;
         let mut report = Report::default();
         for (position, (&index, entry)) in family.iter().zip(&entries).enumerate() {
             let refined = refined.get(position).and_then(Option::as_ref);

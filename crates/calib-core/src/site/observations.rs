@@ -4,10 +4,10 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
-use crate::camera::{Pixel, WorldPoint};
+use crate::camera::{Pixel, Plane, WorldPoint};
 use crate::floor::MarkShape;
 use crate::outcome::Failure;
-use crate::single::{Known, Prior};
+use crate::single::{Known, PlanePrior, Prior};
 use crate::site::document::{ControlPointEntry, Site};
 use crate::site::elements::{Link, LinkKind, Mark};
 use crate::site::single_step::SingleFit;
@@ -60,6 +60,7 @@ impl Site {
     pub(crate) fn shared(
         &self,
         single_fits: &[Result<SingleFit, Failure>],
+        planes: &[PlanePrior],
         is_there: &dyn Fn(usize) -> bool,
     ) -> Shared {
         let mut index: HashMap<&str, usize> = HashMap::new();
@@ -77,7 +78,8 @@ impl Site {
         }
         self.drop_single_points(&mut landmarks);
         let links = self.links.iter().enumerate();
-        landmarks.extend(links.map(|(i, link)| (LandmarkSource::Link(i), linked(link, &camera, &noise))));
+        landmarks
+            .extend(links.map(|(i, link)| (LandmarkSource::Link(i), linked(link, planes, &camera, &noise))));
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
         landmarks.extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), marked(mark, &camera, &noise))));
         let measurements = self.distances_between(&landmarks);
@@ -190,7 +192,12 @@ fn noise(single: &Result<SingleFit, Failure>) -> f64 {
     single.as_ref().ok().and_then(|single| single.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
 }
 
-fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
+fn linked(
+    link: &Link,
+    planes: &[PlanePrior],
+    camera: &dyn Fn(&str) -> Option<usize>,
+    noise: &[f64],
+) -> Landmark {
     let mut observations = Vec::new();
     for seen in &link.seen {
         let Some(view) = camera(&seen.camera) else { continue };
@@ -214,9 +221,13 @@ fn linked(link: &Link, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
         LinkKind::Post => LandmarkModel::Post,
         LinkKind::Line => LandmarkModel::Line { origin: [0.0; 2] },
     };
+    let named = |id: &String| planes.iter().position(|plane| plane.id == *id);
+    let plane = link.plane.as_ref().and_then(named);
     let is_fixed = link.length_m.is_some_and(|known| known.fixed);
     Landmark {
         model,
+        plane,
+        ground: plane.map_or(Plane::FLOOR, |plane| planes[plane].plane),
         place: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
         free: [true, true, link.kind == LinkKind::Post && !is_fixed],
         priors: length.filter(|_| !is_fixed).map(|(_, prior)| (2, prior)).into_iter().collect(),
@@ -246,6 +257,8 @@ fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
     let WorldPoint { x, y, z } = mark.at_m;
     Landmark {
         model: LandmarkModel::Mark { z, points },
+        plane: None,
+        ground: Plane::FLOOR,
         place: [x, y, mark.turn_deg.to_radians()],
         free: [!mark.fixed, !mark.fixed, !mark.fixed && has_turn],
         priors: Vec::new(),

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::bundle::CameraEstimate;
-use crate::camera::{Camera, Covariance, Distortion, FloorPoint};
-use crate::floor::{default_efov, efov_on_floor};
+use crate::bundle::{CameraEstimate, PlaneEstimate};
+use crate::camera::{Camera, Covariance, Distortion, FloorPoint, Plane};
+use crate::floor::{default_efov, efov_on_plane};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
-use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, is_inconsistent};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, is_inconsistent};
 use crate::site::bounds::At;
 use crate::site::bundle_step::{BundleResult, refine_lenses};
 use crate::site::camera_result::CameraResult;
@@ -15,6 +15,7 @@ use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
+use crate::site::planes::PlaneSolution;
 use crate::site::pose_findings::is_of_pose;
 use crate::site::single_step::{LensOwners, Lenses, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
@@ -32,6 +33,8 @@ pub struct Report {
     pub links: Vec<Option<ElementSolution>>,
     /// For every mark of the site: where it is, if it took part.
     pub marks: Vec<Option<ElementSolution>>,
+    /// For every plane of the site: where it is, if it was estimated.
+    pub planes: Vec<Option<PlaneSolution>>,
     /// What was found out about the site as a whole.
     pub site: SiteSolution,
     /// What is to be said of the site as a whole, as values.
@@ -49,6 +52,9 @@ impl Report {
         }
         for (mark, found) in solved.marks.iter_mut().zip(&self.marks) {
             mark.solution.clone_from(found);
+        }
+        for (index, plane) in solved.planes.iter_mut().enumerate() {
+            plane.solution = self.planes.get(index).copied().flatten();
         }
         for (index, result) in &self.cameras {
             let camera = &mut solved.cameras[*index];
@@ -78,7 +84,9 @@ impl Site {
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
             Method::MaximumLikelihood | Method::Given if is_joint => self.join(&single_fits),
-            Method::MaximumLikelihood | Method::Given => refine_lenses(&entries, &single_fits),
+            Method::MaximumLikelihood | Method::Given => {
+                refine_lenses(&entries, &single_fits, self.plane_priors())
+            }
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
@@ -101,7 +109,11 @@ impl Site {
             ((index, entry), findings)
         };
         let (cameras, findings) = results.into_iter().map(entry).unzip();
-        Report { cameras, findings, links, marks, site, site_findings }
+        let found = |found: &Option<PlaneEstimate>| {
+            found.map(|PlaneEstimate { plane, covariance }| PlaneSolution::of(&plane, &covariance))
+        };
+        let planes = bundle.planes.iter().map(found).collect();
+        Report { cameras, findings, links, marks, planes, site, site_findings }
     }
 
     /// Stage 1 of cameras among which are those whose lens others share; where the lens is fitted, once more
@@ -136,7 +148,7 @@ impl Site {
         if !has_draft || options.method == Method::Paper {
             return single_fits;
         }
-        let drafts = refine_lenses(entries, &single_fits);
+        let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
         for (index, draft) in drafts.cameras.iter().enumerate() {
             let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
@@ -198,7 +210,7 @@ impl Site {
             camera
         };
         if let Some(joined) = joined {
-            rewrite(entry, &camera, first, joined, &mut result);
+            rewrite(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
         }
         result.solution.position_m = Some(camera.position);
         result.solution.yaw_deg = Some(camera.yaw.to_degrees());
@@ -212,7 +224,7 @@ impl Site {
         result.findings.extend(first.lens_estimate.findings(&entry.annotations));
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
-        result.solution.efov_m = efov(entry, &camera, &mut result.findings);
+        result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_of_pose(finding.code()));
         result.findings.extend(entry.findings_at(&camera));
         self.add_control_residuals(entry, &camera, &mut result);
@@ -230,7 +242,7 @@ fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> b
 fn rewrite(
     entry: &SiteCamera,
     camera: &Camera,
-    first: &SingleFit,
+    (first, planes): (&SingleFit, &[PlanePrior]),
     joined: &CameraEstimate,
     result: &mut CameraResult,
 ) {
@@ -244,7 +256,7 @@ fn rewrite(
     solution.dof = usize::try_from(joined.dof).ok();
     solution.sigma_px = Some(joined.sigma);
     let outliers = first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);
-    let off = residuals_when_off(entry, camera);
+    let off = residuals_when_off(entry, camera, planes);
     solution.residuals = residual_entries(joined.residuals.iter().copied().chain(off), outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     // The other cameras may determine a focal that stage 1 does not.
@@ -259,9 +271,15 @@ fn rewrite(
     }
 }
 
-fn efov(entry: &SiteCamera, camera: &Camera, findings: &mut Vec<Finding>) -> Vec<FloorPoint> {
+fn efov(
+    entry: &SiteCamera,
+    camera: &Camera,
+    planes: &[PlanePrior],
+    findings: &mut Vec<Finding>,
+) -> Vec<FloorPoint> {
     let Some(corners) = &entry.efov_px else { return default_efov(camera, entry.size()).polygon };
-    let efov = efov_on_floor(camera, corners);
+    let named = entry.efov_plane.as_ref().and_then(|id| planes.iter().find(|plane| plane.id == *id));
+    let efov = efov_on_plane(camera, corners, named.map_or(&Plane::FLOOR, |prior| &prior.plane));
     if efov.clipped {
         findings.push(Finding::EfovAboveHorizon { is_whole: efov.polygon.is_empty() });
     }

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{FloorPoint, Plane};
 use crate::floor::Surface;
-use crate::single::{Known, PlanePrior};
+use crate::single::{Known, PlanePrior, SceneErrors};
 use crate::site::bounded_list;
-use crate::site::document::{Site, SiteCamera};
+use crate::site::document::Site;
 use crate::site::solution::document;
 
 /// A number of a plane: known, or known about.
@@ -119,10 +119,15 @@ impl PlaneEntry {
     pub fn prior(&self, floor_tilt: f64) -> PlanePrior {
         let (height, height_sigma) =
             self.height_m.map_or((0.0, ANY_HEIGHT), |height| (height.value(), height.sigma()));
-        let anchor = self.anchor();
+        let (id, anchor) = (self.id.clone(), self.anchor());
         let Some(tilt) = self.tilt else {
             let plane = Plane { anchor, ..Plane::level(height) };
-            return PlanePrior { plane, along: [1.0, 0.0], sigma: [height_sigma, floor_tilt, floor_tilt] };
+            return PlanePrior {
+                id,
+                plane,
+                along: [1.0, 0.0],
+                sigma: [height_sigma, floor_tilt, floor_tilt],
+            };
         };
         let degrees = |number: PlaneNumber| [number.value(), number.sigma()].map(f64::to_radians);
         let [fall, fall_sigma] = tilt.fall_deg.map_or([0.0, ANY_FALL_DEG.to_radians()], degrees);
@@ -131,10 +136,11 @@ impl PlaneEntry {
             // Of a fall without a direction only its size is known.
             let any = fall.tan().hypot(steepness * fall_sigma);
             let plane = Plane { anchor, ..Plane::level(height) };
-            return PlanePrior { plane, along: [1.0, 0.0], sigma: [height_sigma, any, any] };
+            return PlanePrior { id, plane, along: [1.0, 0.0], sigma: [height_sigma, any, any] };
         };
         let across = if tilt.fall_deg.is_some() { fall.tan().abs() * toward_sigma } else { 0.0 };
         PlanePrior {
+            id,
             plane: Plane::falling(height, toward, fall, anchor),
             along: [toward.cos(), toward.sin()],
             sigma: [height_sigma, steepness * fall_sigma, across],
@@ -173,21 +179,24 @@ impl Site {
     /// Where the plane of this id is; the floor without one.
     #[must_use]
     pub fn plane_or_floor(&self, id: Option<&str>) -> Plane {
-        let floor_tilt = self.scene.map_or_else(Default::default, |scene| scene.errors()).floor_tilt;
-        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(floor_tilt).plane)
+        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(self.usual_fall()).plane)
     }
 
     /// The planes that cover a part of the plan, in the order of the file: what pixels are mapped to besides the
     /// floor.
     #[must_use]
     pub fn surfaces(&self) -> Vec<Surface> {
-        let floor_tilt = self.scene.map_or_else(Default::default, |scene| scene.errors()).floor_tilt;
-        self.planes.iter().map(|plane| plane.surface(floor_tilt)).collect()
+        self.planes.iter().map(|plane| plane.surface(self.usual_fall())).collect()
     }
 
-    /// What is known of every plane, for what was drawn on the image of a camera.
-    pub(crate) fn plane_priors(&self, entry: &SiteCamera) -> Vec<PlanePrior> {
-        let floor_tilt = self.scene_errors(entry).floor_tilt;
-        self.planes.iter().map(|plane| plane.prior(floor_tilt)).collect()
+    /// What is known of every plane, in the order of the file.
+    #[must_use]
+    pub fn plane_priors(&self) -> Vec<PlanePrior> {
+        self.planes.iter().map(|plane| plane.prior(self.usual_fall())).collect()
+    }
+
+    /// How far a level plane may be off, in radians.
+    fn usual_fall(&self) -> f64 {
+        self.scene.map_or_else(SceneErrors::default, |scene| scene.errors()).floor_tilt
     }
 }

@@ -16,8 +16,7 @@ use crate::site::solution::{Sigmas, Stage};
 /// The place of a landmark and the residual of every observation of it, in pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangulated {
-    model: LandmarkModel,
-    place: [f64; LANDMARK_PARAMS],
+    landmark: Landmark,
     seen: Vec<(Observation, f64)>,
 }
 
@@ -44,9 +43,10 @@ impl BundleResult {
                 } else {
                     (landmark.model.clone(), landmark.place)
                 };
-                let off = |seen: Observation| Some((seen, off(&model, &place, &seen, &cameras[seen.view])?));
+                let landmark = Landmark { model, place, ..landmark.clone() };
+                let off = |seen: Observation| Some((seen, off(&landmark, &seen, &cameras[seen.view])?));
                 let seen = seen.into_iter().filter_map(off).collect();
-                Some(Triangulated { seen, model, place })
+                Some(Triangulated { seen, landmark })
             })
             .collect()
     }
@@ -57,18 +57,18 @@ impl BundleResult {
 }
 
 /// Distance of an observation from where its camera shows the landmark, in raw pixels.
-fn off(
-    model: &LandmarkModel,
-    place: &[f64; LANDMARK_PARAMS],
-    seen: &Observation,
-    camera: &Camera,
-) -> Option<f64> {
-    let px = match *model {
+fn off(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> {
+    let (place, ground) = (&landmark.place, &landmark.ground);
+    let px = match landmark.model {
         LandmarkModel::Line { origin } => {
             let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; 5])?;
-            PosedCamera::new(*camera).reproject_line(origin, place[0], place[1]).distance(&observed).0.abs()
+            PosedCamera::new(*camera)
+                .reproject_line(ground, origin, place[0], place[1])
+                .distance(&observed)
+                .pixels
+                .abs()
         }
-        _ => camera.world_to_pixel(model.point(place, seen.point).0)?.distance(seen.pixel),
+        _ => camera.world_to_pixel(landmark.point(seen.point))?.distance(seen.pixel),
     };
     px.is_finite().then_some(px)
 }
@@ -142,9 +142,9 @@ impl Site {
     ) -> [Vec<Option<ElementSolution>>; 2] {
         let mut links = vec![None; self.links.len()];
         let mut marks = vec![None; self.marks.len()];
-        for (index, (of, landmark)) in bundle.landmarks.iter().enumerate() {
-            let Some(Triangulated { model, place, seen }) = &triangulated[index] else { continue };
-            let mut found = element(model, place, bundle.covariances[index], landmark);
+        for (index, (of, _)) in bundle.landmarks.iter().enumerate() {
+            let Some(Triangulated { landmark, seen }) = &triangulated[index] else { continue };
+            let mut found = element(landmark, bundle.covariances[index]);
             found.residuals = seen
                 .iter()
                 .map(|(seen, px)| SeenResidual {
@@ -287,12 +287,11 @@ fn rejected_elements(
 }
 
 fn element(
-    model: &LandmarkModel,
-    place: &[f64; LANDMARK_PARAMS],
-    covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
     landmark: &Landmark,
+    covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
 ) -> ElementSolution {
-    let (at, jacobian) = model.anchor(place);
+    let Landmark { model, place, ground, .. } = landmark;
+    let (at, jacobian) = model.anchor(place, ground);
     let turn = match model {
         LandmarkModel::Mark { .. } => Some(place[2]),
         LandmarkModel::Line { .. } => Some(place[1]),

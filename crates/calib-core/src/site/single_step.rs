@@ -7,7 +7,7 @@ use crate::floor::STAGE_1_HEIGHT;
 use crate::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use crate::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
+    PlanePrior, Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
 };
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{Site, SiteCamera};
@@ -108,17 +108,19 @@ impl Site {
             ));
         }
         let fixed = fixed_parameters(entry, owner)?;
-        let constraints = Constraints::new(&entry.annotations, &lens, self.scene_errors(entry));
+        let planes = self.plane_priors();
+        let constraints =
+            Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &planes);
         let is_open = fixed.roll.is_none() || fixed.pitch.is_none() || fixed.focal.is_none();
         if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
             return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, fixed, None));
         }
         let (result, fit) = match options.method {
-            Method::Paper => (paper(entry, &constraints, lens, fixed)?, None),
+            Method::Paper => (paper(entry, &constraints, &planes, lens, fixed)?, None),
             Method::MaximumLikelihood | Method::Given => {
                 let weak_prior_used = options.prior;
                 let (result, fit) =
-                    likelihood(entry, &constraints, lens, fixed, [weak_prior_used, is_draft])?;
+                    likelihood(entry, &constraints, &planes, lens, fixed, [weak_prior_used, is_draft])?;
                 (result, Some(fit))
             }
         };
@@ -130,6 +132,7 @@ impl Site {
 fn likelihood(
     entry: &SiteCamera,
     constraints: &Constraints,
+    planes: &[PlanePrior],
     lens: Lens,
     fixed: FixedParameters,
     [prior, keeps_all]: [bool; 2],
@@ -157,15 +160,19 @@ fn likelihood(
     solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
     let mut findings = findings(&fit, sketch.as_ref().map(|sketch| sketch.suggestion));
     findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
-    let off = residuals_when_off(entry, &fit.camera);
+    let off = residuals_when_off(entry, &fit.camera, planes);
     solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     Ok((CameraResult { solution, findings, sketch }, fit))
 }
 
 /// Residuals of the annotations that are switched off, in pixels.
-pub(crate) fn residuals_when_off(entry: &SiteCamera, camera: &Camera) -> Vec<(Source, f64)> {
-    let off = Constraints::switched_off(&entry.annotations, &camera.lens);
+pub(crate) fn residuals_when_off(
+    entry: &SiteCamera,
+    camera: &Camera,
+    planes: &[PlanePrior],
+) -> Vec<(Source, f64)> {
+    let off = Constraints::switched_off(&entry.annotations, &camera.lens, planes);
     let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
     residuals_at(&off, at, camera.position.z, entry.size()[0])
 }
@@ -185,6 +192,7 @@ fn alternative(other: &LocalMinimum, entry: &SiteCamera) -> Alternative {
 fn paper(
     entry: &SiteCamera,
     constraints: &Constraints,
+    planes: &[PlanePrior],
     lens: Lens,
     fixed: FixedParameters,
 ) -> Result<CameraResult, Failure> {
@@ -201,7 +209,7 @@ fn paper(
         covariance: Covariance::EXACT,
     };
     let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
-    let off = Constraints::switched_off(&entry.annotations, &lens);
+    let off = Constraints::switched_off(&entry.annotations, &lens, planes);
     let both =
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = residual_entries(both, &[]);

@@ -90,9 +90,10 @@ impl<'a> ImageView<'a> {
         self.site().cameras.get(self.camera)
     }
 
-    /// The plane that the EFOV of a camera lies on.
+    /// The plane that the EFOV of a camera lies on; one that nobody drew lies on the floor.
     fn efov_plane(&self, camera: usize) -> Plane {
-        self.site().cameras.get(camera).map_or(Plane::FLOOR, |entry| self.site().efov_plane(entry))
+        let entry = self.site().cameras.get(camera).filter(|entry| entry.efov_px.is_some());
+        self.scene.plane(entry.and_then(|entry| entry.efov_plane.as_deref()))
     }
 
     /// The camera with what was solved of it.

@@ -10,7 +10,7 @@ pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
     let (Some(camera), site) = (view.pose, view.site()) else { return Vec::new() };
     let mut items = Vec::new();
     for (index, entry) in site.planes.iter().enumerate().filter(|(_, plane)| !plane.region.is_empty()) {
-        let (plane, meaning) = (site.plane_or_floor(Some(&entry.id)), Meaning::Plane(index));
+        let (plane, meaning) = (view.scene.plane(Some(&entry.id)), Meaning::Plane(index));
         items.extend(seen(&camera, meaning, &outline(&entry.region, &plane, 0.0)));
         let centre = entry.anchor();
         let at = camera.world_to_pixel(centre.at_height(plane.height_at(centre)));

@@ -58,7 +58,7 @@ impl Editor {
     fn take_field(&mut self, index: usize) {
         let session = &mut self.session;
         let Some(id) = session.site.planes.get(index).map(|plane| plane.id.clone()) else { return };
-        let plane = session.site.plane_or_floor(Some(&id));
+        let plane = session.solved.plane(&session.site, Some(&id));
         let drawn = session.entry().and_then(|entry| entry.efov_px.clone()).unwrap_or_default();
         let shown = session.pose().map(|pose| drawn.iter().filter_map(|&px| pose.pixel_to_plane(px, &plane)));
         let region: Vec<_> = shown.into_iter().flatten().map(WorldPoint::on_floor).collect();

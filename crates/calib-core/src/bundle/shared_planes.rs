@@ -1,0 +1,276 @@
+//! Planes of the scene that views and landmarks share: height and slope of each, three parameters in the base
+//! system, with what is known of them.
+//!
+//! The fit of one camera, whose place is unknown, has two slopes of its own for every plane and the height under
+//! it. Of a view with yaw y at (x, y) these are the slope turned into its axes (`common_tilt.rs`) and the height of
+//! the plane there.
+
+use crate::bundle::common_tilt::{in_base, in_view};
+use crate::bundle::problem::BundleProblem;
+use crate::bundle::residuals::ResidualKind;
+use crate::camera::{Camera, Covariance, Plane};
+use crate::optimize::{JacobianBlock, NuisanceJacobian};
+use crate::single::PlanePrior;
+
+/// Parameters of a plane: height, slope along x, slope along y.
+pub(crate) const PLANE_PARAMS: usize = 3;
+
+/// Least standard deviation of a parameter that is held beside others that are not: a hundredth of a millimetre.
+const HELD: f64 = 1e-5;
+
+/// The derivatives of a residual of a view by a plane and by the pose.
+pub(crate) struct ByPlane {
+    pub(crate) plane: usize,
+    pub(crate) by_plane: [f64; PLANE_PARAMS],
+    /// By x, y and yaw.
+    pub(crate) by_pose: [f64; 3],
+}
+
+/// Height and slope of a plane.
+pub(crate) fn parameters_of_plane(plane: &Plane) -> [f64; PLANE_PARAMS] {
+    [plane.height, plane.slope[0], plane.slope[1]]
+}
+
+impl BundleProblem<'_> {
+    /// A plane at a state.
+    pub(crate) fn plane(&self, state: &[f64], plane: usize) -> Plane {
+        let prior = self.planes[plane].plane;
+        let Some(block) = self.plane_blocks[plane] else { return prior };
+        let at = self.blocks.offsets[block];
+        Plane { height: state[at], slope: [state[at + 1], state[at + 2]], ..prior }
+    }
+
+    /// The plane that a landmark stands on at a state, with its block.
+    pub(crate) fn ground(&self, state: &[f64], landmark: usize) -> (Plane, Option<usize>) {
+        match self.landmarks[landmark].plane {
+            Some(plane) => (self.plane(state, plane), self.plane_blocks[plane]),
+            None => (self.landmarks[landmark].ground, None),
+        }
+    }
+
+    /// The nuisance parameters of the planes of a view at a state, where it shares them.
+    pub(crate) fn set_planes(&self, state: &[f64], view: usize, nuisance: &mut [f64]) {
+        let this = &self.views[view];
+        if !this.shares_floor {
+            return;
+        }
+        let camera = self.camera(state, view);
+        for (index, drawn) in this.stage_1.constraints.planes.iter().enumerate() {
+            let plane = self.plane(state, drawn.index);
+            let [right, ahead] = in_view(plane.slope, camera.yaw);
+            let foot = plane.height_at(camera.position.on_floor()) - drawn.prior.plane.height;
+            let at = this.stage_1.nuisances().plane(index);
+            nuisance[at..at + PLANE_PARAMS].copy_from_slice(&[right, ahead, foot]);
+        }
+    }
+
+    /// The derivatives of a residual of a view by the plane that it is drawn on, from those by nuisance
+    /// parameters; `None` of a residual that depends on none that is shared.
+    pub(crate) fn by_plane(
+        &self,
+        state: &[f64],
+        view: usize,
+        camera: &Camera,
+        nuisance: &NuisanceJacobian,
+    ) -> Option<ByPlane> {
+        let this = &self.views[view];
+        if !this.shares_floor {
+            return None;
+        }
+        let first = this.stage_1.nuisances().plane(0);
+        let on_planes = nuisance.entries().iter().filter(|(index, _)| *index >= first);
+        let index = (on_planes.clone().next()?.0 - first) / PLANE_PARAMS;
+        let mut by = [0.0; PLANE_PARAMS];
+        on_planes.for_each(|&(at, derivative)| by[(at - first) % PLANE_PARAMS] += derivative);
+        let [right, ahead, foot] = by;
+        let drawn = this.stage_1.constraints.planes.get(index)?;
+        let plane = self.plane(state, drawn.index);
+        let [seen_right, seen_ahead] = in_view(plane.slope, camera.yaw);
+        let [by_x, by_y] = in_base([right, ahead], camera.yaw);
+        let under = plane.height_by_parameters(camera.position.on_floor());
+        let [height, x, y] = under.map(|by| foot * by);
+        Some(ByPlane {
+            plane: drawn.index,
+            by_plane: [height, x + by_x, y + by_y],
+            by_pose: [foot * plane.slope[0], foot * plane.slope[1], right * seen_ahead - ahead * seen_right],
+        })
+    }
+
+    /// `(value - prior) / sigma` of height, slope along the fall and slope across it, of every plane that is
+    /// estimated.
+    pub(crate) fn each_plane_prior(
+        &self,
+        state: &[f64],
+        sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
+    ) {
+        for (index, prior) in self.planes.iter().enumerate() {
+            let Some(block) = self.plane_blocks[index] else { continue };
+            let (now, mean) = (self.plane(state, index), prior.plane);
+            let [now, mean] = [now, mean].map(|plane| parameters_of_plane(&plane));
+            for (row, sigma) in prior.directions().into_iter().zip(prior.sigma) {
+                let scale = sigma.max(HELD).recip();
+                let off: f64 = (0..PLANE_PARAMS).map(|k| row[k] * (now[k] - mean[k])).sum();
+                let by = row.map(|by| by * scale);
+                sink(scale * off, &[JacobianBlock { block, by: &by }], ResidualKind::PlanePrior);
+            }
+        }
+    }
+}
+
+/// Which planes are estimated: those that something is drawn on or stands on, and that are not held.
+pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item = usize>) -> Vec<bool> {
+    let mut estimated = vec![false; planes.len()];
+    for plane in on_planes {
+        if let (Some(estimated), Some(prior)) = (estimated.get_mut(plane), planes.get(plane)) {
+            *estimated = !prior.is_held();
+        }
+    }
+    estimated
+}
+
+/// The indices of the pose in [`Covariance`] that [`ByPlane::by_pose`] is by.
+pub(crate) const POSE_OF_PLANE: [usize; 3] = [Covariance::X, Covariance::Y, Covariance::YAW];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bundle::camera::{CAMERA_PARAMS, View};
+    use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
+    use crate::camera::{Camera, FloorPoint, Lens, Pixel, WorldPoint};
+    use crate::single::{
+        Annotation, Constraints, FixedParameters, Kind, Known, Priors, Problem, SceneErrors,
+    };
+    use proptest::prelude::*;
+
+    fn any_plane() -> impl Strategy<Value = PlanePrior> {
+        (-0.5..0.5_f64, [-0.1..0.1_f64, -0.1..0.1_f64]).prop_map(|(height, slope)| PlanePrior {
+            id: "ramp".into(),
+            plane: Plane { height, slope, anchor: FloorPoint { x: 1.0, y: 6.0 } },
+            along: [0.6, 0.8],
+            sigma: [0.1, 0.03, 0.02],
+        })
+    }
+
+    fn camera(x: f64, yaw: f64) -> Camera {
+        Camera {
+            position: WorldPoint::new(x, 0.5, 4.0),
+            yaw,
+            pitch: 0.6,
+            roll: 0.03,
+            focal: 1100.0,
+            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        }
+    }
+
+    fn drawn(jitter: f64) -> Vec<Annotation> {
+        let line =
+            |a: [f64; 2], b: [f64; 2]| vec![Pixel::new(a[0] + jitter, a[1]), Pixel::new(b[0], b[1] + jitter)];
+        let on_ramp = |annotation| Annotation { plane: Some("ramp".into()), ..annotation };
+        let of = Annotation::of_segments;
+        vec![
+            of(
+                Kind::Vertical,
+                vec![line([300.0, 300.0], [330.0, 700.0]), line([1500.0, 300.0], [1460.0, 700.0])],
+            ),
+            on_ramp(of(
+                Kind::Parallel,
+                vec![line([700.0, 500.0], [500.0, 900.0]), line([1200.0, 500.0], [1500.0, 900.0])],
+            )),
+            on_ramp(of(
+                Kind::EqualLength,
+                vec![line([700.0, 500.0], [900.0, 520.0]), line([600.0, 800.0], [900.0, 820.0])],
+            )),
+            on_ramp(Annotation {
+                length_m: Some(2.0),
+                ..of(Kind::KnownLength, vec![line([900.0, 700.0], [1100.0, 720.0])])
+            }),
+            on_ramp(Annotation {
+                foot: Some(Pixel::new(1000.0, 800.0)),
+                head: Some(Pixel::new(1000.0 + jitter, 550.0)),
+                height_m: Some(Known::prior(1.7, 0.05)),
+                ..of(Kind::Upright, Vec::new())
+            }),
+        ]
+    }
+
+    fn landmarks(prior: &PlanePrior) -> Vec<Landmark> {
+        let seen = |point: usize| {
+            let pixel = |view: usize, u: f64| Observation {
+                view,
+                point,
+                ..Observation::new(view, Pixel::new(u, 600.0))
+            };
+            vec![pixel(0, 900.0), pixel(1, 1000.0)]
+        };
+        let on_ramp = |model, place, observations| Landmark {
+            place,
+            plane: Some(0),
+            ground: prior.plane,
+            ..Landmark::new(model, observations)
+        };
+        let both = || [seen(0), seen(1)].concat();
+        vec![
+            on_ramp(LandmarkModel::Point { height: 0.2 }, [0.5, 5.0, 0.0], seen(0)),
+            on_ramp(LandmarkModel::Post, [1.5, 6.0, 1.2], both()),
+            on_ramp(
+                LandmarkModel::Mark { z: 0.1, points: vec![[0.3, 0.0, 0.0], [0.0, 0.4, 0.5]] },
+                [-0.5, 7.0, 0.4],
+                both(),
+            ),
+            on_ramp(LandmarkModel::Line { origin: [0.0, 6.0] }, [0.2, 0.3, 0.0], both()),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn derivatives_of_all_residuals_are_those_of_differences(
+            prior in any_plane(), jitter in -20.0..20.0_f64, yaw in -0.4..0.4_f64, nudges in proptest::collection::vec(-1.0..1.0_f64, 64),
+        ) {
+            const STEP: f64 = 1e-5;
+            let (planes, annotations) = (vec![prior.clone()], [drawn(jitter), drawn(0.5 * jitter)]);
+            let cameras = [camera(0.0, 0.1), camera(1.5, yaw)];
+            let scene = SceneErrors::default();
+            let constraints = annotations.each_ref().map(|drawn| Constraints::on_planes(drawn, &cameras[0].lens, scene, &planes));
+            let view = |index: usize| {
+                let stage_1 = Problem::new(&constraints[index], FixedParameters::default(), Priors::default(), 1.0, 1920.0);
+                let mut free = [false; CAMERA_PARAMS];
+                free[..Covariance::LENS].fill(true);
+                View {
+                    camera: cameras[index], free, lens: index, annotations: &annotations[index],
+                    nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: Vec::new(), size: [1920.0, 1080.0],
+                }
+            };
+            let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];
+            let problem = BundleProblem::new(vec![view(0), view(1)], landmarks(&prior), distances, planes);
+            let mut state = problem.start();
+            state.iter_mut().zip(nudges.iter().cycle()).for_each(|(value, nudge)| *value += 1e-3 * nudge);
+            let residuals = |state: &[f64]| {
+                let mut rows: Vec<(f64, Vec<f64>)> = Vec::new();
+                problem.each_residual(state, |value, blocks, _| {
+                    let mut row = vec![0.0; state.len()];
+                    for block in blocks {
+                        let at = problem.blocks.offsets[block.block];
+                        block.by.iter().enumerate().for_each(|(k, by)| row[at + k] += by);
+                    }
+                    rows.push((value, row));
+                })?;
+                Some(rows)
+            };
+            let rows = residuals(&state).unwrap();
+            prop_assert!(rows.len() > 30);
+            for index in 0..state.len() {
+                let nudged = |step: f64| { let mut moved = state.clone(); moved[index] += step; residuals(&moved) };
+                let (Some(ahead), Some(behind)) = (nudged(STEP), nudged(-STEP)) else { continue };
+                let (Some(ahead_2), Some(behind_2)) = (nudged(2.0 * STEP), nudged(-2.0 * STEP)) else { continue };
+                for (k, (value, row)) in rows.iter().enumerate() {
+                    let half = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
+                    let whole = (ahead_2[k].0 - behind_2[k].0) / (4.0 * STEP);
+                    let numeric = (4.0 * half - whole) / 3.0;
+                    prop_assert!((numeric - row[index]).abs() < 1e-4 * (1.0 + row[index].abs() + value.abs()), "residual {k} by {index}: {numeric} {}", row[index]);
+                }
+            }
+        }
+    }
+}

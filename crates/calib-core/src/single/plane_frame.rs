@@ -1,0 +1,196 @@
+//! A drawing on a plane is a drawing on the floor of a camera that stands otherwise: with roll, pitch and height
+//! relative to the plane, and verticals that lean against its normal. So no formula of the floor is stated twice.
+//!
+//! In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor `(0, -sin p, cos p)`; the normal of a plane
+//! that rises by s to the right and by t ahead is `up - s right - t ahead` over its length N, and is
+//! `(-cos p' sin q, -cos p' cos q, -sin p')` with p' the pitch relative to the plane and q the roll relative to it
+//! less that relative to the floor. The camera is `(z0 - h) / N` from the plane, h the height of the plane under it.
+
+use crate::optimize::{Dual, Gradient, NuisanceJacobian, Number};
+use crate::single::nuisances::PlaneNuisances;
+use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TILT, Tilt};
+
+/// Where a camera stands relative to a plane.
+#[derive(Clone, Debug)]
+pub(crate) struct PlaneFrame {
+    /// Roll, pitch, log focal, and log distance from the plane.
+    pub(crate) parameters: Parameters,
+    /// The same with the log of the distance along the verticals.
+    pub(crate) along_verticals: Parameters,
+    /// Lean of the verticals against the normal of the plane.
+    pub(crate) tilt: Tilt,
+    /// Of roll, pitch, both log distances and both leans, by [`PITCH_SLOT`] and what follows.
+    by: [Gradient; 6],
+    /// Of both log distances by the log height of the camera.
+    by_log_height: f64,
+    /// Of both log distances by the height of the plane under the camera.
+    by_foot: f64,
+}
+
+/// Rows of the derivatives.
+const ROLL_ROW: usize = 0;
+const PITCH_ROW: usize = 1;
+const DISTANCE_ROW: usize = 2;
+const VERTICAL_ROW: usize = 3;
+const LEAN_ROWS: [usize; 2] = [4, 5];
+
+/// Columns of the derivatives: pitch, both tilts of the floor, both slopes of the plane.
+const PITCH_SLOT: usize = 0;
+const TILT_SLOTS: [usize; 2] = [1, 2];
+const SLOPE_SLOTS: [usize; 2] = [3, 4];
+
+/// What a drawing on a plane measures its distance by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Measured {
+    /// Across the plane.
+    OnPlane,
+    /// Along the verticals.
+    Upright,
+}
+
+impl PlaneFrame {
+    /// The plane rises by `slope` to the right of the camera and ahead of it, and is `foot` metres above the
+    /// floor under it. `None` where the camera is not above it.
+    pub(crate) fn new(parameters: &Parameters, tilt: Tilt, slope: [f64; 2], foot: f64) -> Option<Self> {
+        let [roll, pitch, log_focal, log_height] = *parameters;
+        let drop = log_height.exp() - foot;
+        if drop.is_nan() || drop <= 0.0 {
+            return None;
+        }
+        let [turn, pitch, flatness, lift, right, ahead] = relative(pitch, tilt, slope);
+        let by = [turn, pitch, flatness, lift, right, ahead].map(|dual| dual.gradient);
+        let parameters = [roll + turn.value, pitch.value, log_focal, drop.ln() + flatness.value];
+        let along_verticals = [roll + turn.value, pitch.value, log_focal, drop.ln() + lift.value];
+        Some(Self {
+            parameters,
+            along_verticals,
+            tilt: [right.value, ahead.value],
+            by,
+            by_log_height: (drop + foot) / drop,
+            by_foot: -drop.recip(),
+        })
+    }
+
+    /// Log height of the camera less log distance from the plane.
+    pub(crate) fn log_ratio(&self, log_height: f64) -> f64 {
+        log_height - self.parameters[LOG_HEIGHT]
+    }
+
+    /// The derivatives of a residual by the parameters of the camera and those of floor and plane, from those by
+    /// what the camera is relative to the plane.
+    pub(crate) fn carried(
+        &self,
+        of: &Gradient,
+        measured: Measured,
+        nuisances: &PlaneNuisances,
+    ) -> (Gradient, NuisanceJacobian) {
+        let height = if measured == Measured::OnPlane { DISTANCE_ROW } else { VERTICAL_ROW };
+        let rows = [
+            (of[ROLL], ROLL_ROW),
+            (of[PITCH], PITCH_ROW),
+            (of[LOG_HEIGHT], height),
+            (of[TILT], LEAN_ROWS[0]),
+            (of[TILT + 1], LEAN_ROWS[1]),
+        ];
+        let by = |slot: usize| rows.iter().map(|&(of, row)| of * self.by[row][slot]).sum::<f64>();
+        let mut gradient = [0.0; 6];
+        gradient[ROLL] = of[ROLL];
+        gradient[PITCH] = by(PITCH_SLOT);
+        gradient[LOG_FOCAL] = of[LOG_FOCAL];
+        gradient[LOG_HEIGHT] = of[LOG_HEIGHT] * self.by_log_height;
+        let mut jacobian = NuisanceJacobian::NONE;
+        if let Some(at) = nuisances.tilt {
+            jacobian =
+                TILT_SLOTS.iter().enumerate().fold(jacobian, |all, (k, &slot)| all.and(at + k, by(slot)));
+        }
+        if let Some(at) = nuisances.slope {
+            jacobian =
+                SLOPE_SLOTS.iter().enumerate().fold(jacobian, |all, (k, &slot)| all.and(at + k, by(slot)));
+        }
+        if let Some(at) = nuisances.foot {
+            jacobian = jacobian.and(at, of[LOG_HEIGHT] * self.by_foot);
+        }
+        (gradient, jacobian)
+    }
+}
+
+/// Roll less that relative to the floor, pitch, log distances across the plane and along the verticals less the
+/// log of the drop, and the two leans, with their derivatives by the slots.
+fn relative(pitch: f64, tilt: Tilt, slope: [f64; 2]) -> [Dual; 6] {
+    let (sp, cp) = Dual::unknown(pitch, PITCH_SLOT).sin_cos();
+    let [t0, t1] = [0, 1].map(|k| Dual::unknown(tilt[k], TILT_SLOTS[k]));
+    let [s0, s1] = [0, 1].map(|k| Dual::unknown(slope[k], SLOPE_SLOTS[k]));
+    let (across, up, forward) = (s0, cp - s1 * sp, sp + s1 * cp);
+    let level = (across * across + up * up).sqrt();
+    let (turn, pitch) = (across.atan2(up), forward.atan2(level));
+    let ((sq, cq), (sp_on, cp_on)) = (turn.sin_cos(), pitch.sin_cos());
+    let vertical = [t0, -(cp + t1 * sp), t1 * cp - sp];
+    let along = |[x, y, w]: [Dual; 3]| vertical[0] * x + vertical[1] * y + vertical[2] * w;
+    let right = along([cq, -sq, Dual::constant(0.0)]);
+    let ahead = along([-(sq * sp_on), -(cq * sp_on), cp_on]);
+    let off_plane = along([-(cp_on * sq), -(cp_on * cq), -sp_on]);
+    let flatness = -((s0 * s0 + s1 * s1 + 1.0).ln() * 0.5);
+    let lift = -((-(t0 * s0) - t1 * s1 + 1.0).ln());
+    [turn, pitch, flatness, lift, right / off_plane, ahead / off_plane]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_level_plane_is_a_lower_floor(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, height in 0.5..5.0_f64, lower in -1.0..0.4_f64, tilt in [-0.02..0.02_f64, -0.02..0.02_f64]) {
+            let frame = PlaneFrame::new(&[roll, pitch, 7.0, height.ln()], tilt, [0.0; 2], lower).unwrap();
+            prop_assert!((frame.parameters[ROLL] - roll).abs() < 1e-12);
+            prop_assert!((frame.parameters[PITCH] - pitch).abs() < 1e-12);
+            prop_assert!((frame.parameters[LOG_HEIGHT] - (height - lower).ln()).abs() < 1e-12);
+            prop_assert!((frame.tilt[0] - tilt[0]).abs() < 1e-12 && (frame.tilt[1] - tilt[1]).abs() < 1e-12);
+        }
+
+        #[test]
+        fn the_normal_of_the_plane_is_up_relative_to_it(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, slope in [-0.2..0.2_f64, -0.2..0.2_f64]) {
+            let frame = PlaneFrame::new(&[roll, pitch, 7.0, 1.0], [0.0; 2], slope, 0.0).unwrap();
+            let up = |[roll, pitch, ..]: Parameters| {
+                let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+                [-cp * sr, -cp * cr, -sp]
+            };
+            let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
+            let (right, ahead) = ([cr, -sr, 0.0], [-sp * sr, -sp * cr, cp]);
+            let of_floor = up([roll, pitch, 0.0, 0.0]);
+            let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+            for (k, on_plane) in up(frame.parameters).into_iter().enumerate() {
+                let normal = (of_floor[k] - slope[0] * right[k] - slope[1] * ahead[k]) / length;
+                prop_assert!((on_plane - normal).abs() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn derivatives_are_those_of_differences(
+            roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, height in 2.0..5.0_f64, foot in -1.0..1.0_f64,
+            tilt in [-0.02..0.02_f64, -0.02..0.02_f64], slope in [-0.2..0.2_f64, -0.2..0.2_f64],
+            of in [-9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64], is_upright in proptest::bool::ANY,
+        ) {
+            const STEP: f64 = 1e-5;
+            let measured = if is_upright { Measured::Upright } else { Measured::OnPlane };
+            let at = [roll, pitch, 7.0, height.ln(), tilt[0], tilt[1], slope[0], slope[1], foot];
+            let frame = |at: [f64; 9]| PlaneFrame::new(&[at[0], at[1], at[2], at[3]], [at[4], at[5]], [at[6], at[7]], at[8]).unwrap();
+            let residual = |at: [f64; 9]| {
+                let frame = frame(at);
+                let [a, b, c, d] = if is_upright { frame.along_verticals } else { frame.parameters };
+                [a, b, c, d, frame.tilt[0], frame.tilt[1]].iter().zip(of).map(|(value, by)| value * by).sum::<f64>()
+            };
+            let nuisances = PlaneNuisances { tilt: Some(4), slope: Some(6), foot: Some(8) };
+            let (core, jacobian) = frame(at).carried(&of, measured, &nuisances);
+            let mut by: Vec<(usize, f64)> = (0..4).map(|k| (k, core[k])).collect();
+            by.extend(jacobian.entries());
+            prop_assert_eq!(by.len(), 9);
+            for (index, analytic) in by {
+                let nudged = |step: f64| { let mut moved = at; moved[index] += step; residual(moved) };
+                let numeric = (nudged(STEP) - nudged(-STEP)) / (2.0 * STEP);
+                prop_assert!((numeric - analytic).abs() < 1e-6 * (1.0 + analytic.abs()), "{index}: {numeric} {analytic}");
+            }
+        }
+    }
+}
