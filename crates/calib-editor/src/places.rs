@@ -17,15 +17,16 @@ pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
         return Some(found.at_m);
     }
     let link = &session.site.links[index];
-    let height = link.height_m.unwrap_or(0.0);
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
+    let raised = plane.raised(link.height_m.unwrap_or(0.0));
     let seen = link.seen.iter().filter_map(|seen| {
         let camera = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        session.solved.placed(camera)?.pixel_to_floor(seen.px.or(seen.foot)?, height)
+        session.solved.placed(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &raised)
     });
     let places: Vec<_> = seen.collect();
     let count = places.len() as f64;
-    let (x, y) = (places.iter().map(|at| at.x).sum::<f64>(), places.iter().map(|at| at.y).sum::<f64>());
-    (!places.is_empty()).then(|| WorldPoint::new(x / count, y / count, height))
+    let mean = |of: fn(&WorldPoint) -> f64| places.iter().map(of).sum::<f64>() / count;
+    (!places.is_empty()).then(|| WorldPoint::new(mean(|at| at.x), mean(|at| at.y), mean(|at| at.z)))
 }
 
 /// How far two links or marks are from each other, in metres.
