@@ -75,3 +75,49 @@ pub(crate) fn planes_section(html: &mut String, site: &Site) {
     }
     html.push_str("</table></section>\n");
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ramp that falls by 3 degrees toward +y, and a platform of which nothing but its height was found.
+    fn site() -> Option<Site> {
+        let steep = 3_f64.to_radians().tan();
+        let text = format!(
+            r#"{{"format": "calib-site", "version": 1, "planes": [
+                {{"id": "ramp", "name": "North <ramp>", "solution": {{"height_m": 0.4, "slope": [0, {}],
+                    "covariance": [4e-4, 0, 0, 1e-4, 0, 1e-4]}}}},
+                {{"id": "deck", "solution": {{"height_m": -1.2, "slope": [0, 1e-4],
+                    "covariance": [1e-4, 0, 0, 1e-4, 0, 1e-4]}}}},
+                {{"id": "given", "height_m": 2}}]}}"#,
+            -steep
+        );
+        Site::from_json(&text).ok()
+    }
+
+    #[test]
+    fn what_was_found_is_listed_with_how_sure_it_is() {
+        let text = site().map(|site| planes_text(&site)).unwrap_or_default();
+        let lines: Vec<Vec<&str>> =
+            text.lines().skip(2).map(|line| line.split_whitespace().collect()).collect();
+        let [ramp, deck] = &lines[..] else { panic!("{text}") };
+        assert_eq!(
+            ramp[2..],
+            ["0.400", "\u{b1}", "0.020", "3.00", "\u{b1}", "0.57", "90.0", "\u{b1}", "10.9"]
+        );
+        assert_eq!(deck[1..4], ["-1.200", "\u{b1}", "0.010"]);
+        assert_eq!(deck.last(), Some(&"-"), "a fall that may as well be none points nowhere");
+    }
+
+    #[test]
+    fn a_report_has_a_section_only_where_planes_were_found() {
+        let mut html = String::new();
+        planes_section(&mut html, &Site::new());
+        assert!(html.is_empty());
+        if let Some(site) = site() {
+            planes_section(&mut html, &site);
+        }
+        assert!(html.contains("North &lt;ramp&gt;") && html.contains("0.400 \u{b1} 0.020"), "{html}");
+        assert!(html.contains("\u{2212}1.200") && !html.contains("given"), "{html}");
+    }
+}

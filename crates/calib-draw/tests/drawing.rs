@@ -316,7 +316,7 @@ fn a_region_and_a_field_lie_at_the_height_and_slope_of_their_plane() {
             "efov_px": [[100, 900], [1800, 900], [900, 300]], "solution": {"method": "given",
             "stage": "placed", "position_m": [0, 0, 5], "yaw_deg": 0, "pitch_deg": 30, "roll_deg": 0,
             "focal_px": 1200, "principal_point_px": [960, 540], "efov_m": [[-1, 7], [1, 7], [1, 9], [-1, 9]]}}]}"#;
-    let site = calib_core::Site::from_json(text).unwrap();
+    let site = Site::from_json(text).unwrap();
     let (camera, plane) = (site.pose(0).unwrap(), site.plane_or_floor(Some("ramp")));
     let shown = |x: f64, y: f64| {
         let at = FloorPoint { x, y };
