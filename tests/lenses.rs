@@ -193,6 +193,73 @@ fn rim(lens: &Lens, sagitta: f64) -> Vec<Edge> {
     lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect()
 }
 
+/// Points of a straight edge in space as a lens shows it, with noise.
+fn seen(lens: &Lens, [a, b]: [[f64; 2]; 2], count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Pixel> {
+    let (a, b) = (lens.undistort(a.into()).unwrap(), lens.undistort(b.into()).unwrap());
+    let point = |i: usize| {
+        let t = i as f64 / (count - 1) as f64;
+        let straight = UndistortedPixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) };
+        lens.distort(straight).unwrap()
+    };
+    (0..count)
+        .map(point)
+        .map(|p| Pixel::new(p.u + noise * normal(random), p.v + noise * normal(random)))
+        .collect()
+}
+
+#[test]
+fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
+    let size = [1920.0, 1072.0];
+    let brown = BrownConrady { k1: -0.37, k2: 0.14, ..BrownConrady::default() };
+    let principal_point = Pixel::new(960.0, 536.0);
+    let lens = Lens { principal_point, focal: 1453.0, distortion: Distortion::BrownConrady(brown) };
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let options = LensOptions { principal_point, size, fitted: None, focal: None, sigma: 1.0 };
+    for _ in 0..20 {
+        let mut lines = vec![seen(&lens, [[150.0, 160.0], [1600.0, 220.0]], 8, 1.0, &mut random)];
+        for u in [930.0, 960.0, 1000.0] {
+            lines.push(seen(&lens, [[u, 420.0], [u, 760.0]], 4, 1.0, &mut random));
+        }
+        let edges: Vec<Edge> = lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect();
+        let fit = LensFit::new(&edges, &options).unwrap();
+        let apart = map_distance(&fit.lens, &lens, size);
+        let untouched = map_distance(&Lens::pinhole(principal_point), &lens, size);
+        assert!(apart < 0.25 * untouched, "{:?}: {apart} px, {untouched} without a lens", fit.fitted);
+        assert!(apart < 3.0 * fit.map_error[2], "{apart} px, \u{b1} {:?}", fit.map_error);
+        let Distortion::BrownConrady(found) = fit.lens.distortion else { panic!("{:?}", fit.lens) };
+        assert!(found.k1 < -0.1, "{found:?}");
+    }
+}
+
+#[test]
+fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
+    let size = [1920.0, 1080.0];
+    let principal_point = Pixel::new(960.0, 540.0);
+    let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None };
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    // Short edges in the middle, and a hand that trembles.
+    let fitted = Some(Fitted::first(DistortionModel::BrownConrady, 2));
+    let options = LensOptions { principal_point, size, fitted, focal: None, sigma: 1.0 };
+    for _ in 0..20 {
+        let lines = [
+            [[700.0, 400.0], [1200.0, 420.0]],
+            [[720.0, 380.0], [740.0, 700.0]],
+            [[1180.0, 380.0], [1160.0, 690.0]],
+        ];
+        let lines = lines.map(|ends| seen(&lens, ends, 5, 1.0, &mut random));
+        let edges: Vec<Edge> = lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect();
+        let fit = LensFit::new(&edges, &options).unwrap();
+        let Distortion::BrownConrady(found) = fit.lens.distortion else { panic!("{:?}", fit.lens) };
+        // Of half the diagonal: three sigmas of what lenses have.
+        assert!(found.k1.abs() < 0.6 && found.k2.abs() < 0.6, "{found:?}");
+        let corner = lens
+            .undistort(Pixel::from(size))
+            .unwrap()
+            .distance(fit.lens.undistort(Pixel::from(size)).unwrap());
+        assert!(corner < 3.0 * fit.map_error[2], "{corner} px off, \u{b1} {}", fit.map_error[2]);
+    }
+}
+
 #[test]
 fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
     let size = [1920.0, 1080.0];

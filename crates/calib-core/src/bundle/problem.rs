@@ -9,7 +9,7 @@ use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, 
 use crate::bundle::shared_planes::parameters_of_plane;
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
-use crate::single::{PlanePrior, Prior, straightness_with_jacobian};
+use crate::single::{PlanePrior, Prior, lens_prior, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -199,7 +199,7 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Straightness of the edges, in raw pixels, where the lens is fitted to them.
+    /// Straightness of the edges, in raw pixels, and what is believed of lenses, where the lens is fitted.
     fn each_edge(
         &self,
         view: usize,
@@ -207,10 +207,10 @@ impl<'a> BundleProblem<'a> {
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
         let this = &self.views[view];
-        if !self.lens_is_free(view) || this.edges.is_empty() {
+        if !self.lens_is_free(view) {
             return Some(());
         }
-        if !camera.lens.shows_image(this.size) {
+        if !this.edges.is_empty() && !camera.lens.shows_image(this.size) {
             return None;
         }
         let scale = this.stage_1.sigma.recip();
@@ -224,6 +224,14 @@ impl<'a> BundleProblem<'a> {
                     by[POSE_PARAMS + k] = scale * column[i];
                 }
                 self.sink_view(view, scale * distance, &by, &[], ResidualKind::StraightEdge, sink);
+            }
+        }
+        // What is believed of a lens that several views have counts once.
+        if this.lens == view {
+            for believed in lens_prior(&camera.lens, this.size, &free) {
+                let mut by = [0.0; CAMERA_PARAMS];
+                by[POSE_PARAMS..].copy_from_slice(&believed.by);
+                self.sink_view(view, believed.value, &by, &[], ResidualKind::CameraPrior, sink);
             }
         }
         Some(())

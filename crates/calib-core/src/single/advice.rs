@@ -14,6 +14,7 @@ use crate::single::likelihood::{Problem, State};
 use crate::single::minima::OPEN_FOCAL;
 use crate::single::nuisances::Nuisances;
 use crate::single::outliers::student_factor;
+use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// Relative error of floor lengths above which a result is weak, and above which it is unusable.
 const WEAK: f64 = 0.03;
@@ -151,6 +152,19 @@ fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
     kept
 }
 
+impl Constraints {
+    /// The deviation of a direction that is drawn anew, if any deviates: as those of all others.
+    fn deviation_of(&mut self, direction: Direction) -> Option<usize> {
+        let Direction::Floor { group, orthogonal } = direction else { return None };
+        let SceneErrors { angle, .. } = self.scene;
+        let (azimuth, level) = (if orthogonal { angle } else { 0.0 }, self.scene.level());
+        (level > 0.0).then(|| {
+            self.deviations.push(Deviation { group, orthogonal, azimuth, level, plane: None });
+            self.deviations.len() - 1
+        })
+    }
+}
+
 /// A drawing that could be made, in undistorted pixels relative to the principal point.
 struct Candidate {
     kind: Kind,
@@ -183,9 +197,13 @@ impl Candidate {
             match constraint {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
-                    joined.lengths.push(Length { ends, group, spread: 0.0, plane: None, source: source(i) });
+                    let spread = joined.scene.length;
+                    joined.lengths.push(Length { ends, group, spread, plane: None, source: source(i) });
                 }
-                _ => joined.lines.push(Line { ends, direction, deviation: None, source: source(i) }),
+                _ => {
+                    let deviation = joined.deviation_of(direction);
+                    joined.lines.push(Line { ends, direction, deviation, source: source(i) });
+                }
             }
         }
         // The nuisance parameters of the fit keep their values; those of the drawing are in closed form.
@@ -203,7 +221,8 @@ impl Candidate {
         };
         copy(0..old.length(0), 0);
         copy(old.length(0)..old.deviation(0), new.length(0));
-        copy(old.deviation(0)..old.count(), new.deviation(0));
+        copy(old.deviation(0)..old.tilt(), new.deviation(0));
+        copy(old.tilt()..old.count(), new.tilt());
         Some((joined, at))
     }
 

@@ -6,7 +6,7 @@
 //! - `annotation` what was drawn, in raw pixels, and the table of kinds; `usual_sizes` things of
 //!   known size; `scene_errors` how far the scene may be
 //!   from it; `constraints` the same, undistorted;
-//! - `straightness`, `edge_information`, `fitted`, `plumb_line` the distortion from straight edges: residuals, which edges
+//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
@@ -27,6 +27,7 @@ mod constraints;
 mod straightness;
 mod edge_information;
 mod fitted;
+mod lens_prior;
 mod plumb_line;
 mod vanishing_point;
 mod orientation;
@@ -68,6 +69,7 @@ pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
+pub(crate) use lens_prior::lens_prior;
 pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{

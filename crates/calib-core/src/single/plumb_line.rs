@@ -7,8 +7,10 @@
 //! coefficients refer to coordinates divided by half the diagonal of the image, for the focal is not known
 //! yet.
 //!
-//! Where the caller does not say which coefficients to fit, the number of radial coefficients is selected by
-//! the Bayesian information criterion (Schwarz 1978).
+//! What is believed of lenses (`lens_prior.rs`) is part of the cost. Where the caller does not say which
+//! coefficients to fit, the number of radial coefficients is the one of the largest evidence: with the chi-square
+//! of edges and priors, the normal matrix H, both in sigmas, and the priors' own L,
+//! `-2 log evidence = chi2 + log det H - log det L`, to first order (Laplace).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,6 +19,7 @@ use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
+use crate::single::lens_prior::{LensResidual, lens_prior};
 use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
@@ -73,6 +76,8 @@ struct Problem<'a> {
     unit: f64,
     /// Width and height of the image, in pixels.
     size: [f64; 2],
+    /// Standard deviation of a drawn coordinate, in pixels.
+    sigma: f64,
 }
 
 impl Problem<'_> {
@@ -84,26 +89,19 @@ impl Problem<'_> {
         }
     }
 
-    /// `None` where the lens folds back on itself before a corner of the image.
-    fn residuals(&self, values: &[f64]) -> Option<DVector<f64>> {
-        let lens = self.lens(values);
-        if !lens.shows_image(self.size) {
-            return None;
-        }
-        let mut all = Vec::new();
-        for edge in &self.edges {
-            all.extend(straightness(&lens, &edge.points)?);
-        }
-        Some(DVector::from_vec(all))
-    }
-
     /// The cost of every polyline: the sum of its squared residuals.
     fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let lens = self.lens(values);
         self.edges.iter().map(move |edge| edge_cost(&lens, edge))
     }
 
-    /// Residuals and Jacobian by what is fitted; the line of every edge is refitted, so it is eliminated.
+    /// What is believed of the coefficients, in sigmas.
+    fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
+        lens_prior(&self.lens(values), self.size, &self.fitted.indices()[..values.len()])
+    }
+
+    /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
+    /// refitted, so it is eliminated. `None` where the lens folds back on itself before a corner of the image.
     fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let lens = self.lens(values);
         let indices = &self.fitted.indices()[..values.len()];
@@ -115,11 +113,61 @@ impl Problem<'_> {
             .iter()
             .map(|edge| straightness_with_jacobian(&lens, &edge.points, indices))
             .collect::<Option<_>>()?;
-        let residuals = edges.iter().flat_map(|(distances, _)| distances.iter().copied()).collect();
-        let column = |k: usize| edges.iter().flat_map(move |(_, columns)| columns[k].iter().copied());
-        let count: usize = edges.iter().map(|(distances, _)| distances.len()).sum();
+        let priors = self.priors(values);
+        let believed = priors.iter().map(|prior| self.sigma * prior.value);
+        let residuals: Vec<f64> =
+            edges.iter().flat_map(|(distances, _)| distances.iter().copied()).chain(believed).collect();
+        let count = residuals.len();
+        let column = |k: usize| {
+            let believed = priors.iter().map(move |prior| self.sigma * prior.by[indices[k]]);
+            edges.iter().flat_map(move |(_, columns)| columns[k].iter().copied()).chain(believed)
+        };
         let jacobian = DMatrix::from_iterator(count, values.len(), (0..values.len()).flat_map(column));
         Some((DVector::from_vec(residuals), jacobian))
+    }
+
+    /// Minus twice the log of the evidence for what is fitted, up to what all models have in common.
+    fn evidence(&self, values: &[f64]) -> Option<f64> {
+        let per_variance = (self.sigma * self.sigma).recip();
+        let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
+        let determinant = (jacobian.tr_mul(&jacobian) * per_variance).determinant();
+        let of_priors: f64 = self.priors(values).iter().map(|prior| 2.0 * prior.sigma.ln()).sum();
+        Some(residuals.norm_squared() * per_variance + determinant.ln() + of_priors)
+    }
+
+    /// Edges that say next to nothing: of a lens that was fitted those without which the corner would be hardly
+    /// less certain, else those that a distortion would hardly bend.
+    fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
+        /// How much less certain.
+        const HARDLY: f64 = 1.05;
+        let lens = self.lens(values);
+        let hardly_bent = uninformative(&self.edges, &lens, self.size, self.sigma);
+        let all: Vec<&Edge> = self.edges.clone();
+        let Some(corner) = self.corner_variance(values, &all).filter(|_| !values.is_empty()) else {
+            return hardly_bent;
+        };
+        let says_nothing = |(source, _): &(Source, f64)| {
+            let others: Vec<&Edge> = all.iter().copied().filter(|edge| edge.source != *source).collect();
+            let without = self.corner_variance(values, &others);
+            without.is_some_and(|variance| variance < HARDLY * HARDLY * corner)
+        };
+        hardly_bent.into_iter().filter(says_nothing).collect()
+    }
+
+    /// Variance of the undistorted corner of the image in square pixels, as far as some edges tell it.
+    fn corner_variance(&self, values: &[f64], edges: &[&Edge]) -> Option<f64> {
+        let [w, h] = self.size;
+        let corner = Pixel::from([w, h]);
+        let some = Problem { edges: edges.to_vec(), fitted: self.fitted.clone(), ..*self };
+        let covariance = some.covariance(values)?;
+        let lens = self.lens(values);
+        let by = lens.undistort_by_coefficients(corner, lens.undistort(corner)?);
+        let jacobian: Vec<[f64; 2]> = self.fitted.indices().iter().map(|&k| by[k].at).collect();
+        let pairs = (0..values.len()).flat_map(|i| (0..values.len()).map(move |j| (i, j)));
+        let along = |(i, j): (usize, usize)| {
+            covariance[(i, j)] * (jacobian[i][0] * jacobian[j][0] + jacobian[i][1] * jacobian[j][1])
+        };
+        Some(self.sigma * self.sigma * pairs.map(along).sum::<f64>())
     }
 
     /// Covariance of what is fitted, for points with a standard deviation of one pixel.
@@ -218,7 +266,7 @@ impl LensFit {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, .. } = *options;
-            Problem { edges: edges.clone(), fitted, principal_point, unit, size }
+            Problem { edges: edges.clone(), fitted, principal_point, unit, size, sigma: options.sigma }
         };
         let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
@@ -226,14 +274,9 @@ impl LensFit {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
                 let solved = problem.solve(&[]);
-                solved.map_or(undistorted, |(values, cost)| FittedModel {
-                    problem,
-                    values,
-                    cost,
-                    rejected: None,
-                })
+                solved.map_or(undistorted, |(values, _)| FittedModel::of(problem, values))
             }
-            None => select_model(undistorted, redundancy, options.sigma, &problem),
+            None => select_model(undistorted, redundancy, &problem),
         };
         Some(Self::of(&model, cost_before, redundancy, options))
     }
@@ -254,7 +297,7 @@ impl LensFit {
             residuals: problem.edges.iter().map(per_edge).collect(),
             covariance: full_covariance(problem, values, options.sigma),
             map_error: map_error(problem, values, rejected.as_ref(), options),
-            uninformative: uninformative(&problem.edges, &lens, options.size, options.sigma),
+            uninformative: problem.uninformative(values),
             chi2: cost / (options.sigma * options.sigma),
             dof: redundancy - values.len() as i64,
         }
@@ -277,34 +320,38 @@ struct FittedModel<'a> {
 impl<'a> FittedModel<'a> {
     /// No distortion.
     fn undistorted(problem: Problem<'a>) -> Option<Self> {
-        let cost = problem.residuals(&[])?.norm_squared();
-        Some(Self { problem, values: Vec::new(), cost, rejected: None })
+        let undistorted = Self::of(problem, Vec::new());
+        undistorted.cost.is_finite().then_some(undistorted)
+    }
+
+    fn of(problem: Problem<'a>, values: Vec<f64>) -> Self {
+        let cost = problem.costs(&values).sum();
+        Self { problem, values, cost, rejected: None }
     }
 }
 
-/// The largest of the nested models that the edges support by the Bayesian information criterion, both with
-/// all edges and without the edge whose cost it lowers most.
+/// Of the nested models the one of the largest evidence that the edges do not contradict when the one whose cost
+/// it lowers most is left out.
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
-    sigma: f64,
     problem: &dyn Fn(Fitted) -> Problem<'a>,
 ) -> FittedModel<'a> {
-    // -2 log of the posterior probability of a model, up to a constant.
-    let criterion =
-        |cost: f64, count: usize| cost / (sigma * sigma) + count as f64 * (redundancy as f64).ln();
-    let mut lowest = criterion(undistorted.cost, 0);
+    /// By how many variances the cost of the other edges may rise.
+    const AGAINST: f64 = 4.0;
+    let mut lowest = undistorted.problem.evidence(&[]).unwrap_or(f64::INFINITY);
     let mut best = undistorted;
     for count in MODEL_SIZES {
         let next = problem(Fitted::first(DistortionModel::BrownConrady, count));
         if redundancy <= count as i64 {
             continue;
         }
-        let Some((values, cost)) = next.solve(&best.values) else { continue };
-        let score = criterion(cost, count);
-        if score < lowest && criterion(-shared_gain(&best, &next, &values), count) < 0.0 {
+        let Some((values, _)) = next.solve(&best.values) else { continue };
+        let Some(score) = next.evidence(&values) else { continue };
+        let contradiction = -shared_gain(&best, &next, &values) / (next.sigma * next.sigma);
+        if score < lowest && contradiction < AGAINST {
             lowest = score;
-            best = FittedModel { problem: next, values, cost, rejected: None };
+            best = FittedModel::of(next, values);
             continue;
         }
         // Two coefficients may be supported where one is not: the larger models are tried as well.
