@@ -83,7 +83,9 @@ impl Floor<'_> {
                 continue;
             };
             let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
-            lay(painter, &self.mapping, picture, pose, &solution.efov_m, entry.size(), tint);
+            let plane = self.session.solved.efov_plane(&self.session.site, entry);
+            let on = (pose, &plane);
+            lay(painter, &self.mapping, picture, on, &solution.efov_m, entry.size(), tint);
         }
     }
 
@@ -168,12 +170,13 @@ impl Floor<'_> {
             return;
         }
         let Some(entry) = self.session.site.cameras.get(index) else { return };
-        let corners = calib_editor::corners_of(entry);
+        let (corners, plane) =
+            (calib_editor::corners_of(entry), solved.efov_plane(&self.session.site, entry));
         let outline: Vec<Pos2> = corners
             .iter()
             .chain(corners.first())
-            .filter_map(|&pixel| before.pixel_to_floor(pixel, 0.0))
-            .map(|point| self.at(point))
+            .filter_map(|&pixel| before.pixel_to_plane(pixel, &plane))
+            .map(|point| self.at(point.on_floor()))
             .collect();
         line(painter, &outline, Pen::new(Color32::from_gray(200), 1.0).dashed(&[3.0, 4.0]).bare());
     }

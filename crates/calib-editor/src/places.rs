@@ -38,10 +38,11 @@ pub fn estimated_distance(session: &Session, [a, b]: &[String; 2]) -> Option<f64
 /// How long a post looks in a view that shows it, in metres.
 #[must_use]
 pub fn estimated_post(session: &Session, link: &Link) -> Option<f64> {
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
     link.seen.iter().filter(|_| link.kind == LinkKind::Post).find_map(|seen| {
         let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
         let camera = session.solved.pose(index)?;
-        post_length(camera, camera.pixel_to_floor(seen.foot?, 0.0)?, seen.head?)
+        post_length(camera, camera.pixel_to_plane(seen.foot?, &plane)?, seen.head?)
     })
 }
 

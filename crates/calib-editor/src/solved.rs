@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_core::{
     Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
-    Plan, Plane, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
+    Plan, Plane, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Surface, Warning,
 };
 use web_time::Instant;
 
@@ -223,6 +223,19 @@ impl Solved {
     pub fn plane(&self, site: &Site, id: Option<&str>) -> Plane {
         let found = id.and_then(|id| self.joint()?.plane(site, id));
         found.unwrap_or_else(|| site.plane_or_floor(id))
+    }
+
+    /// What pixels are mapped to besides the floor: the planes of the site, those with regions, as [`Self::plane`].
+    #[must_use]
+    pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
+        if site.planes.iter().all(|plane| plane.region.is_empty()) {
+            return Vec::new();
+        }
+        let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
+        if let Some(joint) = self.joint() {
+            joint.put_planes(&mut found.planes);
+        }
+        found.surfaces()
     }
 
     /// The plane that the field of view of a camera lies on.

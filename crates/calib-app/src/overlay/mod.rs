@@ -273,7 +273,8 @@ impl Overlay<'_> {
         }
         let trace = link.seen.iter().find_map(|seen| {
             let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
-            Trace::of(self.session.solved.placed(other)?, link, seen)
+            let plane = self.session.solved.plane(&self.session.site, link.plane.as_deref());
+            Trace::of(self.session.solved.placed(other)?, link, &plane, seen)
         });
         let Some(trace) = trace else { return };
         self.paint_items(painter, &seen(camera, Meaning::Epipolar, &trace.path));
