@@ -17,41 +17,18 @@ use arrow::datatypes::{Float64Type, Int8Type, Int32Type, Schema};
 use arrow::ipc::CompressionType;
 use arrow::ipc::reader::{FileReader, StreamReader};
 use arrow::ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
-    WorldPoint,
-};
-use calib_tests::{Scratch, program};
+use calib_core::{Camera, Pixel, Site, WorldPoint};
+use calib_tests::{LENSES, Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
-const SIZE: [u32; 2] = [1920, 1080];
-
 fn camera(index: usize) -> Camera {
-    let brown = BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 };
-    let distortion = match index % 3 {
-        0 => Distortion::BrownConrady(brown),
-        1 => Distortion::None,
-        _ => Distortion::Division { lambda: -0.12 },
-    };
-    let lens = Lens { principal_point: Pixel::new(957.0, 548.0), focal: 1250.0, distortion };
-    Camera {
-        position: WorldPoint::new(3.0 + index as f64, -4.0, 5.0),
-        yaw: 0.3 * index as f64,
-        pitch: 0.5,
-        roll: 0.05,
-        focal: 1250.0,
-        lens,
-        covariance: Covariance::EXACT,
-    }
-}
-
-fn entry(id: &str, camera: &Camera) -> SiteCamera {
-    let solution = Solution::of(camera, Method::Given, Stage::Placed);
-    SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
+    let camera = calib_tests::camera(LENSES[index % 3]);
+    let position = WorldPoint { x: 3.0 + index as f64, ..camera.position };
+    Camera { position, yaw: 0.3 * index as f64, ..camera }
 }
 
 /// Cameras a, b and c, one of every kind of lens.

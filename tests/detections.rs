@@ -7,39 +7,16 @@ use std::process::Command;
 
 use arrow::array::{Array as _, AsArray as _, RecordBatch};
 use arrow::datatypes::DataType;
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
-    WorldPoint,
-};
-use calib_tests::{Scratch, program};
+use calib_core::{BrownConrady, Camera, Distortion, Pixel, Site, SiteCamera};
+use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 
-const SIZE: [u32; 2] = [1920, 1080];
-
 fn camera() -> Camera {
     let brown = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
-    let lens = Lens {
-        principal_point: Pixel::new(957.0, 548.0),
-        focal: 1250.0,
-        distortion: Distortion::BrownConrady(brown),
-    };
-    Camera {
-        position: WorldPoint::new(3.0, -4.0, 5.0),
-        yaw: 0.3,
-        pitch: 0.5,
-        roll: 0.05,
-        focal: 1250.0,
-        lens,
-        covariance: Covariance::EXACT,
-    }
-}
-
-fn entry(id: &str, camera: &Camera) -> SiteCamera {
-    let solution = Solution::of(camera, Method::Given, Stage::Placed);
-    SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
+    calib_tests::camera(Distortion::BrownConrady(brown))
 }
 
 fn scratch() -> Scratch {
@@ -146,6 +123,37 @@ fn a_bad_cell_ends_the_run_or_is_a_status() {
             assert!(run.stdout.contains("\n2,n/a,700,,,missing\n"), "the cell stays: {run:?}");
         }
     }
+}
+
+#[test]
+fn rows_that_are_not_whole_end_the_run_or_say_so() {
+    let scratch = scratch();
+    let mut table = b"id,u,v,note\n1,900,700,a\n2,900\n3,900,700,b,c\n4,900,700,\xff\n5,901,700,d\n".to_vec();
+    scratch.write("in.csv", &table);
+    let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
+    assert!(run.stderr.contains("in.csv") && run.stderr.contains("--bad-rows status"), "{run:?}");
+    let args = to_floor(&["-i", "in.csv", "--bad-rows", "status"]);
+    let run = scratch.calib(&args).expect_code(0);
+    assert!(run.stderr.contains("3 rows are not whole"), "{run:?}");
+    let status: Vec<&str> = rows(&run.stdout).iter().map(|row| row["status"]).collect();
+    assert_eq!(status, ["ok", "missing", "missing", "missing", "ok"]);
+    assert!(run.stdout.contains("\n2,900,,,,,missing\n"), "what is there stays: {run:?}");
+    // Where columns have types, what is in a broken row may be of another column.
+    scratch.calib(&[&args[..], &["-o", "out.parquet"]].concat()).expect_code(0);
+    let back =
+        scratch.calib(&to_floor(&["-i", "out.parquet", "--format", "csv", "--replace"])).expect_code(0);
+    assert_eq!(rows(&back.stdout).len(), 5);
+    table = b"{\"u\":900,\"v\":700}\n[1,2]\n{\"u\":900,\"v\":\n{\"u\":901,\"v\":700}\n".to_vec();
+    scratch.write("in.ndjson", &table);
+    let run = scratch.calib(&to_floor(&["-i", "in.ndjson"])).expect_code(3);
+    assert!(run.stderr.contains("line 2") && run.stderr.contains("--bad-rows status"), "{run:?}");
+    let run = scratch.calib(&to_floor(&["-i", "in.ndjson", "--bad-rows", "status"])).expect_code(0);
+    let status: Vec<String> = run
+        .stdout
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["status"].to_string())
+        .collect();
+    assert_eq!(status, ["\"ok\"", "\"missing\"", "\"missing\"", "\"ok\""]);
 }
 
 #[test]

@@ -8,11 +8,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
-    WorldPoint,
-};
-use calib_tests::{Scratch, engines_python, program, root};
+use calib_core::{Camera, Site};
+use calib_tests::{LENSES, Scratch, camera, engines_python, entry, program, root};
 use parquet::arrow::ArrowWriter;
 use parquet::file::properties::WriterProperties;
 use rand::{Rng as _, SeedableRng as _};
@@ -21,22 +18,7 @@ use serde_json::{Value, json};
 
 /// Camera a with five coefficients, b without distortion, c with the division model.
 fn site() -> Site {
-    let brown = BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 };
-    let lenses = [Distortion::BrownConrady(brown), Distortion::None, Distortion::Division { lambda: -0.12 }];
-    let cameras = ["a", "b", "c"].into_iter().zip(lenses).map(|(id, distortion)| {
-        let lens = Lens { principal_point: Pixel::new(957.0, 548.0), focal: 1250.0, distortion };
-        let camera = Camera {
-            position: WorldPoint::new(3.0, -4.0, 5.0),
-            yaw: 0.3,
-            pitch: 0.5,
-            roll: 0.05,
-            focal: 1250.0,
-            lens,
-            covariance: Covariance::EXACT,
-        };
-        let solution = Solution::of(&camera, Method::Given, Stage::Placed);
-        SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) }
-    });
+    let cameras = ["a", "b", "c"].iter().zip(LENSES).map(|(id, distortion)| entry(id, &camera(distortion)));
     Site { cameras: cameras.collect(), ..Site::new() }
 }
 

@@ -433,6 +433,27 @@ fn a_known_length_an_upright_and_a_height_give_the_scale() {
 }
 
 #[test]
+fn where_a_size_is_the_limit_the_advice_is_to_measure_one() {
+    let mut studio = Studio::new(30.0, 75.0);
+    let base =
+        vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0), studio.parallels(10.0)];
+    let few = [studio.verticals(), studio.parallels(70.0)];
+    let advice = |sigma: f64, annotations: &[Annotation]| {
+        let mut camera = studio.site(annotations.to_vec());
+        camera.height_m = Some(Known::prior(3.5, sigma));
+        let solution = solve(camera);
+        let weak = solution.warnings.iter().find(|warning| warning.code == Code::Weak);
+        weak.map(|warning| warning.advice.clone())
+    };
+    assert_eq!(advice(0.02, &base), None);
+    let limited = advice(0.2, &base).expect("six per cent are too much");
+    assert!(limited.contains("Measure one") && limited.contains("\u{b1} 5."), "{limited}");
+    // A camera whose shape is open, too, is to be drawn on.
+    let open = advice(0.1, &few);
+    assert!(open.is_none_or(|advice| !advice.contains("Measure one")));
+}
+
+#[test]
 fn a_held_focal_leaves_pitch_and_roll_at_their_own_bound() {
     let (mut square, mut bound, mut trials) = ([0.0; 2], [0.0; 2], 0.0);
     for seed in 0..200 {

@@ -679,8 +679,17 @@ fn geojson_says_what_its_numbers_are() {
 fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     let scratch = scratch_of(&site(&straight()));
     scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(0);
+    let path = scratch.path("out/calibration.json");
+    let mut document: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    document["sensors"][0]["tripwires"] = json!([{"id": "gate", "wire": [[1, 2], [3, 4]]}]);
+    std::fs::write(&path, document.to_string()).unwrap();
     let run = scratch.calib(&["import", "nvidia", "out/calibration.json"]).expect_code(0);
-    assert!(run.stderr.contains("not taken from nvidia: regions, tripwires"), "{}", run.stderr);
+    let said = run.stderr.lines().find(|line| line.contains("not taken")).unwrap();
+    assert!(said.contains("calibration.json: not taken: ") && said.contains("sensors/*/tripwires"), "{said}");
+    assert!(
+        !said.contains("intrinsicMatrix") && !said.contains("rois"),
+        "what was taken, and what is empty: {said}"
+    );
     assert!(run.stderr.contains("--into"), "{}", run.stderr);
     // A site that has lines for this camera, and another one.
     let mut drawn = site(&straight());

@@ -73,6 +73,11 @@ fn a_file_of_the_app_uses_only_files_above_it() {
 }
 
 #[test]
+fn a_file_of_the_report_uses_only_files_above_it() {
+    uses_only_what_is_above("calib-report");
+}
+
+#[test]
 fn a_file_of_the_demonstration_uses_only_files_above_it() {
     uses_only_what_is_above("calib-demo");
 }

@@ -478,3 +478,59 @@ fn an_edge_that_says_nothing_of_the_lens_is_named() {
     let warnings = &report.cameras[0].1.as_ref().unwrap().warnings;
     assert!(warnings.iter().any(|warning| warning.code == Code::UninformativePolyline), "{warnings:?}");
 }
+
+/// Edges of a lens that bends the corner by 60 px, drawn to 0.3 px.
+fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
+    let size = [1920.0, 1080.0];
+    let brown = BrownConrady { k1: -0.06, ..BrownConrady::default() };
+    let lens = Lens {
+        principal_point: Pixel::new(960.0, 540.0),
+        focal: 0.5 * f64::hypot(size[0], size[1]),
+        distortion: Distortion::BrownConrady(brown),
+    };
+    let options =
+        LensOptions { principal_point: lens.principal_point, size, fitted: None, focal: None, sigma: 0.3 };
+    (drawn(random, &lens, size), options)
+}
+
+#[test]
+fn an_edge_drawn_again_is_no_more_evidence() {
+    let mut random = ChaCha8Rng::seed_from_u64(43);
+    for _ in 0..10 {
+        let (edges, options) = edges_of_a_lens(&mut random);
+        let once = LensFit::new(&edges, &options).unwrap();
+        let copies: Vec<Edge> = (0..60).flat_map(|_| edges.clone()).collect();
+        let again = LensFit::new(&copies, &options).unwrap();
+        assert_eq!(once.fitted, again.fitted);
+        assert_eq!(once.dof, again.dof);
+        assert!((once.chi2 / again.chi2 - 1.0).abs() < 0.1, "{} and {}", once.chi2, again.chi2);
+        for (once, again) in once.map_error.iter().zip(&again.map_error) {
+            assert!((once / again - 1.0).abs() < 0.1, "{once} px drawn once, {again} px drawn sixty times");
+        }
+        assert!(map_distance(&once.lens, &again.lens, options.size) < 0.1);
+    }
+}
+
+#[test]
+fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
+    let mut random = ChaCha8Rng::seed_from_u64(44);
+    let size = [1920.0, 1080.0];
+    let plain = Lens::pinhole(Pixel::new(960.0, 540.0));
+    let mut edges = drawn(&mut random, &plain, size);
+    let mut bent = || -> Vec<Pixel> {
+        let at = |i: i32| {
+            let t = f64::from(i) / 8.0;
+            let bow = 16.0 * t * (1.0 - t);
+            Pixel::new(
+                200.0 + 1500.0 * t + 0.3 * normal(&mut random),
+                140.0 + bow + 0.3 * normal(&mut random),
+            )
+        };
+        (0..9).map(at).collect()
+    };
+    edges.extend((0..60).map(|k| edge(bent(), 20 + k)));
+    let options =
+        LensOptions { principal_point: plain.principal_point, size, fitted: None, focal: None, sigma: 0.3 };
+    let fit = LensFit::new(&edges, &options).unwrap();
+    assert_eq!(fit.fitted, None, "a bent rail is no lens: {:?}", fit.lens);
+}

@@ -12,7 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-use calib_core::{Lens, Pixel, UndistortedPixel};
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, SiteCamera, Solution, Stage,
+    UndistortedPixel, WorldPoint,
+};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -159,6 +162,37 @@ pub fn program() -> &'static Path {
 #[must_use]
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or_else(|| panic!("no workspace"))
+}
+
+/// Width and height of the images of [`camera`], in pixels.
+pub const SIZE: [u32; 2] = [1920, 1080];
+
+/// A camera 5 m high that looks down on the floor, with this distortion.
+#[must_use]
+pub const fn camera(distortion: Distortion) -> Camera {
+    Camera {
+        position: WorldPoint::new(3.0, -4.0, 5.0),
+        yaw: 0.3,
+        pitch: 0.5,
+        roll: 0.05,
+        focal: 1250.0,
+        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal: 1250.0, distortion },
+        covariance: Covariance::EXACT,
+    }
+}
+
+/// One of every kind of lens: five coefficients, none, the division model.
+pub const LENSES: [Distortion; 3] = [
+    Distortion::BrownConrady(BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 }),
+    Distortion::None,
+    Distortion::Division { lambda: -0.12 },
+];
+
+/// A camera of a site that is given with its place.
+#[must_use]
+pub fn entry(id: &str, camera: &Camera) -> SiteCamera {
+    let solution = Solution::of(camera, Method::Given, Stage::Placed);
+    SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
 }
 
 /// A file of real data that is not part of the project, in the folder that `CALIB_SHARED` names, or else in

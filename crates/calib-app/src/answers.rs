@@ -61,6 +61,7 @@ impl App {
             Purpose::Compare => chosen.into_iter().for_each(|file| self.compare_with(file)),
             Purpose::Import => self.import(chosen),
             Purpose::Export => each_path(chosen, |folder| self.write_export(&folder)),
+            Purpose::SaveReport => each_path(chosen, |path| self.save_report(&path)),
             Purpose::SavePicture => {
                 for file in chosen {
                     self.save_picture(&file.path.unwrap_or_else(|| PathBuf::from(&file.name)));

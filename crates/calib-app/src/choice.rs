@@ -27,6 +27,8 @@ pub enum Purpose {
     Export,
     /// Where to save a picture of a view.
     SavePicture,
+    /// Where to save the report.
+    SaveReport,
 }
 
 /// A file that was chosen.

@@ -62,6 +62,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::Compare => app.ask(Purpose::Compare),
         Files::Import => app.ask(Purpose::Import),
         Files::Export => app.export.open(),
+        Files::Report => app.ask(Purpose::SaveReport),
         Files::SavePicture => app.take_picture(ctx),
         Files::StopWork => app.stop_work(),
         Files::ReadAgain => {

@@ -31,6 +31,7 @@ mod plan;
 mod import;
 mod arrivals;
 mod screenshot;
+mod report;
 mod answers;
 pub mod command;
 pub mod keys;

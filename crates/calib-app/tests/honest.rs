@@ -34,7 +34,24 @@ fn asking_what_helps_takes_its_tool_and_draws_nothing() {
     desk.key(Key::N);
     assert!(*desk.site() == before, "nothing is drawn");
     assert_eq!(focal_sigma(&desk), sigma, "and nothing is surer than it was");
-    assert_eq!(desk.app().editor.tool_kind(), Some(kind), "the tool is in the hand");
+    assert_eq!(desk.app().editor.tool_kind(), kind, "the tool is in the hand");
+}
+
+#[test]
+fn what_is_refused_is_not_suggested_again() {
+    let mut desk = Desk::new(verticals_alone());
+    let ranked = desk.app().proposal().unwrap().clone();
+    assert!(!ranked.otherwise.is_empty(), "{ranked:?}");
+    assert!(ranked.otherwise.iter().all(|next| next.floor_length_rel >= ranked.floor_length_rel));
+    let mut seen = vec![ranked.drawing];
+    for _ in 0..=ranked.otherwise.len() {
+        desk.keys(egui::Modifiers::SHIFT, Key::N);
+        let Some(next) = desk.app().proposal().cloned() else { break };
+        assert!(!seen.contains(&next.drawing), "{next:?} again");
+        seen.push(next.drawing);
+    }
+    assert_eq!(seen.len(), 1 + ranked.otherwise.len());
+    assert!(desk.app().proposal().is_none());
 }
 
 #[test]
@@ -42,7 +59,7 @@ fn an_edge_of_the_image_is_suggested_and_a_click_takes_that_edge() {
     let mut site = verticals_alone();
     let plain = Desk::new(site.clone());
     let next = plain.harness.state().proposal().unwrap().clone();
-    assert_ne!(next.kind, Kind::EqualLength);
+    assert_ne!(next.kind, Some(Kind::EqualLength));
     // A picture with bars a little beside where the proposal lies, and one without any.
     let bars: Vec<_> = next.segments_px.iter().map(|[a, b]| [[a.u + 25.0, a.v], [b.u + 25.0, b.v]]).collect();
     for has_bars in [false, true] {
@@ -65,7 +82,7 @@ fn an_edge_of_the_image_is_suggested_and_a_click_takes_that_edge() {
         let Some(&[a, b]) = suggested.first() else { continue };
         desk.click(Pane::Image(0), [0.5 * (a.u + b.u), 0.5 * (a.v + b.v)]);
         let drawn = desk.site().cameras[0].annotations.last().unwrap();
-        assert_eq!(drawn.kind, next.kind);
+        assert_eq!(Some(drawn.kind), next.kind);
         let line = drawn.polylines().next().unwrap();
         assert!(line.contains(&a) && line.contains(&b), "{line:?} is not the edge {a:?} {b:?}");
     }

@@ -220,6 +220,29 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
 }
 
 #[test]
+fn the_report_is_one_page_with_every_camera_and_its_picture() {
+    let (mut site, mut images) = (demo(), Images::default());
+    let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0];
+    site.cameras[0].image = Some(images.store(jpeg.into(), "image/jpeg", Some("first.jpg")));
+    let mut desk = Desk::with(site, images);
+    let scratch = Scratch::new();
+    let path = scratch.path("report.html");
+    desk.answer(Some(path.clone()));
+    let ctx = desk.harness.ctx.clone();
+    command::run(desk.app(), &ctx, Command::Report, Modifiers::NONE);
+    desk.harness.run_steps(4);
+    let html = std::fs::read_to_string(path).unwrap();
+    for (index, camera) in desk.site().cameras.iter().enumerate() {
+        let section = html.split(&format!("<section id=\"{}\">", camera.id)).nth(1).unwrap();
+        let section = &section[..section.find("</section>").unwrap()];
+        assert!(section.contains("Residual, px"), "{}", camera.id);
+        assert_eq!(section.contains("data:image/jpeg;base64,/9j/4A=="), index == 0, "{}", camera.id);
+        assert_eq!(section.contains("note bad"), index != 0, "what is not there is said: {}", camera.id);
+    }
+    assert!(html.contains("From above"));
+}
+
+#[test]
 fn a_picture_of_the_view_is_saved_where_one_wants_it() {
     let mut desk = Desk::new(demo());
     let scratch = Scratch::new();
@@ -467,6 +490,7 @@ fn a_chooser_that_is_closed_changes_nothing() {
         Purpose::Import,
         Purpose::Export,
         Purpose::SavePicture,
+        Purpose::SaveReport,
     ] {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();

@@ -126,6 +126,14 @@
       return new Uint8Array(await png.arrayBuffer());
     } finally { URL.revokeObjectURL(url); }
   };
+  /** A picture of the demonstration as it comes with the page; none where it does not. */
+  calib.picture = async (name) => {
+    const inline = document.querySelector(`script[data-picture="${CSS.escape(name)}"]`);
+    if (inline) return Uint8Array.from(atob(inline.textContent), (c) => c.charCodeAt(0));
+    const file = JSON.parse(document.documentElement.dataset.pictures || "{}")[name];
+    const response = file && await fetch(file).catch(() => null);
+    return response?.ok ? new Uint8Array(await response.arrayBuffer()) : null;
+  };
   calib.wake = () => {};
   Object.defineProperty(calib, "still", { get: () => matchMedia("(prefers-reduced-motion: reduce)").matches });
   const want = (wish) => { calib.queue.push(wish); calib.wake(); };
@@ -173,8 +181,9 @@
     if (!at("start").hidden) queued("Opening…", { files: [...event.dataTransfer.files] });
   });
   const queued = (words, wish) => { at("state").textContent = words; want(wish); };
-  at("open").onchange = () => queued("Opening…", { files: [...at("open").files] });
+  for (const id of ["open", "add"]) at(id).onchange = () => queued("Opening…", { files: [...at(id).files] });
   at("demonstration").onclick = () => queued("Opening the demonstration…", { command: "demonstration" });
+  at("tour").onclick = () => queued("Opening the tour…", { command: "tour" });
 
   const progress = (share) => { at("progress").value = share; };
 

@@ -4,11 +4,10 @@ use calib_core::{Code, Names, Site, SiteCamera, SiteSolution, Solution, Warning}
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
-use crate::planes::planes_text;
-use crate::site_summary::{together, worst_first};
 use crate::solve::Format;
 use crate::stop::Stop;
-use crate::words::{centimetres, few, visible};
+use crate::words::visible;
+use calib_report::{centimetres, few, planes_text, together, worst_first};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]

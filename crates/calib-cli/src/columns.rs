@@ -15,12 +15,12 @@ use crate::stop::Stop;
 /// Says which row of a batch is meant.
 pub(crate) type Place<'a> = &'a dyn Fn(usize) -> String;
 
-/// What becomes of a row with a cell that is no number, or no time.
+/// What becomes of a row that is not whole, or with a cell that is no number, or no time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BadRows {
     /// The run ends and writes nothing
     Fail,
-    /// Its status says so: missing without a number, no-calibration without a time
+    /// Its status says so: missing without a number and where it is not whole, no-calibration without a time
     Status,
 }
 
@@ -29,11 +29,13 @@ pub(crate) enum BadRows {
 pub(crate) struct BadCells {
     rows: BadRows,
     count: Cell<u64>,
+    /// Rows that are not whole.
+    broken: Cell<u64>,
 }
 
 impl BadCells {
     pub(crate) fn new(rows: BadRows) -> Self {
-        Self { rows, count: Cell::new(0) }
+        Self { rows, count: Cell::new(0), broken: Cell::new(0) }
     }
 
     /// One more; an error where they end the run.
@@ -47,8 +49,19 @@ impl BadCells {
         )))
     }
 
+    /// Another row that is not whole.
+    pub(crate) fn met_broken(&self) {
+        self.broken.set(self.broken.get() + 1);
+    }
+
     /// Tells of them.
     pub(crate) fn tell(&self) {
+        let broken = self.broken.get();
+        if broken > 0 {
+            say(format_args!(
+                "calib: {broken} rows are not whole (too few or too many cells, no JSON object, or not UTF-8): they have the status missing or no-calibration"
+            ));
+        }
         let count = self.count.get();
         if count > 0 {
             say(format_args!(

@@ -9,8 +9,9 @@ use calib_demo::{DemoSite, Walk};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};
+use crate::painting::draw_on;
 use crate::picture;
-use crate::plan_view::plan_view;
+use crate::plan_ground::plan_view;
 use crate::render::{Extras, camera_view};
 use crate::solve::Format;
 use crate::stop::Stop;
@@ -119,12 +120,12 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
             }
             let (image, svg) = camera_view(&file, camera, Extras { sigma, ..Extras::default() })?;
             let path = folder.join(format!("{prefix}-{}.png", camera.id));
-            files::write_atomically(&path, &picture::png(&svg.draw_on(&image)?)?)?;
+            files::write_atomically(&path, &picture::png(&draw_on(&svg, &image)?)?)?;
         }
         progress.inc(1);
     }
     let (ground, svg) = plan_view(&file.site, file.plan_image()?);
-    files::write_atomically(&folder.join("overlay-plan.png"), &picture::png(&svg.draw_on(&ground)?)?)?;
+    files::write_atomically(&folder.join("overlay-plan.png"), &picture::png(&draw_on(&svg, &ground)?)?)?;
     progress.inc(1);
     Ok(())
 }

@@ -43,6 +43,14 @@ pub(crate) enum PixelOrigin {
     Centre,
 }
 
+/// What its source knows of the rows of a batch.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    pub(crate) place: Place<'a>,
+    /// Whether a row is not whole.
+    pub(crate) is_broken: &'a dyn Fn(usize) -> bool,
+}
+
 /// How a table is mapped.
 #[derive(Debug)]
 pub(crate) struct Mapping {
@@ -64,9 +72,13 @@ impl Mapping {
         &self,
         batch: &RecordBatch,
         calibrations: &mut Calibrations,
-        place: Place<'_>,
+        Rows { place, is_broken }: Rows<'_>,
     ) -> Result<RecordBatch, Stop> {
-        let points = self.points(batch, place)?;
+        let mut points = self.points(batch, place)?;
+        for row in (0..batch.num_rows()).filter(|&row| is_broken(row)) {
+            self.bad.met_broken();
+            points.a[row] = f64::NAN;
+        }
         let choice = calibrations.choose(batch, place, &self.bad)?;
         let mapped = points.mapped(self, calibrations, &choice);
         let schema = batch.schema();

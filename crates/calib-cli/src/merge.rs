@@ -4,7 +4,7 @@ use calib_core::{Plan, Site, SiteCamera};
 
 use crate::files::{SiteFile, say};
 use crate::stop::Stop;
-use crate::words::few;
+use calib_report::few;
 
 /// The site with the cameras and the plan that were imported. What is there already is replaced only when that
 /// is wanted.

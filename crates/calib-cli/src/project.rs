@@ -10,7 +10,7 @@ use crate::args::{SiteArgs, size};
 use crate::calibrations::{ByCamera, Calibrations, Wanted};
 use crate::columns::{AtColumn, AtUnit, BadCells, BadRows};
 use crate::files;
-use crate::mapping::{Columns, Mapping, PixelOrigin, To};
+use crate::mapping::{Columns, Mapping, PixelOrigin, Rows, To};
 use crate::progress::Progress;
 use crate::stop::Stop;
 use crate::stream::{Fit, StreamSize};
@@ -102,7 +102,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let packed = to.packed(&args.output)?;
     let (bytes, read) = (input.bytes, input.counter());
     let name = input.name.clone();
-    let source = from.open(input, Purpose { to, as_text: &args.as_text })?;
+    let source = from.open(
+        input,
+        Purpose { to, as_text: &args.as_text, keeps_broken: args.bad_rows == BadRows::Status },
+    )?;
     let mut table = Table { name, source, mapping: mapping(args), is_verbatim: args.verbatim };
     let mut progress = Progress::new(table.source.rows(), bytes, read);
     let mut pass = |output: Output<'_>| {
@@ -245,7 +248,9 @@ impl Table {
         calibrations: &mut Calibrations,
     ) -> Result<arrow::array::RecordBatch, Stop> {
         let place = |row: usize| self.source.place(row);
-        self.mapping.map(batch, calibrations, &place).map_err(|stop| match stop {
+        let is_broken = |row: usize| self.source.is_broken(row);
+        let rows = Rows { place: &place, is_broken: &is_broken };
+        self.mapping.map(batch, calibrations, rows).map_err(|stop| match stop {
             Stop::Invalid(what) => Stop::invalid(&self.name, what),
             stop => stop,
         })

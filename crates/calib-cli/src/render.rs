@@ -1,16 +1,15 @@
 //! `calib render`: overlays on an image, or all cameras on the plan.
 
 use calib_core::SiteCamera;
+use calib_report::{Svg, is_fitted, overlay};
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files::SiteFile;
-use crate::lens::is_fitted;
-use crate::overlay::overlay;
-use crate::plan_view::plan_view;
+use crate::painting::draw_on;
+use crate::plan_ground::plan_view;
 use crate::sigma_map;
 use crate::stop::Stop;
-use crate::svg::Svg;
 
 /// Arguments of `calib render`.
 #[derive(Debug, clap::Args)]
@@ -52,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Some(id) => camera_view(&file, file.camera(id)?, args.extras)?,
         None => plan_view(&file.site, file.plan_image()?),
     };
-    args.output.write_image(&svg.draw_on(&ground)?)
+    args.output.write_image(&draw_on(&svg, &ground)?)
 }
 
 /// A camera's image and what is drawn on it.

@@ -2,9 +2,8 @@
 
 use calib_core::{Camera, Pixel, SiteCamera};
 use calib_draw::Rgb;
+use calib_report::{Anchor, Svg};
 use image::RgbImage;
-
-use crate::svg::{Anchor, Svg};
 
 /// Pixels per side of a shaded cell.
 const CELL: u32 = 4;

@@ -11,7 +11,7 @@ use sha2::{Digest as _, Sha256};
 use crate::files::say;
 use crate::progress::Pulse;
 use crate::stop::Stop;
-use crate::words::few;
+use calib_report::few;
 
 /// A site with the folder that its images are relative to.
 pub(crate) struct SiteFile {

@@ -9,12 +9,12 @@ use clap::ValueEnum;
 
 use crate::args::ImageArgs;
 use crate::files::{self, SiteFile};
-use crate::planes::planes_text;
 use crate::progress::Pulse;
 use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
-use crate::words::{few, visible};
+use crate::words::visible;
+use calib_report::{few, planes_text};
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -6,8 +6,8 @@ use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
-use crate::lens::lens_of;
 use crate::stop::Stop;
+use calib_report::lens_of;
 
 /// Which part of the undistorted plane to show.
 #[derive(Clone, Copy, Debug, ValueEnum)]

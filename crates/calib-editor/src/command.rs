@@ -135,6 +135,7 @@ commands! {
         Compare "Compare with a saved version\u{2026}";
         Import "Import lenses or cameras of another program\u{2026}";
         Export "Export for other programs\u{2026}" [Cameras] CTRL E;
+        Report "Report: one page to hand over\u{2026}" [Cameras];
         SavePicture "Save a picture of this view\u{2026}" CTRL_SHIFT P;
         StopWork "Cancel what is under way: reading, finding edges, refining" [Work];
         ReadAgain "Read images again, look for edges again";
@@ -172,7 +173,8 @@ commands! {
     Lines {
         NewGroup "Begin a new group with the next line" NONE W;
         RightAngle "Tie the last two parallel groups at right angles";
-        TakeSuggestion "Take the tool for the line that helps most" [Suggestion] NONE N;
+        TakeSuggestion "Take the tool for what helps most" [Suggestion] NONE N;
+        DismissSuggestion "Suggest something else" [Suggestion] SHIFT N;
         TakeSecondSolution "Use the second solution's field of view" [SecondSolution];
         CopyLines "Copy this camera's annotations" [Camera] CTRL_SHIFT C;
         PasteLines "Paste annotations onto this camera" [Copied] CTRL_SHIFT V;

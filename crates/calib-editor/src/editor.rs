@@ -188,7 +188,7 @@ impl Editor {
             Needs::Selection => !session.selection.is_empty(),
             Needs::Undo => session.history.undo_name().is_some() || !self.tool().is_idle(),
             Needs::Redo => session.history.redo_name().is_some() && self.tool().is_idle(),
-            Needs::Suggestion => session.solution().is_some_and(|solution| solution.draw_next.is_some()),
+            Needs::Suggestion => session.proposal().is_some(),
             Needs::SecondSolution => {
                 session.solution().is_some_and(|solution| !solution.alternatives.is_empty())
             }

@@ -102,10 +102,19 @@ impl Images {
             } else if self.folder.is_none()
                 && let Some(Ok(bytes)) = self.missing.map(|make| self.reader(image).make(make))
             {
-                *image = data_uri("image/png", &bytes);
+                *image = data_uri(mime_of(&bytes), &bytes);
             }
         }
         folder.map_or_else(|| site.clone(), |folder| self.rebased(&site, folder))
+    }
+
+    /// An image as a `data:` URI, for a page that is to have it within; files are read by `read`.
+    ///
+    /// # Errors
+    /// When it is not there and cannot be made.
+    pub fn embedded(&self, name: &str, read: ReadFile) -> FileResult<(String, Arc<[u8]>)> {
+        let bytes = self.reader(name).read(read)?;
+        Ok((data_uri(mime_of(&bytes), &bytes), bytes))
     }
 
     /// The site with the names of its images alone, as files beside it are called.
@@ -209,6 +218,11 @@ pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
     site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
 }
 
+/// What the bytes of an image are.
+fn mime_of(bytes: &[u8]) -> &'static str {
+    if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" }
+}
+
 fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", BASE64.encode(bytes))
 }
@@ -262,6 +276,18 @@ mod tests {
         let (held, images) = parse(&site().to_json(), None).unwrap();
         assert_eq!(held.cameras[0].image.as_deref(), Some("stored:1"));
         assert_eq!(images.put_into(&held, None), site());
+    }
+
+    #[test]
+    fn what_came_with_the_page_goes_out_as_what_it_is() {
+        let mut camera = SiteCamera::new("a", [4, 3]);
+        camera.image = Some("a.png".into());
+        let site = Site { cameras: vec![camera], ..Site::new() };
+        let images = Images::beside(None, Some(|name| Err(format!("{name} is rendered for nothing"))));
+        images.reader("a.png").keep(Arc::from([0xff, 0xd8, 0xff].as_slice()));
+        assert_eq!(images.reader("a.png").made_by_name(), None);
+        let sent = images.put_into(&site, None);
+        assert_eq!(sent.cameras[0].image.as_deref(), Some("data:image/jpeg;base64,/9j/"));
     }
 
     #[test]

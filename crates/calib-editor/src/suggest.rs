@@ -3,9 +3,10 @@
 //! What the solution proposes is an example, placed where the estimate has floor and no one has looked. Only an
 //! edge of the image is evidence, and only once the operator has taken it.
 
-use calib_core::{Camera, Covariance, DrawNext, FloorPoint, Kind, Pixel, WorldPoint};
+use calib_core::{Camera, Covariance, DrawNext, FloorPoint, Kind, Pixel, SiteCamera, WorldPoint};
 
 use crate::edges::Edge;
+use crate::hit;
 
 /// How far an edge may lie from the example, as a share of the image's diagonal.
 const NEAR: f64 = 0.22;
@@ -18,18 +19,22 @@ const TURN: f64 = 0.45;
 /// How far two edges may be from parallel, or from square, on the floor, in radians.
 const AGREE: f64 = 0.06;
 
-/// For every line of the proposal the edge that can be drawn in its place; none unless all have one.
+/// For every line of the proposal the edge that can be drawn in its place, and that no line is drawn on yet; none
+/// unless all have one.
 #[must_use]
-pub fn on_edges(next: &DrawNext, camera: &Camera, size: [f64; 2], edges: &[Edge]) -> Vec<Edge> {
+pub fn on_edges(next: &DrawNext, camera: &Camera, entry: &SiteCamera, edges: &[Edge]) -> Vec<Edge> {
+    let Some(kind) = next.kind else { return Vec::new() };
+    let size = entry.size();
     let reach = NEAR * size[0].hypot(size[1]);
     let mut taken: Vec<Edge> = Vec::new();
     for example in &next.segments_px {
         let fits = |edge: &&Edge| {
             !taken.contains(edge)
+                && !is_drawn(edge, entry)
                 && long_enough(edge, example)
                 && middle(edge).distance(middle(example)) < reach
-                && runs_like(next.kind, camera, edge, example)
-                && taken.first().is_none_or(|first| agrees(next.kind, camera, edge, first))
+                && runs_like(kind, camera, edge, example)
+                && taken.first().is_none_or(|first| agrees(kind, camera, edge, first))
         };
         let off = |edge: &Edge| middle(edge).distance(middle(example)) - 0.5 * edge[0].distance(edge[1]);
         let best = edges.iter().filter(fits).min_by(|a, b| off(a).total_cmp(&off(b)));
@@ -37,6 +42,21 @@ pub fn on_edges(next: &DrawNext, camera: &Camera, size: [f64; 2], edges: &[Edge]
         taken.push(*edge);
     }
     taken
+}
+
+/// Whether a line is drawn along an edge: both of its ends lie beside it, or those of the line beside the edge.
+fn is_drawn(edge: &Edge, entry: &SiteCamera) -> bool {
+    /// In pixels.
+    const BESIDE: f64 = 8.0;
+    let along =
+        |[a, b]: Edge, [c, d]: Edge| hit::to_segment(a, b, c) < BESIDE && hit::to_segment(a, b, d) < BESIDE;
+    let lines = entry.annotations.iter().flat_map(calib_core::Annotation::polylines);
+    lines.into_iter().any(|points| {
+        points.windows(2).any(|pair| {
+            let line = [pair[0], pair[1]];
+            along(line, *edge) || along(*edge, line)
+        })
+    })
 }
 
 fn middle([a, b]: &Edge) -> Pixel {
@@ -109,7 +129,7 @@ fn between(a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::Lens;
+    use calib_core::{Annotation, Lens};
 
     fn camera() -> Camera {
         Camera {
@@ -123,12 +143,23 @@ mod tests {
         }
     }
 
+    fn entry() -> SiteCamera {
+        SiteCamera::new("a", [1920, 1080])
+    }
+
     fn shown(a: [f64; 3], b: [f64; 3]) -> Edge {
         [a, b].map(|[x, y, z]| camera().world_to_pixel(WorldPoint::new(x, y, z)).unwrap())
     }
 
     fn next(kind: Kind, segments_px: Vec<Edge>) -> DrawNext {
-        DrawNext { kind, message: String::new(), segments_px, floor_length_rel: 0.01 }
+        DrawNext {
+            drawing: None,
+            kind: Some(kind),
+            message: String::new(),
+            segments_px,
+            floor_length_rel: 0.01,
+            otherwise: Vec::new(),
+        }
     }
 
     #[test]
@@ -137,9 +168,11 @@ mod tests {
         let post = shown([-1.8, 6.5, 0.0], [-1.8, 6.5, 1.8]);
         let joint = shown([-1.8, 5.0, 0.0], [-1.5, 8.0, 0.0]);
         let next = next(Kind::Vertical, vec![example]);
-        let size = [1920.0, 1080.0];
-        assert_eq!(on_edges(&next, &camera(), size, &[joint, post]), [post]);
-        assert_eq!(on_edges(&next, &camera(), size, &[joint]), Vec::<Edge>::new());
+        assert_eq!(on_edges(&next, &camera(), &entry(), &[joint, post]), [post]);
+        assert_eq!(on_edges(&next, &camera(), &entry(), &[joint]), Vec::<Edge>::new());
+        let mut drawn = entry();
+        drawn.annotations.push(Annotation::of_segments(Kind::Vertical, vec![post.to_vec()]));
+        assert_eq!(on_edges(&next, &camera(), &drawn, &[joint, post]), Vec::<Edge>::new(), "drawn already");
     }
 
     #[test]
@@ -148,8 +181,7 @@ mod tests {
         let right = shown([1.0, 4.0, 0.0], [1.0, 6.0, 0.0]);
         let askew = shown([1.0, 4.0, 0.0], [1.7, 6.0, 0.0]);
         let next = next(Kind::Parallel, vec![left, right]);
-        let size = [1920.0, 1080.0];
-        assert_eq!(on_edges(&next, &camera(), size, &[left, askew]), Vec::<Edge>::new());
-        assert_eq!(on_edges(&next, &camera(), size, &[askew, left, right]), [left, right]);
+        assert_eq!(on_edges(&next, &camera(), &entry(), &[left, askew]), Vec::<Edge>::new());
+        assert_eq!(on_edges(&next, &camera(), &entry(), &[askew, left, right]), [left, right]);
     }
 }

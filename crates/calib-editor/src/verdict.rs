@@ -56,7 +56,10 @@ fn wrong(session: &Session, camera: usize) -> Option<Verdict> {
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
     let text = match (bent_px(session, camera), solution.chi2, solution.dof) {
         (Some(px), ..) => format!("bent by {px:.0} px, not fitted"),
-        (None, Some(chi2), Some(dof)) => format!("does not fit: \u{3c7}\u{b2} {chi2:.0} on {dof}"),
+        // What does not fit may be something else than the lines: the edges of the lens, points of others.
+        (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
+            format!("does not fit: \u{3c7}\u{b2} {chi2:.0} on {dof}")
+        }
         _ => first_words(session, camera, misfit),
     };
     Some(Verdict::new(text, Standing::Wrong))

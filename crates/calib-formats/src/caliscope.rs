@@ -5,15 +5,16 @@
 
 use crate::error::FormatError;
 use crate::file::File;
-use crate::given::{Given, Imported, site_of, unskewed};
+use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
         let tree = Syntax::Toml.parse(file)?;
-        for (key, camera) in Node::root(file, &tree).entries() {
+        let root = Node::root(file, &tree);
+        for (key, camera) in root.entries() {
             let Some(k) = camera.get("matrix") else { continue };
             let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
             let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);
@@ -28,6 +29,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
             }
             given.push(lens);
         }
+        rest.extend(root.left_over());
     }
-    site_of(given, &files[0].name)
+    site_and_rest(given, rest, &files[0].name)
 }

@@ -107,8 +107,8 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     }
     let (file, image_lines) = lines(files, "images.txt")?;
     let mut given: Vec<Given> = Vec::new();
-    let mut rest = image_lines.iter();
-    while let Some(line) = rest.next() {
+    let (mut left, mut with_points) = (image_lines.iter(), 0);
+    while let Some(line) = left.next() {
         if line.words.is_empty() {
             continue;
         }
@@ -126,9 +126,14 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let pose = Some((rotation, [tx, ty, tz]));
         given.push(Given { id: stem, place: line.place(), image, pose, ..camera.clone() });
         // The line of points that goes with it.
-        rest.next();
+        with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
     let mut imported = site_of(given, &file.name)?;
+    if with_points > 0 {
+        imported.notes.push(format!("{}: not taken: the points of {with_points} images", file.name));
+    }
+    let points = files.iter().filter(|file| file.base() == "points3D.txt");
+    imported.notes.extend(points.map(|file| format!("{}: not taken", file.name)));
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push("poses are taken as metres with z up: a COLMAP model has a scale and axes of its own unless it was aligned".into());
     }

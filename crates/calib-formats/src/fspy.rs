@@ -6,28 +6,29 @@
 
 use crate::error::{FormatError, Problem};
 use crate::file::File;
-use crate::given::{Given, Imported, site_of};
+use crate::given::{Given, Imported, site_and_rest};
 use crate::tree::{Node, Syntax};
 
 const MAGIC: &[u8] = b"fspy";
 const HEAD: usize = 16;
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let given: Result<Vec<Given>, FormatError> = files.iter().map(camera).collect();
-    let mut imported = site_of(given?, &files[0].name)?;
+    let mut rest = Vec::new();
+    let given: Result<Vec<Given>, FormatError> = files.iter().map(|file| camera(file, &mut rest)).collect();
+    let mut imported = site_and_rest(given?, rest, &files[0].name)?;
     imported
         .notes
         .push("fSpy's units and its choice of axes are kept; place the camera to make them metres".into());
     Ok(imported)
 }
 
-fn camera(file: &File) -> Result<Given, FormatError> {
+fn camera(file: &File, rest: &mut Vec<String>) -> Result<Given, FormatError> {
     let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
     let state = if is_json { file.clone() } else { state(file)? };
     let tree = Syntax::Json.parse(&state)?;
     let root = Node::root(&state, &tree);
     let camera = match root.get("cameraParameters") {
-        None if is_json => root,
+        None if is_json => root.clone(),
         _ => root.need(&["cameraParameters"])?,
     };
     let [width, height] = [camera.need(&["imageWidth"])?.side()?, camera.need(&["imageHeight"])?.side()?];
@@ -51,6 +52,8 @@ fn camera(file: &File) -> Result<Given, FormatError> {
     let mut given = Given::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
     given.size = Some([width, height]);
     given.pose = Some((rotation, t));
+    rest.extend(root.left_over());
+    rest.extend((!is_json).then(|| format!("{}: not taken: the picture", file.name)));
     Ok(given)
 }
 

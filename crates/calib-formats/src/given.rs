@@ -147,6 +147,17 @@ pub(crate) fn imported(
     Ok(Imported { site, notes })
 }
 
+/// All of what was given as a site, with what of the files was not taken.
+pub(crate) fn site_and_rest(
+    given: Vec<Given>,
+    rest: Vec<String>,
+    place: &str,
+) -> Result<Imported, FormatError> {
+    let mut imported = site_of(given, place)?;
+    imported.notes.extend(rest);
+    Ok(imported)
+}
+
 /// All of what was given as a site.
 pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, FormatError> {
     if given.len() > calib_core::MAX_CAMERAS {

@@ -4,21 +4,23 @@
 
 use crate::error::{FormatError, quoted};
 use crate::file::File;
-use crate::given::{Given, Imported, site_of};
+use crate::given::{Given, Imported, site_and_rest};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
         let tree = Syntax::Yaml.parse(file)?;
-        for (name, camera) in Node::root(file, &tree).entries() {
+        let root = Node::root(file, &tree);
+        for (name, camera) in root.entries() {
             if camera.get("intrinsics").is_some() {
                 given.push(lens(name, &camera)?);
             }
         }
+        rest.extend(root.left_over());
     }
-    site_of(given, &files[0].name)
+    site_and_rest(given, rest, &files[0].name)
 }
 
 fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {

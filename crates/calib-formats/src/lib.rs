@@ -107,9 +107,5 @@ pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> 
     if files.is_empty() {
         return Err(FormatError::new(format.name, Problem::NoFiles(format.extensions)));
     }
-    let mut imported = read(files)?;
-    if !format.drops.is_empty() {
-        imported.notes.push(format!("not taken from {}: {}", format.name, format.drops));
-    }
-    Ok(imported)
+    read(files)
 }

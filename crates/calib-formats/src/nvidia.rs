@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::given::{Given, Imported, control_point, decomposed, imported, site_of, unskewed};
+use crate::given::{Given, Imported, control_point, decomposed, imported, site_and_rest, unskewed};
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
@@ -148,16 +148,28 @@ fn corners(view: &View) -> Vec<FloorPoint> {
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     if let Some(file) = files.iter().find(|file| file.extension() == "json") {
-        return calibration(file);
+        let mut imported = calibration(file)?;
+        imported.notes.extend(unread(files, |other| other.name != file.name));
+        return Ok(imported);
     }
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files.iter().filter(|file| file.base() != "transforms.yml") {
         let tree = Syntax::Yaml.parse(file)?;
         let root = Node::root(file, &tree);
         let node = root.need(&["projectionMatrix_3x4_w2p"])?;
         given.push(projected(file.stem(), &node)?);
+        rest.extend(root.left_over());
     }
-    site_of(given, &files[0].name)
+    rest.extend(unread(files, |file| file.base() == "transforms.yml"));
+    site_and_rest(given, rest, &files[0].name)
+}
+
+/// Files that came with those that are read.
+fn unread<'a>(
+    files: &'a [File],
+    is_unread: impl Fn(&File) -> bool + 'a,
+) -> impl Iterator<Item = String> + 'a {
+    files.iter().filter(move |file| is_unread(file)).map(|file| format!("{}: not taken", file.name))
 }
 
 fn rows(values: [f64; 12]) -> [[f64; 4]; 3] {
@@ -198,6 +210,7 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
         }
         cameras.push(entry);
     }
+    notes.extend(root.left_over());
     imported(cameras, notes, &file.name)
 }
 

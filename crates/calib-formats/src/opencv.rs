@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::given::{Given, Imported, site_of, unskewed};
+use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::rotation::{from_rodrigues, rodrigues};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
@@ -108,12 +108,14 @@ fn as_xml(entries: &[(&str, Entry)]) -> String {
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
         let tree = Syntax::of(file.as_text()?).parse(file)?;
-        given.push(camera(file, &Node::root(file, &tree))?);
+        let root = Node::root(file, &tree);
+        given.push(camera(file, &root)?);
+        rest.extend(root.left_over());
     }
-    let mut imported = site_of(given, &files[0].name)?;
+    let mut imported = site_and_rest(given, rest, &files[0].name)?;
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push("poses are taken as metres with z up: rvec and tvec of a chessboard are in the axes of that board".into());
     }

@@ -5,7 +5,7 @@
 use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::given::{Given, Imported, site_of, unskewed};
+use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::opencv::{distortion, is_fisheye};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -43,7 +43,7 @@ fn camera_info(view: &View, terms: Terms) -> String {
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
         let tree = Syntax::of(file.as_text()?).parse(file)?;
         let root = Node::root(file, &tree);
@@ -57,6 +57,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
             camera.distortion = distortion(&terms, is_fisheye(model))?;
         }
         given.push(camera);
+        rest.extend(root.left_over());
     }
-    site_of(given, &files[0].name)
+    site_and_rest(given, rest, &files[0].name)
 }

@@ -1,5 +1,9 @@
 //! JSON, YAML, XML and TOML as one tree of values, and reading it with the place of what is wrong.
 
+use std::cell::RefCell;
+use std::collections::{BTreeSet, HashSet};
+use std::rc::Rc;
+
 use serde_json::{Map, Number, Value};
 
 use crate::error::{FormatError, Problem, quoted};
@@ -121,11 +125,35 @@ fn number(text: &str) -> Option<Value> {
 pub(crate) struct Node<'a> {
     value: &'a Value,
     place: String,
+    /// The addresses of the values of the tree that were taken, with all that is in them.
+    taken: Rc<RefCell<HashSet<usize>>>,
 }
 
 impl<'a> Node<'a> {
     pub(crate) fn root(file: &File, value: &'a Value) -> Self {
-        Self { value, place: format!("{}: ", file.name) }
+        Self { value, place: format!("{}: ", file.name), taken: Rc::default() }
+    }
+
+    fn child(&self, value: &'a Value, key: &dyn std::fmt::Display) -> Self {
+        Self { value, place: format!("{}/{key}", self.place), taken: Rc::clone(&self.taken) }
+    }
+
+    /// Notes that the value, with all that is in it, was taken.
+    pub(crate) fn take(&self) {
+        self.taken.borrow_mut().insert(address(self.value));
+    }
+
+    /// What of the tree was not taken, as a sentence; nothing where all was.
+    pub(crate) fn left_over(&self) -> Option<String> {
+        /// Keys that the eye takes in.
+        const MOST: usize = 8;
+        let mut keys = BTreeSet::new();
+        gather(self.value, "", &self.taken.borrow(), &mut keys);
+        let shown: Vec<&str> = keys.iter().take(MOST).map(String::as_str).collect();
+        let more = keys.len() - shown.len();
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let file = self.place.trim_end_matches([' ', ':']);
+        (!shown.is_empty()).then(|| format!("{file}: not taken: {}{more}", shown.join(", ")))
     }
 
     pub(crate) fn place(&self) -> &str {
@@ -145,7 +173,7 @@ impl<'a> Node<'a> {
     /// The value of a key; nothing where it is absent or null.
     pub(crate) fn get(&self, key: &str) -> Option<Self> {
         let value = self.value.get(key).filter(|value| !value.is_null())?;
-        Some(Self { value, place: format!("{}/{key}", self.place) })
+        Some(self.child(value, &key))
     }
 
     /// The value of the first of these keys that is there.
@@ -163,11 +191,13 @@ impl<'a> Node<'a> {
     }
 
     pub(crate) fn number(&self) -> Result<f64, FormatError> {
+        self.take();
         let value = self.value.as_f64().filter(|value| value.abs() <= 1e12);
         value.ok_or_else(|| self.wrong("a number between -1e12 and 1e12"))
     }
 
     pub(crate) fn is_true(&self) -> bool {
+        self.take();
         self.value == &Value::Bool(true)
     }
 
@@ -182,26 +212,24 @@ impl<'a> Node<'a> {
     }
 
     pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
+        self.take();
         self.value.as_str().ok_or_else(|| self.wrong("text"))
     }
 
     pub(crate) fn items(&self) -> Result<Vec<Self>, FormatError> {
         let items = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
-        let node = |(i, value)| Self { value, place: format!("{}/{i}", self.place) };
-        Ok(items.iter().enumerate().map(node).collect())
+        Ok(items.iter().enumerate().map(|(i, value)| self.child(value, &i)).collect())
     }
 
     /// Keys and values of an object, in the order of the keys.
     pub(crate) fn entries(&self) -> Vec<(&'a str, Self)> {
         let Some(object) = self.value.as_object() else { return Vec::new() };
-        let node = |(key, value): (&'a String, &'a Value)| {
-            (key.as_str(), Self { value, place: format!("{}/{key}", self.place) })
-        };
-        object.iter().map(node).collect()
+        object.iter().map(|(key, value)| (key.as_str(), self.child(value, key))).collect()
     }
 
     /// A list of numbers, a list of rows of them, or `OpenCV`'s matrix.
     pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
+        self.take();
         if let Some(data) = self.get("data") {
             return data.numbers();
         }
@@ -233,6 +261,50 @@ impl<'a> Node<'a> {
     pub(crate) fn matrix(&self) -> Result<[[f64; 3]; 3], FormatError> {
         let [a, b, c, d, e, f, g, h, i] = self.exactly()?;
         Ok([[a, b, c], [d, e, f], [g, h, i]])
+    }
+}
+
+fn address(value: &Value) -> usize {
+    std::ptr::from_ref(value).addr()
+}
+
+/// Whether a value or any in it was taken.
+fn is_touched(value: &Value, taken: &HashSet<usize>) -> bool {
+    taken.contains(&address(value))
+        || match value {
+            Value::Array(items) => items.iter().any(|item| is_touched(item, taken)),
+            Value::Object(object) => object.values().any(|value| is_touched(value, taken)),
+            _ => false,
+        }
+}
+
+/// The keys below a value of which nothing was taken, those of the items of a list together; what says nothing is
+/// no loss.
+fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSet<String>) {
+    if taken.contains(&address(value)) {
+        return;
+    }
+    let says_nothing = |value: &Value| match value {
+        Value::Null => true,
+        Value::Array(items) => items.is_empty(),
+        Value::Object(object) => object.is_empty(),
+        Value::String(text) => text.is_empty(),
+        _ => false,
+    };
+    let mut each = |value: &Value, place: String| {
+        if is_touched(value, taken) {
+            gather(value, &place, taken, keys);
+        } else if !says_nothing(value) {
+            keys.insert(place);
+        }
+    };
+    match value {
+        Value::Object(object) => {
+            let below = |key: &String| if place.is_empty() { key.clone() } else { format!("{place}/{key}") };
+            object.iter().for_each(|(key, value)| each(value, below(key)));
+        }
+        Value::Array(items) => items.iter().for_each(|item| each(item, format!("{place}/*"))),
+        _ => {}
     }
 }
 

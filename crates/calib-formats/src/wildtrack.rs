@@ -6,7 +6,7 @@
 use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::given::{Given, Imported, Pose, site_of, unskewed};
+use crate::given::{Given, Imported, Pose, site_and_rest, unskewed};
 use crate::opencv::{distortion, matrix_xml};
 use crate::rotation::{from_rodrigues, rodrigues};
 use crate::tree::{Node, Syntax, joined};
@@ -38,7 +38,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     // The dataset has both the raw cameras and those of the undistorted images that it comes with.
     let is_zero = |file: &File| file.name.contains("intrinsic_zero/");
     let has_zero = files.iter().any(is_zero);
-    let mut given = Vec::new();
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files.iter().filter(|file| is_zero(file) || !has_zero) {
         let Some(id) = file.stem().strip_prefix("intr_") else { continue };
         let tree = Syntax::Xml.parse(file)?;
@@ -52,13 +52,14 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         if let Some(node) = root.get("distortion_coefficients") {
             camera.distortion = distortion(&node, false)?;
         }
-        camera.pose = Some(pose(files, id)?);
+        camera.pose = Some(pose(files, id, &mut rest)?);
         given.push(camera);
+        rest.extend(root.left_over());
     }
-    site_of(given, "a folder with intr_*.xml and extr_*.xml")
+    site_and_rest(given, rest, "a folder with intr_*.xml and extr_*.xml")
 }
 
-fn pose(files: &[File], id: &str) -> Result<Pose, FormatError> {
+fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, FormatError> {
     let wanted = format!("extr_{id}.xml");
     let file = files.iter().find(|file| file.base() == wanted).ok_or_else(|| {
         FormatError::new(&wanted, Problem::MissingFile { beside: format!("intr_{id}.xml") })
@@ -67,5 +68,7 @@ fn pose(files: &[File], id: &str) -> Result<Pose, FormatError> {
     let root = Node::root(file, &tree);
     let r = root.need(&["rvec"])?;
     let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.wrong("a rotation"))?;
-    Ok((rotation, root.need(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT)))
+    let translation = root.need(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT);
+    rest.extend(root.left_over());
+    Ok((rotation, translation))
 }

@@ -1,6 +1,6 @@
 //! Whether what is stated holds: errors on real data beside their sigmas, and the share inside intervals.
 
-use calib_core::{Camera, Covariance, Options, Pixel, Site};
+use calib_core::{Camera, Code, Covariance, Options, Pixel, Site, Solution};
 use serde_json::Value;
 
 use crate::workspace;
@@ -23,8 +23,10 @@ pub(crate) fn run() -> anyhow::Result<()> {
         return Ok(());
     }
     let road = real.join("road");
+    let rooms = solved(&real.join("rooms/rooms.json"))?;
     let sets = [
-        rooms(&real.join("rooms"))?,
+        focals("rooms: focal", &rooms, |_| true),
+        focals("rooms whose focal the lines tell", &rooms, tells_focal),
         roads("motorways: ratios of distances", &road, &["s1_center.json", "s1_right.json"])?,
         roads("motorways, two cameras jointly", &road, &["joint_s1.json"])?,
     ];
@@ -78,16 +80,22 @@ fn solved(path: &std::path::Path) -> anyhow::Result<Site> {
 }
 
 /// Photographs of rooms, lines by hand: the focal against that of a chessboard calibration.
-fn rooms(folder: &std::path::Path) -> anyhow::Result<Errors> {
+fn focals(name: &'static str, site: &Site, counts: impl Fn(&Solution) -> bool) -> Errors {
     const TRUE_FOCAL: f64 = 519.16;
-    let site = solved(&folder.join("rooms.json"))?;
     let error = |camera: Camera| {
         let sigma = camera.covariance.sigma(Covariance::FOCAL)?;
         let relative = (camera.focal / TRUE_FOCAL).ln();
         Some((100.0 * (camera.focal / TRUE_FOCAL - 1.0), relative * camera.focal / sigma))
     };
-    let cameras = site.cameras.iter().filter_map(|entry| entry.solution.as_ref()?.camera());
-    Ok(Errors { name: "rooms: focal", each: cameras.filter_map(error).collect() })
+    let solutions = site.cameras.iter().filter_map(|entry| entry.solution.as_ref());
+    let cameras = solutions.filter(|solution| counts(solution)).filter_map(Solution::camera);
+    Errors { name, each: cameras.filter_map(error).collect() }
+}
+
+/// Whether no warning says that the lines leave the focal open, or contradict themselves.
+fn tells_focal(solution: &Solution) -> bool {
+    let doubts = [Code::FocalUnobservable, Code::TwoSolutions, Code::Misfit];
+    !solution.warnings.iter().any(|warning| doubts.contains(&warning.code))
 }
 
 /// Motorways: ratios of measured distances.
@@ -121,62 +129,48 @@ impl Distance {
         Some(Self { ends: [pixel("p1")?, pixel("p2")?], metres: value["m"].as_f64()? })
     }
 
-    /// Log of the length that a camera sees.
-    fn log_length(&self, camera: &Camera, moved: Option<(usize, usize)>) -> Option<f64> {
-        let mut ends = self.ends;
-        match moved {
-            Some((end, 0)) => ends[end].u += STEP,
-            Some((end, _)) => ends[end].v += STEP,
-            None => {}
-        }
-        let [a, b] = ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0));
+    /// The log of the length that a camera sees, its derivatives by the camera, and its variance for clicks of
+    /// 1 px.
+    fn log_length(&self, camera: &Camera) -> Option<LogLength> {
+        let [a, b] = self.ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0));
         let (a, b) = (a?, b?);
-        Some((a.x - b.x).hypot(a.y - b.y).ln())
+        let length = a.distance(b);
+        let along = [(a.x - b.x) / length, (a.y - b.y) / length];
+        let (mut by, mut clicks) = ([0.0; Covariance::SIZE], 0.0);
+        for (pixel, sign) in self.ends.into_iter().zip([1.0, -1.0]) {
+            let jacobian = camera.floor_jacobian(pixel)?;
+            for (by, [x, y]) in by.iter_mut().zip(jacobian) {
+                *by += sign * (along[0] * x + along[1] * y) / length;
+            }
+            let [[xx, xy], [_, yy]] = camera.floor_covariance(pixel, 1.0)?.pixel;
+            let [x, y] = along;
+            clicks += (x * x * xx + 2.0 * x * y * xy + y * y * yy) / (length * length);
+        }
+        Some(LogLength { value: length.ln(), by, clicks })
     }
 }
 
-/// Step of differences, in pixels, radians and thousandths of the focal.
-const STEP: f64 = 1e-4;
+/// The log of a length on the floor.
+struct LogLength {
+    value: f64,
+    by: [f64; Covariance::SIZE],
+    clicks: f64,
+}
 
-/// The error of the ratio of two distances in per cent, and over its sigma: that of roll, pitch and focal, and
-/// 1 px for each click of the truth.
-fn ratio_error(camera: &Camera, pair: [&Distance; 2]) -> Option<(f64, f64)> {
-    let [a, b] = pair;
-    let log_ratio = |camera: &Camera| Some(a.log_length(camera, None)? - b.log_length(camera, None)?);
-    let here = log_ratio(camera)?;
-    let error = here - (a.metres / b.metres).ln();
-    let of = [Covariance::ROLL, Covariance::PITCH, Covariance::FOCAL];
-    let mut gradient = [0.0; 3];
-    for (k, slot) in gradient.iter_mut().enumerate() {
-        let mut nudged = *camera;
-        let step = match k {
-            0 => &mut nudged.roll,
-            1 => &mut nudged.pitch,
-            _ => &mut nudged.focal,
-        };
-        let size = if k == 2 { STEP * camera.focal } else { STEP };
-        *step += size;
-        *slot = (log_ratio(&nudged)? - here) / size;
-    }
-    let mut variance = 0.0;
-    for (i, x) in gradient.iter().enumerate() {
-        for (j, y) in gradient.iter().enumerate() {
-            variance += x * y * camera.covariance.0[of[i]][of[j]];
-        }
-    }
-    for distance in pair {
-        for click in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let slope =
-                (distance.log_length(camera, Some(click))? - distance.log_length(camera, None)?) / STEP;
-            variance += slope * slope;
-        }
-    }
-    Some((100.0 * (error.exp() - 1.0), error / variance.sqrt()))
+/// The error of the ratio of two distances in per cent, and over its sigma: that of the camera, and 1 px for
+/// each click of the truth.
+fn ratio_error(camera: &Camera, [a, b]: [&Distance; 2]) -> Option<(f64, f64)> {
+    let (seen_a, seen_b) = (a.log_length(camera)?, b.log_length(camera)?);
+    let error = seen_a.value - seen_b.value - (a.metres / b.metres).ln();
+    let by: [f64; Covariance::SIZE] = std::array::from_fn(|k| seen_a.by[k] - seen_b.by[k]);
+    let carried = |i: usize| (0..by.len()).map(|j| camera.covariance.0[i][j] * by[j]).sum::<f64>();
+    let variance = (0..by.len()).map(|i| by[i] * carried(i)).sum::<f64>() + seen_a.clicks + seen_b.clicks;
+    Some((100.0 * error.exp_m1(), error / variance.sqrt()))
 }
 
 /// Coverage over level, one line a set; the diagonal is what was promised.
 fn svg(sets: &[Errors]) -> String {
-    let colours = ["#0b6bcb", "#c2410c", "#15803d"];
+    let colours = ["#0b6bcb", "#7c3aed", "#c2410c", "#15803d"];
     let place = |x: f64, y: f64| format!("{:.1},{:.1}", 50.0 + 300.0 * x, 330.0 - 300.0 * y);
     let mut text = String::from(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 620 380\" font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"620\" height=\"380\" fill=\"#fff\"/>\n",

@@ -11,6 +11,8 @@ mod archives;
 mod bench;
 mod serve;
 #[cfg(feature = "web")]
+mod pictures;
+#[cfg(feature = "web")]
 mod web;
 #[cfg(feature = "web")]
 mod browser;

@@ -11,6 +11,7 @@ use flate2::write::GzEncoder;
 use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
+use crate::pictures::{Picture, pictures};
 use crate::wasm;
 use crate::workspace::root;
 
@@ -54,6 +55,8 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
         "the program is {} bytes gzipped, at most {MOST} are allowed",
         zipped.len()
     );
+    let bytes: usize = parts.pictures.iter().map(|picture| picture.jpeg.len()).sum();
+    println!("{:.2} MB of pictures, fetched for the demonstration", bytes as f64 / 1e6);
     folder(&parts, out)?;
     let single = single(&parts, &zipped);
     fs::write(out.join("calib.html"), &single)?;
@@ -75,6 +78,8 @@ struct Parts {
     icon: String,
     worker: String,
     manifest: String,
+    /// Of the demonstration.
+    pictures: Vec<Picture>,
     /// In the order in which they run.
     scripts: [(&'static str, String); 3],
 }
@@ -90,6 +95,7 @@ impl Parts {
             icon: page("icon.svg")?,
             worker: page("sw.js")?,
             manifest: page("manifest.webmanifest")?,
+            pictures: pictures()?,
             scripts: [
                 ("store", page("store.js")?),
                 ("app", text(glue.join("app.js"))?),
@@ -116,7 +122,16 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
          <link rel=\"stylesheet\" href=\"{style}\">",
         files[0].0
     );
-    let html = page(&parts.html, &head, &tags, &files[0].0, parts.wasm.len());
+    let mut shown = serde_json::Map::new();
+    for Picture { name, jpeg } in &parts.pictures {
+        // Fetched by those who open the demonstration, and not kept for others.
+        let file = named("demonstration", "jpg", jpeg);
+        fs::write(out.join(&file), jpeg)?;
+        shown.insert(name.clone(), file.into());
+    }
+    let shown = serde_json::Value::Object(shown).to_string().replace('"', "&quot;");
+    let data = format!(" data-wasm=\"{}\" data-pictures=\"{shown}\"", files[0].0);
+    let html = page(&parts.html, &head, &tags, &data, parts.wasm.len());
     files.push((style, parts.style.as_bytes()));
     files.push(("icon.svg".into(), parts.icon.as_bytes()));
     files.push(("manifest.webmanifest".into(), parts.manifest.as_bytes()));
@@ -149,11 +164,18 @@ fn single(parts: &Parts, zipped: &[u8]) -> String {
     let named = parts.scripts.iter().zip(&scripts);
     let tags: String =
         named.map(|((name, _), script)| format!("<script{}>{script}</script>\n", id(name))).collect();
-    page(&parts.html, &head, &(program + &tags), "", parts.wasm.len())
+    let pictures = parts.pictures.iter().map(|Picture { name, jpeg }| {
+        format!(
+            "<script type=\"application/octet-stream\" data-picture=\"{name}\">{}</script>\n",
+            base64(jpeg)
+        )
+    });
+    let scripts = program + &pictures.collect::<String>() + &tags;
+    page(&parts.html, &head, &scripts, "", parts.wasm.len())
 }
 
-fn page(html: &str, head: &str, scripts: &str, wasm: &str, size: usize) -> String {
-    let root = format!("<html lang=\"en\" data-wasm=\"{wasm}\" data-size=\"{size}\">");
+fn page(html: &str, head: &str, scripts: &str, data: &str, size: usize) -> String {
+    let root = format!("<html lang=\"en\"{data} data-size=\"{size}\">");
     html.replace("<html lang=\"en\">", &root).replace(HEAD, head).replace(SCRIPTS, scripts)
 }
 

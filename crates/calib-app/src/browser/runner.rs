@@ -166,6 +166,9 @@ impl Shown {
             Wish::Command(name) if name == "demonstration" => {
                 command::run(app, ctx, Command::Demo, egui::Modifiers::NONE);
             }
+            Wish::Command(name) if name == "tour" => {
+                command::run(app, ctx, Command::Tour, egui::Modifiers::NONE);
+            }
             // Tests look at what the page says then.
             Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
             Wish::Files(files) => {

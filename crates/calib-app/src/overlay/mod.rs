@@ -6,7 +6,7 @@ mod lines;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, DrawNext, Pixel, Plane, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Kind, Pixel, Plane, Site, SiteCamera, Solution};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
@@ -288,17 +288,20 @@ impl Overlay<'_> {
 
     /// Ghosts of the lines that would help most, on edges of the image; numbered where it needs several.
     fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>) {
-        let next = solution.and_then(|solution| solution.draw_next.as_ref());
-        let Some(next) = next.filter(|_| self.labels && self.session.camera == self.camera) else { return };
-        let colour = theme::kind(next.kind);
-        let look = Look::of(Meaning::Suggestion(next.kind));
+        if solution.is_none() || !self.labels || self.session.camera != self.camera {
+            return;
+        }
+        let Some(next) = self.session.proposal() else { return };
+        let Some(kind) = next.kind else { return };
+        let colour = theme::kind(kind);
+        let look = Look::of(Meaning::Suggestion(kind));
         for (index, edge) in self.suggested.iter().enumerate() {
             let ends = edge.map(|end| self.at(end));
             line(painter, &ends, Pen::of(look).coloured(colour));
             let middle = ends[0] + 0.5 * (ends[1] - ends[0]) + Vec2::new(10.0, 0.0);
             let text = match (index, self.suggested.len()) {
-                (0, 1) => proposal(next),
-                (0, _) => format!("1  {}", proposal(next)),
+                (0, 1) => proposal(next, kind),
+                (0, _) => format!("1  {}", proposal(next, kind)),
                 (index, _) => (index + 1).to_string(),
             };
             tag(painter, middle, Align2::LEFT_CENTER, &text, colour);
@@ -320,9 +323,9 @@ impl Overlay<'_> {
 }
 
 /// What drawing there would bring.
-fn proposal(next: &DrawNext) -> String {
+fn proposal(next: &DrawNext, kind: Kind) -> String {
     let gain = 100.0 * next.floor_length_rel;
-    format!("{} here? then floor about \u{b1} {gain:.1} %   N", next.kind.row().title.to_lowercase())
+    format!("{} here? then floor about \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
 }
 
 fn diamond(painter: &Painter, at: Pos2, colour: Color32) {

@@ -85,6 +85,7 @@ fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
         Purpose::Import => "Path of the file to import",
         Purpose::Export => "Path of the folder to export into",
         Purpose::SavePicture => "Path to save the picture to",
+        Purpose::SaveReport => "Path to save the report to",
     };
     let label = ui.label(RichText::new(what).font(theme::medium(13.0)));
     let why = "This system has no file chooser: xdg-desktop-portal or zenity brings one.";

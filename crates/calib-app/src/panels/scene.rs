@@ -7,12 +7,12 @@ use egui::{ComboBox, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// The kinds of places that are offered, with what they say of themselves.
+/// The kinds of places that are offered, with where they are.
 const PLACES: [(&str, Option<SceneEntry>, &str); 4] = [
-    ("Any place", None, "floors fall by 0.5\u{b0}, corners are off square by 0.9\u{b0}"),
-    ("Level floors", Some(tilt(0.3)), "shops, factories: floors fall by 0.3\u{b0}"),
-    ("Falling floors", Some(tilt(1.5)), "streets, yards: floors fall by 1.5\u{b0}"),
-    ("As drawn", Some(SceneEntry::EXACT), "measured: verticals, corners and levels are what lines say"),
+    ("Any place", None, "Where nothing is known"),
+    ("Level floors", Some(tilt(0.3)), "Shops, factories"),
+    ("Falling floors", Some(tilt(1.5)), "Streets, yards"),
+    ("As drawn", Some(SceneEntry::EXACT), "Measured: verticals, corners and levels are what lines say"),
 ];
 
 const fn tilt(degrees: f64) -> SceneEntry {
@@ -28,26 +28,31 @@ pub(crate) fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let now = app.editor.session().site.scene;
     let mut chosen = now;
-    let own = now.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors();
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scene").color(palette.text2));
         let title = PLACES.iter().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| *title);
         ComboBox::from_id_salt("scene")
             .selected_text(title)
             .show_ui(ui, |ui| {
-                for (title, scene, says) in PLACES {
+                for (title, scene, place) in PLACES {
+                    let says = format!("{place}. {}", summary(errors(scene)));
                     ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
                 }
             })
             .response
             .labelled_by(label.id)
-            .on_hover_text(summary(own));
+            .on_hover_text(summary(errors(now)));
     });
     if chosen != now {
         let mut site = app.editor.session().site.clone();
         site.scene = chosen;
         app.send(Action::Change { site: Box::new(site), name: "change what the scene may be off".into() });
     }
+}
+
+/// What a scene may be off; of one of which the site says nothing, what the core takes for usual.
+fn errors(scene: Option<SceneEntry>) -> SceneErrors {
+    scene.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors()
 }
 
 /// What is taken for possible, in words.
@@ -58,4 +63,20 @@ fn summary(errors: SceneErrors) -> String {
         errors.angle.to_degrees(),
         100.0 * errors.length,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_any_place_is_what_the_core_takes_for_usual() {
+        assert_eq!(errors(None), SceneErrors::default());
+        let SceneErrors { floor_tilt, angle, .. } = SceneErrors::default();
+        let said = summary(errors(None));
+        for angle in [floor_tilt, angle] {
+            assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
+        }
+        assert_eq!(errors(Some(tilt(1.5))).angle, angle, "a place that says how floors fall says no more");
+    }
 }

@@ -15,7 +15,27 @@ use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
 
-/// The start page.
+const TITLE: &str = "Calibrate cameras from their still images";
+
+/// What is done, in three pictures.
+const STEPS: [(Icon, &str, &str); 3] = [
+    (Icon::Vertical, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
+    (Icon::Plan, "Place", "Its field of view is moved, turned and scaled on the plan."),
+    (Icon::All, "Check", "A mark stands on the same spot in every view."),
+];
+
+/// What to begin with.
+const CHOICES: [(&str, Command); 4] = [
+    ("Open the demonstration site", Command::Demo),
+    ("Take the tour: five steps, ten minutes", Command::Tour),
+    ("Open a site\u{2026}", Command::Open),
+    ("Add images\u{2026}", Command::AddImages),
+];
+
+const HINTS: [&str; 2] =
+    ["Or drop images, a folder, or a site file here.", "Images never leave this machine."];
+
+/// The start page; `web/index.html` shows the same picture until the program is there.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut chosen = None;
@@ -24,7 +44,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         ui.vertical_centered(|ui| {
             ui.set_max_width(ui.available_width().min(720.0) - 24.0);
             ui.add_space((0.5 * ui.available_height() - 320.0).max(12.0));
-            ui.label(RichText::new("Calibrate cameras from their still images").font(theme::medium(22.0)));
+            ui.label(RichText::new(TITLE).font(theme::medium(22.0)));
             ui.add_space(4.0);
             ui.add_space(8.0);
             if ui.ctx().content_rect().width() > super::NARROW {
@@ -32,12 +52,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.add_space(12.0);
             }
             recover = found(app, ui);
-            for (text, command) in [
-                ("Open the demonstration site", Command::Demo),
-                ("Take the tour: five steps, ten minutes", Command::Tour),
-                ("Open a site\u{2026}", Command::Open),
-                ("Add images\u{2026}", Command::AddImages),
-            ] {
+            for (text, command) in CHOICES {
                 let is_first = command == Command::Demo;
                 let fill = if is_first { palette.accent } else { palette.raised };
                 let colour = if is_first { palette.bg } else { palette.text };
@@ -50,8 +65,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             recent(app, ui);
             kept(app, ui);
             ui.add_space(12.0);
-            ui.label(RichText::new("Or drop images, a folder, or a site file here.").color(palette.text3));
-            ui.label(RichText::new("Images never leave this machine.").color(palette.text3));
+            for hint in HINTS {
+                ui.label(RichText::new(hint).color(palette.text3));
+            }
             if let Some(error) = app.editor.error() {
                 ui.add_space(12.0);
                 ui.label(RichText::new(error).color(palette.bad));
@@ -158,18 +174,12 @@ fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     });
 }
 
-/// What is done, in three pictures.
 fn pictures(ui: &mut Ui) {
     const WIDTH: f32 = 190.0;
     let palette = theme::palette(ui.ctx());
-    let steps = [
-        (Icon::Vertical, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
-        (Icon::Plan, "Place", "Its field of view is moved, turned and scaled on the plan."),
-        (Icon::All, "Check", "A mark stands on the same spot in every view."),
-    ];
     ui.horizontal(|ui| {
         ui.add_space((0.5 * (ui.available_width() - 3.0 * (WIDTH + 8.0))).max(0.0));
-        for (icon, title, text) in steps {
+        for (icon, title, text) in STEPS {
             ui.allocate_ui_with_layout(Vec2::new(WIDTH, 104.0), Layout::top_down(Align::Min), |ui| {
                 egui::Frame::NONE.fill(palette.panel).corner_radius(8).inner_margin(10).show(ui, |ui| {
                     ui.set_width(WIDTH - 20.0);
@@ -245,5 +255,24 @@ fn size(bytes: u64) -> String {
     match bytes as f64 {
         few if few < 1e5 => "under 0.1 MB".into(),
         bytes => format!("{:.1} MB", bytes / 1e6),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_says_the_same_before_the_program_is_there() {
+        let page = include_str!("../../web/index.html");
+        let mut at = 0;
+        let words = std::iter::once(TITLE)
+            .chain(STEPS.into_iter().flat_map(|(_, title, text)| [title, text]))
+            .chain(CHOICES.into_iter().map(|(text, _)| text))
+            .chain(HINTS);
+        for words in words {
+            let found = page[at..].find(&format!(">{words}<"));
+            at += found.unwrap_or_else(|| panic!("{words:?} is not on the page, or not in its place"));
+        }
     }
 }

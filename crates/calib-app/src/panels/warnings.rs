@@ -122,9 +122,17 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
                 }
             }
             (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
-                if app.is_enabled(Command::TakeSuggestion) && ui.button("Show what helps   N").clicked() =>
+                if app.is_enabled(Command::TakeSuggestion) =>
             {
-                *wish = Some(Deed::Tell(Command::TakeSuggestion));
+                let buttons = [
+                    ("Show what helps   N", Command::TakeSuggestion),
+                    ("Something else   \u{21e7}N", Command::DismissSuggestion),
+                ];
+                for (text, command) in buttons {
+                    if ui.button(text).clicked() {
+                        *wish = Some(Deed::Tell(command));
+                    }
+                }
             }
             _ => {}
         }

@@ -13,8 +13,9 @@ impl App {
         /// Floors known better than this need no more lines.
         const GOOD: f64 = 0.015;
         let solution = self.editor.session().solution()?;
+        let next = self.editor.session().proposal();
         let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
-        solution.draw_next.as_ref().filter(|_| self.layers.suggestion && rel.is_none_or(|rel| rel >= GOOD))
+        next.filter(|_| self.layers.suggestion && rel.is_none_or(|rel| rel >= GOOD))
     }
 
     /// Edges of the image in hand on which the proposed lines can be drawn; none while something is in the hand.
@@ -23,17 +24,17 @@ impl App {
         let Some(next) = self.proposal().cloned() else { return Vec::new() };
         let session = self.editor.session();
         let (Some(entry), Some(&pose)) = (session.entry(), session.pose()) else { return Vec::new() };
-        let (size, name) = (entry.size(), entry.image.clone().unwrap_or_default());
+        let (entry, name) = (entry.clone(), entry.image.clone().unwrap_or_default());
         let Some(picture) = self.pictures.ready(&name).filter(|_| self.editor.tool().is_idle()) else {
             return Vec::new();
         };
-        suggest::on_edges(&next, &pose, size, self.edges.of(ctx, &name, &picture.image))
+        suggest::on_edges(&next, &pose, &entry, self.edges.of(ctx, &name, &picture.image))
     }
 
     /// The suggested edge under a pixel, while the tool that draws it is in the hand.
     pub(crate) fn suggested_under(&mut self, ctx: &Context, at: Pixel, radius: f64) -> Option<Edge> {
         let kind = self.proposal()?.kind;
-        if self.editor.tool_kind() != Some(kind) {
+        if kind.is_none() || self.editor.tool_kind() != kind {
             return None;
         }
         let edges = self.suggested(ctx);

@@ -9,14 +9,14 @@ use std::sync::Arc;
 use ::arrow::array::{Array, ArrayRef, AsArray as _, RecordBatch, StringBuilder};
 use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, SchemaRef};
 use ::arrow::util::display::{ArrayFormatter, FormatOptions};
-use ::csv::{ByteRecord, Reader, Writer};
+use ::csv::{ByteRecord, Reader, ReaderBuilder, Writer};
 
 use calib_formats::runs_in_spreadsheets;
 
 use super::utc::in_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose, Sink,
-    Source, text_types,
+    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose,
+    Sink, Source, text_types,
 };
 use crate::files::say;
 use crate::stop::Stop;
@@ -34,11 +34,14 @@ struct Csv {
     is_untold: bool,
     /// Columns that stay text.
     as_text: Vec<String>,
+    keeps_broken: bool,
     record: ByteRecord,
     /// The rows that told the types.
     first: Option<RecordBatch>,
     /// Line of every row of the last batch.
     lines: Vec<u64>,
+    /// Of them, in the same order, those that are not whole.
+    broken: Vec<u64>,
 }
 
 /// Reads until a row has become too long.
@@ -59,7 +62,7 @@ impl Read for Limited {
 pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
     let (name, left) = (input.name.clone(), Rc::new(Cell::new(MAX_ROW_BYTES)));
     let limited = Limited { from: input.into_read(), left: Rc::clone(&left) };
-    let mut reader = Reader::from_reader(limited);
+    let mut reader = ReaderBuilder::new().flexible(purpose.keeps_broken).from_reader(limited);
     let header = reader.headers().map_err(|error| Stop::invalid(&name, error))?;
     if header.len() > MAX_COLUMNS {
         let what = format!("found {} columns, expected at most {MAX_COLUMNS}", header.len());
@@ -70,8 +73,19 @@ pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>
     let schema = Arc::new(Schema::new(fields));
     check_columns(&name, &schema, purpose.as_text)?;
     let (is_untold, as_text) = (purpose.to.is_typed, purpose.as_text.to_vec());
-    let (record, lines) = (ByteRecord::new(), Vec::new());
-    let mut csv = Csv { name, reader, left, schema, is_untold, as_text, record, first: None, lines };
+    let mut csv = Csv {
+        name,
+        reader,
+        left,
+        schema,
+        is_untold,
+        as_text,
+        keeps_broken: purpose.keeps_broken,
+        record: ByteRecord::new(),
+        first: None,
+        lines: Vec::new(),
+        broken: Vec::new(),
+    };
     if is_untold {
         csv.first = csv.read()?;
     }
@@ -131,26 +145,51 @@ impl Csv {
     /// Reads rows into the builders; whether there were any.
     fn fill(&mut self, columns: &mut [StringBuilder]) -> Result<bool, Stop> {
         self.lines.clear();
+        self.broken.clear();
         let mut bytes = 0;
         let most = if self.is_untold { FIRST_ROWS } else { BATCH_ROWS };
         while self.lines.len() < most && bytes < BATCH_BYTES {
             self.left.set(MAX_ROW_BYTES);
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more.map_err(|error| Stop::invalid(&self.name, error))? {
+            if !more.map_err(|error| self.unreadable(&error))? {
                 break;
             }
             let line = self.record.position().map_or(0, ::csv::Position::line);
-            for (index, (column, cell)) in columns.iter_mut().zip(&self.record).enumerate() {
-                let text = std::str::from_utf8(cell).map_err(|_| {
-                    let column = self.schema.field(index).name();
-                    Stop::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text"))
-                })?;
-                column.append_option((!text.is_empty()).then_some(text));
-                bytes += text.len() + CELL_BYTES;
+            let is_text = self.record.iter().all(|cell| std::str::from_utf8(cell).is_ok());
+            let is_whole = is_text && self.record.len() == columns.len();
+            if !is_text && !self.keeps_broken {
+                return Err(self.not_text(line));
+            }
+            // In a column of a type, what is in the cells of a broken row may be of another one.
+            let is_kept = is_whole || !(self.is_untold || self.has_types());
+            for (index, column) in columns.iter_mut().enumerate() {
+                let cell = self.record.get(index).filter(|cell| is_kept && !cell.is_empty());
+                let text = cell.map(String::from_utf8_lossy);
+                bytes += text.as_ref().map_or(0, |text| text.len()) + CELL_BYTES;
+                column.append_option(text);
+            }
+            if !is_whole {
+                self.broken.push(line);
             }
             self.lines.push(line);
         }
         Ok(!self.lines.is_empty())
+    }
+
+    fn has_types(&self) -> bool {
+        self.schema.fields().iter().any(|field| field.data_type() != &DataType::Utf8)
+    }
+
+    fn unreadable(&self, error: &::csv::Error) -> Stop {
+        let is_of_length = matches!(error.kind(), ::csv::ErrorKind::UnequalLengths { .. });
+        let hint = if is_of_length { format!("; {GOES_ON}") } else { String::new() };
+        Stop::invalid(&self.name, format!("{error}{hint}"))
+    }
+
+    fn not_text(&self, line: u64) -> Stop {
+        let at = self.record.iter().position(|cell| std::str::from_utf8(cell).is_err());
+        let column = at.and_then(|at| self.schema.fields().get(at)).map_or("", |field| field.name());
+        Stop::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text; {GOES_ON}"))
     }
 }
 
@@ -164,6 +203,10 @@ impl Source for Csv {
             Some(batch) => Some(Ok(batch)),
             None => self.read().transpose(),
         }
+    }
+
+    fn is_broken(&self, row: usize) -> bool {
+        self.lines.get(row).is_some_and(|line| self.broken.binary_search(line).is_ok())
     }
 
     fn place(&self, row: usize) -> String {

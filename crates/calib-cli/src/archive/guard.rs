@@ -44,6 +44,10 @@ impl Source for Guarded {
         self.source.place(row)
     }
 
+    fn is_broken(&self, row: usize) -> bool {
+        self.source.is_broken(row)
+    }
+
     fn rows(&self) -> Option<u64> {
         self.source.rows()
     }

@@ -50,6 +50,11 @@ pub(crate) trait Source {
     /// What a row of the batch read last is called in messages.
     fn place(&self, row: usize) -> String;
 
+    /// Whether a row of the batch read last is not whole: what is in its cells may be of others.
+    fn is_broken(&self, _row: usize) -> bool {
+        false
+    }
+
     /// Rows in all, where that is known.
     fn rows(&self) -> Option<u64> {
         None
@@ -76,7 +81,12 @@ pub(crate) struct Purpose<'a> {
     pub(crate) to: &'static Format,
     /// Columns that stay text, whatever their cells look like.
     pub(crate) as_text: &'a [String],
+    /// Whether rows that are not whole are handed on ([`Source::is_broken`]), and do not end the run.
+    pub(crate) keeps_broken: bool,
 }
+
+/// What to do about a row that is not whole.
+const GOES_ON: &str = "--bad-rows status goes on with the others";
 
 /// Where a table is written to.
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;

@@ -20,8 +20,8 @@ use serde_json::value::RawValue;
 use super::json_text::json_field;
 use super::utc::in_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose,
-    Sink, Source, is_json, plain,
+    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing,
+    Purpose, Sink, Source, is_json, plain,
 };
 use crate::stop::Stop;
 
@@ -32,6 +32,7 @@ struct Lines {
     name: String,
     reader: BufReader<Box<dyn Read>>,
     to: &'static Format,
+    keeps_broken: bool,
     /// The columns of a format that has the same ones in every row.
     types: Option<Vec<(String, DataType)>>,
     text: Vec<u8>,
@@ -39,6 +40,8 @@ struct Lines {
     line: u64,
     /// Line of every row of the last batch.
     lines: Vec<u64>,
+    /// Of them, in the same order, those that are no JSON object.
+    broken: Vec<u64>,
 }
 
 /// A column while its lines are read.
@@ -47,10 +50,12 @@ struct Column {
     values: StringBuilder,
 }
 
-pub(super) fn open(input: Input, Purpose { to, .. }: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+    let Purpose { to, keeps_broken, .. } = purpose;
     let name = input.name.clone();
     let reader = BufReader::with_capacity(1 << 16, input.into_read());
-    Ok(Box::new(Lines { name, reader, to, types: None, text: Vec::new(), line: 0, lines: Vec::new() }))
+    let (text, lines, broken) = (Vec::new(), Vec::new(), Vec::new());
+    Ok(Box::new(Lines { name, reader, to, keeps_broken, types: None, text, line: 0, lines, broken }))
 }
 
 impl Lines {
@@ -82,15 +87,20 @@ impl Lines {
         let mut columns = Vec::new();
         let mut bytes = 0;
         self.lines.clear();
+        self.broken.clear();
         while self.lines.len() < most && bytes < BATCH_BYTES && self.read_line()? {
             let row = self.lines.len();
             let object = Object { columns: &mut columns, row };
             let mut json = serde_json::Deserializer::from_slice(&self.text);
             let read = json.deserialize_map(object).and_then(|()| json.end());
-            read.map_err(|error| {
-                let what = format!("line {}: expected one JSON object a line: {error}", self.line);
-                Stop::invalid(&self.name, what)
-            })?;
+            if let Err(error) = read {
+                if !self.keeps_broken {
+                    let what =
+                        format!("line {}: expected one JSON object a line: {error}; {GOES_ON}", self.line);
+                    return Err(Stop::invalid(&self.name, what));
+                }
+                self.broken.push(self.line);
+            }
             bytes += self.text.len() + CELL_BYTES * columns.len();
             self.lines.push(self.line);
         }
@@ -212,6 +222,10 @@ impl Source for Lines {
         let options = ::arrow::array::RecordBatchOptions::new().with_row_count(Some(self.lines.len()));
         let batch = RecordBatch::try_new_with_options(Arc::new(Schema::new(fields)), arrays, &options);
         Some(batch.map_err(Stop::from))
+    }
+
+    fn is_broken(&self, row: usize) -> bool {
+        self.lines.get(row).is_some_and(|line| self.broken.binary_search(line).is_ok())
     }
 
     fn place(&self, row: usize) -> String {

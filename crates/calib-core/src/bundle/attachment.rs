@@ -45,25 +45,32 @@ fn by_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> O
     const INLIER_RATIO: f64 = 5.0;
     /// A point is an inlier up to this error, in pixels.
     const INLIER_PIXELS: f64 = 4.0;
-    /// Most pairs that are tried.
-    const MAX_PAIRS: usize = 60;
     if points.len() < 4 {
         return from_control_points(camera, points, height);
     }
-    let count = points.len();
-    let pairs = (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
-    // The pairs that are tried are spread over all of them.
-    let step = (count * (count - 1) / 2).div_ceil(MAX_PAIRS);
-    let tried =
-        pairs.step_by(step).filter_map(|(i, j)| from_control_points(camera, &[points[i], points[j]], height));
+    let few = spread(points);
+    let tried = pairs(few.len()).filter_map(|(i, j)| from_control_points(camera, &[few[i], few[j]], height));
     let all = from_control_points(camera, points, height);
-    let error = |camera: &Camera| median(errors(camera, points));
-    let best = tried.chain(all).min_by(|a, b| error(a).total_cmp(&error(b)))?;
+    let scored = tried.chain(all).map(|camera| (median(errors(&camera, &few)), camera));
+    let (_, best) = scored.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let errors = errors(&best, points);
     let limit = (INLIER_RATIO * median(errors.clone())).max(INLIER_PIXELS);
     let inliers: Vec<ControlPoint> =
         points.iter().zip(&errors).filter(|(_, error)| **error <= limit).map(|(point, _)| *point).collect();
     from_control_points(camera, &inliers, height).or(Some(best))
+}
+
+/// As many points as tell a median well, spread over all of them.
+fn spread(points: &[ControlPoint]) -> Vec<ControlPoint> {
+    const ENOUGH: usize = 400;
+    points.iter().step_by(points.len().div_ceil(ENOUGH).max(1)).copied().collect()
+}
+
+/// The pairs of so many that are tried, spread over all of them.
+fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    const MOST: usize = 60;
+    let step = (count * (count - 1) / 2).div_ceil(MOST);
+    (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j))).step_by(step)
 }
 
 /// Reprojection errors of the points, in raw pixels.

@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    edges, weak_prior,
+    edges, times_drawn, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -163,6 +163,8 @@ pub(crate) struct View<'a> {
     pub(crate) shares_floor: bool,
     /// Lines that are straight in space.
     pub(crate) edges: Vec<Edge>,
+    /// How often each of them is drawn.
+    pub(crate) edge_times: Vec<f64>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
 }
@@ -183,6 +185,7 @@ impl<'a> View<'a> {
         // Without a fit there is nothing drawn on which a nuisance parameter depends.
         let unfitted = || vec![0.0; stage_1.nuisances().count()];
         let nuisance = entry.fit.map_or_else(unfitted, |fit| fit.state.nuisance.clone());
+        let edges = if fits_lens { edges(entry.annotations) } else { Vec::new() };
         View {
             camera: with_lens_and_height(entry, start, owner),
             free,
@@ -191,7 +194,8 @@ impl<'a> View<'a> {
             stage_1,
             nuisance,
             shares_floor: gauge.is_some(),
-            edges: if fits_lens { edges(entry.annotations) } else { Vec::new() },
+            edge_times: times_drawn(edges.iter()),
+            edges,
             size: entry.size,
         }
     }

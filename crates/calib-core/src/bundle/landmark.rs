@@ -245,14 +245,14 @@ impl LandmarkModel {
         ground: &Plane,
         pose: &PosedCamera,
         observed: &ObservedPixel,
-    ) -> Option<Vec<ReprojectionError>> {
+    ) -> Option<impl Iterator<Item = ReprojectionError>> {
         if let Self::Line { origin } = self {
-            let line = pose.reproject_line(ground, *origin, place[0], place[1]);
-            return Some(vec![line_error(&line, observed)]);
+            let error = line_error(&pose.reproject_line(ground, *origin, place[0], place[1]), observed);
+            return Some([error; 2].into_iter().take(1));
         }
         let (point, jacobian) = self.point(place, point, ground);
         let by_plane = self.foot(place).map_or([0.0; 3], |foot| ground.height_by_parameters(foot));
-        Some(point_errors(&pose.reproject(point)?, &jacobian, &by_plane, observed).to_vec())
+        Some(point_errors(&pose.reproject(point)?, &jacobian, &by_plane, observed).into_iter().take(2))
     }
 
     /// Number of residuals that one observation gives.

@@ -11,7 +11,8 @@
 //!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
 //!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
 //!   `annotation_residuals`;
-//! - `marginals` covariances of cameras and landmarks; `refinement` the minimum, without outliers; `summary` what
+//! - `marginals` covariances of cameras and landmarks; `converged` a minimum with what speaks against every
+//!   candidate; `screening` several outliers at once; `refinement` the minimum without outliers; `summary` what
 //!   was estimated; `adjustment` the front door: [`BundleAdjustment::solve`].
 //!
 //! **The sigma of a floor point** is the covariance of its camera, from `marginals`, propagated by
@@ -31,15 +32,17 @@ mod residuals;
 mod problem;
 mod annotation_residuals;
 mod marginals;
+mod converged;
+mod screening;
 mod refinement;
 mod summary;
 mod adjustment;
 
 pub use adjustment::{BundleAdjustment, BundleError};
 pub use camera::{BundleCamera, InitialPose};
+pub use converged::{OutlierCandidate, PlaneEstimate};
 pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 pub use marginals::CrossCovariance;
-pub use refinement::{OutlierCandidate, PlaneEstimate};
 pub use summary::{BundleSummary, CameraEstimate};
 pub use view_graph::Component;
 

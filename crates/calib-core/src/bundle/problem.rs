@@ -9,7 +9,7 @@ use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, 
 use crate::bundle::shared_planes::parameters_of_plane;
 use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
-use crate::single::{PlanePrior, Prior, lens_prior, straightness_with_jacobian};
+use crate::single::{PlanePrior, Prior, edge_redundancy, lens_prior, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -166,10 +166,15 @@ impl<'a> BundleProblem<'a> {
     pub(crate) fn dof(&self, state: &[f64]) -> Option<i64> {
         let mut count = 0_i64;
         self.each_residual(state, |_, _, _| count += 1)?;
-        // The line through the points of an edge has two parameters, which are eliminated.
-        let edges: i64 = self.views.iter().map(|view| view.edges.len() as i64).sum();
+        // The line through the points of an edge has two parameters, which are eliminated, and an edge that is
+        // drawn again is one.
+        let beyond = |view: &View| {
+            let points: usize = view.edges.iter().map(|edge| edge.points.len()).sum();
+            points as i64 - edge_redundancy(view.edges.iter(), &view.edge_times)
+        };
+        let edges: i64 = self.views.iter().map(beyond).sum();
         let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum();
-        Some(count - repeated - 2 * edges - self.blocks.unknowns() as i64)
+        Some(count - repeated - edges - self.blocks.unknowns() as i64)
     }
 
     /// Calls `sink` with every residual in sigmas, its derivatives, and what it belongs to.
@@ -216,7 +221,8 @@ impl<'a> BundleProblem<'a> {
         let scale = this.stage_1.sigma.recip();
         let free: Vec<usize> =
             (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some()).collect();
-        for edge in &this.edges {
+        for (edge, times) in this.edges.iter().zip(&this.edge_times) {
+            let scale = scale / times.sqrt();
             let (distances, columns) = straightness_with_jacobian(&camera.lens, &edge.points, &free)?;
             for (i, distance) in distances.iter().enumerate() {
                 let mut by = [0.0; CAMERA_PARAMS];

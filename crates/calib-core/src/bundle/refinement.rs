@@ -4,49 +4,23 @@
 //! Outliers are searched for where the chi-square of all residuals is too large for the noise, or that of one
 //! landmark, as the largest of many. The candidate without which the rest has the least chi-square score
 //! (leave-one-out) is rejected, if the rest has no misfit or the candidate is significant against its
-//! scatter; then again.
+//! scatter; then again. Of many landmarks those that are plainly wrong go before, several at once
+//! (`screening.rs`).
 
 use crate::bundle::camera::View;
-use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
-use crate::bundle::marginals::{CrossCovariance, Marginals, of_landmark};
+use crate::bundle::converged::{
+    Converged, LandmarkEstimate, OutlierCandidate, PlaneEstimate, converged, nearly_converged,
+};
+use crate::bundle::landmark::{DistanceMeasurement, Landmark};
+use crate::bundle::marginals::{CrossCovariance, Marginals};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
-use crate::camera::{Camera, Covariance, Plane};
-use crate::optimize::{BlockCovariance, Summary, least_squares};
-use crate::single::{
-    LEVEL, OPEN_FOCAL, PlanePrior, Prior, chi2_score, inflation, is_misfit, is_significant, student_factor,
-};
+use crate::bundle::triangulation::triangulate;
+use crate::camera::{Camera, Covariance};
+use crate::single::{PlanePrior, Prior, chi2_score, inflation, is_misfit, is_significant, student_factor};
 
-/// Most accepted steps of a minimisation; from an initialised state few are needed.
-const MAX_STEPS: usize = 60;
-/// Regularisation of the covariance: this share of the information of its own residuals is added to every
-/// parameter, so that what is not determined has a large, not an infinite, variance.
-const REGULARIZATION: f64 = 1e-12;
-
-/// Something that may be rejected as an outlier, by its index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OutlierCandidate {
-    /// A landmark with all its observations.
-    Landmark(usize),
-    /// A measured distance.
-    Distance(usize),
-}
-
-/// Parameters of a landmark with their covariance, zeros for those that are not free.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LandmarkEstimate {
-    pub(crate) place: [f64; LANDMARK_PARAMS],
-    pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
-}
-
-/// A plane as it was estimated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlaneEstimate {
-    /// Where it is.
-    pub plane: Plane,
-    /// Covariance of height and slope, in square metres and squares of rise per metre.
-    pub covariance: [[f64; 3]; 3],
-}
+/// Landmarks from which on they are screened.
+const SCREENED_FROM: usize = 200;
 
 /// A refined cluster.
 #[derive(Clone, Debug)]
@@ -72,16 +46,6 @@ pub(crate) struct Refined {
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
 }
 
-/// A problem at its minimum.
-struct Converged<'a> {
-    problem: BundleProblem<'a>,
-    state: Vec<f64>,
-    chi2: f64,
-    dof: i64,
-    /// Where it has been computed already.
-    covariance: Option<BlockCovariance>,
-}
-
 /// A cluster of cameras with what they observe, initialised; indices are those within the cluster.
 #[derive(Clone, Debug)]
 pub(crate) struct Refinement<'a> {
@@ -97,10 +61,13 @@ pub(crate) struct Refinement<'a> {
 impl Refinement<'_> {
     /// `None` where the start is impossible.
     pub(crate) fn solve(&self) -> Option<Refined> {
-        let mut rejected = Vec::new();
-        let mut converged = self.solve_without(&rejected)?;
+        let (mut rejected, mut converged) = if self.landmarks.len() >= SCREENED_FROM {
+            self.screened()?
+        } else {
+            (Vec::new(), self.solve_without(&[], None)?)
+        };
         // Every rejection costs a search; beyond a tenth of the landmarks the fit is reported as a misfit.
-        let max_rejected = (self.landmarks.len() / 10).clamp(1, 20);
+        let max_rejected = rejected.len() + (self.landmarks.len() / 10).clamp(1, 20);
         while rejected.len() < max_rejected && converged.has_outliers() {
             let Some((candidate, without)) = self.worst_outlier(&converged, &rejected) else { break };
             if !self.is_outlier(&converged, &without, rejected.is_empty()) {
@@ -110,6 +77,33 @@ impl Refinement<'_> {
             converged = without;
         }
         Some(self.finish(converged, rejected))
+    }
+
+    /// Without what is plainly wrong among many, at most a tenth; what the rest agrees with comes back.
+    fn screened(&self) -> Option<(Vec<OutlierCandidate>, Converged<'_>)> {
+        let has_weak_prior = self.has_weak_prior();
+        let most = self.landmarks.len() / 10;
+        let mut rejected = Vec::new();
+        let mut found = nearly_converged(self.problem(&[], &has_weak_prior, None))?;
+        loop {
+            let suspects = found.suspects();
+            let room = most - rejected.len();
+            if suspects.is_empty() || room == 0 {
+                break;
+            }
+            rejected.extend(suspects.into_iter().take(room));
+            found = nearly_converged(self.problem(&rejected, &has_weak_prior, Some(&found)))?;
+        }
+        let factor = if self.all_noise_is_known() { 1.0 } else { inflation(found.chi2, found.dof) };
+        let cameras: Vec<Camera> = (0..self.views.len()).map(|view| found.camera(view)).collect();
+        rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
+        let found = self.solve_without(&rejected, Some(&found))?;
+        Some((rejected, found))
+    }
+
+    /// Of which views the weak prior on the focal may enter.
+    fn has_weak_prior(&self) -> Vec<bool> {
+        self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect()
     }
 
     fn all_noise_is_known(&self) -> bool {
@@ -141,37 +135,59 @@ impl Refinement<'_> {
         (landmarks, distances)
     }
 
-    /// The minimum without the rejected. The weak prior on a focal enters where nothing else, the landmarks
-    /// included, determines it.
-    fn solve_without(&self, rejected: &[OutlierCandidate]) -> Option<Converged<'_>> {
-        let has_weak_prior: Vec<bool> =
-            self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect();
+    /// The minimum without the rejected, from another one or from the start. The weak prior on a focal enters
+    /// where nothing else, the landmarks included, determines it.
+    fn solve_without(
+        &self,
+        rejected: &[OutlierCandidate],
+        from: Option<&Converged>,
+    ) -> Option<Converged<'_>> {
+        let has_weak_prior = self.has_weak_prior();
         let none = vec![false; self.views.len()];
         if !has_weak_prior.contains(&true) {
-            return converged(self.problem(rejected, &none));
+            return converged(self.problem(rejected, &none, from));
         }
-        let Some(mut without_prior) = converged(self.problem(rejected, &none)) else {
-            return converged(self.problem(rejected, &has_weak_prior));
+        let Some(mut without_prior) = converged(self.problem(rejected, &none, from)) else {
+            return converged(self.problem(rejected, &has_weak_prior, from));
         };
         without_prior.covariance = without_prior.covariance();
         let is_open: Vec<bool> = (0..self.views.len())
             .map(|view| has_weak_prior[view] && without_prior.focal_is_open(view))
             .collect();
         if is_open.contains(&true) {
-            converged(self.problem(rejected, &is_open))
+            converged(self.problem(rejected, &is_open, from))
         } else {
             Some(without_prior)
         }
     }
 
-    /// The problem without what is rejected, with the weak priors of the flagged views.
-    fn problem(&self, rejected: &[OutlierCandidate], with_weak_prior: &[bool]) -> BundleProblem<'_> {
-        let mut views = self.views.clone();
+    /// The problem without what is rejected, with the weak priors of the flagged views, at the start or where
+    /// another one converged.
+    fn problem(
+        &self,
+        rejected: &[OutlierCandidate],
+        with_weak_prior: &[bool],
+        from: Option<&Converged>,
+    ) -> BundleProblem<'_> {
+        let (mut views, (mut landmarks, distances)) = (self.views.clone(), self.without(rejected));
+        if let Some(Converged { problem, state, .. }) = from {
+            for (index, view) in views.iter_mut().enumerate() {
+                view.camera = problem.camera(state, index);
+                view.nuisance = problem.nuisance(state, index);
+            }
+            let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+            for (index, landmark) in landmarks.iter_mut().enumerate() {
+                landmark.place = problem.place(state, index);
+                let is_back = problem.landmarks[index].off && !landmark.off;
+                if let Some(found) = is_back.then(|| triangulate(landmark, &cameras, &|_| true)).flatten() {
+                    (landmark.model, landmark.place) = found;
+                }
+            }
+        }
         for (view, with) in views.iter_mut().zip(with_weak_prior) {
             let weak: Option<Prior> = view.stage_1.priors.weak_log_focal.filter(|_| *with);
             view.stage_1.priors.weak_log_focal = weak;
         }
-        let (landmarks, distances) = self.without(rejected);
         BundleProblem::new(views, landmarks, distances, self.planes.clone())
     }
 
@@ -182,13 +198,14 @@ impl Refinement<'_> {
         rejected: &[OutlierCandidate],
     ) -> Option<(OutlierCandidate, Converged<'_>)> {
         // Leave-one-out is exact and used where it is cheap; a large network has the redundancy for the
-        // residuals to rank the candidates.
+        // residuals to rank the candidates, and one of many landmarks moves the minimum too little to lead to
+        // another.
         let max_tried = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
-        let candidates = converged.scores().into_iter().map(|(candidate, _)| candidate).take(max_tried);
-        let tried = candidates.filter_map(|candidate| {
-            let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([candidate]).collect();
-            let found = self.solve_without(&without)?;
-            (found.dof >= 1).then_some((candidate, found))
+        let from = (self.landmarks.len() >= SCREENED_FROM).then_some(converged);
+        let tried = converged.worst_first().into_iter().take(max_tried).filter_map(|scored| {
+            let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([scored.candidate]).collect();
+            let found = self.solve_without(&without, from)?;
+            (found.dof >= 1).then_some((scored.candidate, found))
         });
         let score = |found: &Converged| chi2_score(found.chi2, found.dof);
         tried.min_by(|a, b| score(&a.1).total_cmp(&score(&b.1)))
@@ -227,111 +244,5 @@ impl Refinement<'_> {
             planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
         }
-    }
-}
-
-/// The angle in [-180, 180) degrees, in radians.
-fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    (angle + PI).rem_euclid(TAU) - PI
-}
-
-fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    let Summary { state, cost: chi2, .. } = least_squares(&problem, problem.start(), MAX_STEPS)?;
-    let dof = problem.dof(&state)?;
-    Some(Converged { problem, state, chi2, dof, covariance: None })
-}
-
-impl Converged<'_> {
-    fn covariance(&self) -> Option<BlockCovariance> {
-        self.problem.blocks.covariance(self.problem.normal(&self.state)?, REGULARIZATION)
-    }
-
-    /// A camera without covariance, a free yaw in [-180, 180) degrees.
-    fn camera(&self, view: usize) -> Camera {
-        let camera = self.problem.camera(&self.state, view);
-        let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
-        let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
-        Camera { yaw, covariance: Covariance::EXACT, ..camera }
-    }
-
-    fn landmarks(
-        &self,
-        covariance: Option<&BlockCovariance>,
-        inflation: f64,
-    ) -> Vec<Option<LandmarkEstimate>> {
-        let problem = &self.problem;
-        let estimate = |landmark: usize| {
-            let unknown = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
-            let covariance = covariance
-                .map_or(unknown, |covariance| of_landmark(problem, covariance, landmark, inflation));
-            LandmarkEstimate { place: problem.place(&self.state, landmark), covariance }
-        };
-        let count = problem.landmarks.len();
-        (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
-    }
-
-    /// The planes that were estimated, as far as the covariance is known.
-    fn planes(&self, covariance: Option<&BlockCovariance>, inflation: f64) -> Vec<Option<PlaneEstimate>> {
-        let estimate = |plane: usize| {
-            let block = self.problem.plane_blocks[plane]?;
-            let own = covariance?.block(&self.problem.blocks, block, block);
-            let entry = |i: usize, j: usize| own[(i, j)] * inflation;
-            let covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
-            Some(PlaneEstimate { plane: self.problem.plane(&self.state, plane), covariance })
-        };
-        (0..self.problem.planes.len()).map(estimate).collect()
-    }
-
-    /// Whether the focal of a view is estimated and its log has a large variance, or none that is a number.
-    fn focal_is_open(&self, view: usize) -> bool {
-        let Some((block, place)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
-        let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));
-        !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL)
-    }
-
-    /// The outlier candidates with the score of their chi-squares, the largest first.
-    fn scores(&self) -> Vec<(OutlierCandidate, f64)> {
-        let (landmarks, distances) = self.chi2_by_candidate();
-        let landmark = |(index, landmark): (usize, &Landmark)| {
-            let is_candidate = !landmark.off && !landmark.keep && landmark.redundancy() > 0;
-            let score = || chi2_score(landmarks[index], landmark.redundancy());
-            is_candidate.then(|| (OutlierCandidate::Landmark(index), score()))
-        };
-        let distance = |(index, distance): (usize, &DistanceMeasurement)| {
-            let is_candidate = !distance.off && !distance.keep;
-            is_candidate.then(|| (OutlierCandidate::Distance(index), chi2_score(distances[index], 1)))
-        };
-        let mut scores: Vec<(OutlierCandidate, f64)> =
-            self.problem.landmarks.iter().enumerate().filter_map(landmark).collect();
-        scores.extend(self.problem.distances.iter().enumerate().filter_map(distance));
-        scores.sort_by(|a, b| b.1.total_cmp(&a.1));
-        scores
-    }
-
-    /// Sums of the squared residuals of every landmark and every distance.
-    fn chi2_by_candidate(&self) -> (Vec<f64>, Vec<f64>) {
-        let mut landmarks = vec![0.0; self.problem.landmarks.len()];
-        let mut distances = vec![0.0; self.problem.distances.len()];
-        let _ = self.problem.each_residual(&self.state, |residual, _, kind| match kind {
-            ResidualKind::Observation { landmark } | ResidualKind::LandmarkPrior { landmark } => {
-                landmarks[landmark] += residual * residual;
-            }
-            ResidualKind::Distance { distance } => distances[distance] += residual * residual,
-            ResidualKind::Annotation { .. }
-            | ResidualKind::StraightEdge
-            | ResidualKind::CameraPrior
-            | ResidualKind::PlanePrior => {}
-        });
-        (landmarks, distances)
-    }
-
-    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large
-    /// for the noise.
-    fn has_outliers(&self) -> bool {
-        let scores = self.scores();
-        let worst = scores.first().map_or(0.0, |(_, score)| *score);
-        let limit = (LEVEL * LEVEL + 2.0 * (scores.len().max(1) as f64).ln()).sqrt();
-        is_misfit(self.chi2, self.dof) || worst > limit
     }
 }

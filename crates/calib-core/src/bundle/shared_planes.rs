@@ -239,7 +239,7 @@ mod tests {
                 free[..Covariance::LENS].fill(true);
                 View {
                     camera: cameras[index], free, lens: index, annotations: &annotations[index],
-                    nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: Vec::new(), size: [1920.0, 1080.0],
+                    nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: Vec::new(), edge_times: Vec::new(), size: [1920.0, 1080.0],
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];

@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 
 use crate::bundle::camera::BundleCamera;
+use crate::bundle::converged::{OutlierCandidate, PlaneEstimate};
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::bundle::marginals::CrossCovariance;
-use crate::bundle::refinement::{OutlierCandidate, PlaneEstimate, Refined};
+use crate::bundle::refinement::Refined;
 use crate::bundle::residuals::ResidualKind;
 use crate::bundle::view_graph::Component;
 use crate::camera::Camera;

@@ -132,24 +132,36 @@ impl Normal {
     /// Adds a residual with its derivatives, of which the first four are those by the core.
     #[inline]
     pub(crate) fn add(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
-        self.cost += residual * residual;
+        self.add_weighted(1.0, residual, gradient, nuisance);
+    }
+
+    /// Takes a residual out again that was added.
+    pub(crate) fn remove(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
+        self.add_weighted(-1.0, residual, gradient, nuisance);
+    }
+
+    #[inline]
+    fn add_weighted(&mut self, weight: f64, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
+        self.cost += weight * residual * residual;
         for i in 0..CORE {
-            self.gradient[i] += gradient[i] * residual;
+            let by = weight * gradient[i];
+            self.gradient[i] += by * residual;
             for j in i..CORE {
-                self.core[i][j] += gradient[i] * gradient[j];
+                self.core[i][j] += by * gradient[j];
             }
         }
         for &(index, derivative) in nuisance.entries() {
+            let by = weight * derivative;
             let (block, place) = self.places[index];
             let Block { size, row, square } = self.blocks[block];
             let sums = &mut self.rows[row + place];
-            sums.gradient += derivative * residual;
+            sums.gradient += by * residual;
             for i in 0..CORE {
-                sums.cross[i] += derivative * gradient[i];
+                sums.cross[i] += by * gradient[i];
             }
             for &(other, by_other) in nuisance.entries() {
                 let column = self.places[other].1;
-                self.squares[square + place * size + column] += derivative * by_other;
+                self.squares[square + place * size + column] += by * by_other;
             }
         }
     }

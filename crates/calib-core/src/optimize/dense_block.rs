@@ -75,17 +75,15 @@ pub(crate) fn product(a: &[f64], b: &[f64], size: usize) -> Vec<f64> {
     found
 }
 
-/// `A' B` of two matrices of `height` rows.
-pub(crate) fn transposed_product(a: &[f64], b: &[f64], height: usize) -> Vec<f64> {
+/// Subtracts `A' B` of two matrices of `height` rows.
+#[inline]
+pub(crate) fn subtract_transposed_product(from: &mut [f64], a: &[f64], b: &[f64], height: usize) {
     let (rows, columns) = (a.len() / height, b.len() / height);
-    let mut found = vec![0.0; rows * columns];
-    for k in 0..height {
-        for i in 0..rows {
-            let factor = a[k * rows + i];
-            for j in 0..columns {
-                found[i * columns + j] += factor * b[k * columns + j];
+    for (row, b) in a.chunks_exact(rows).zip(b.chunks_exact(columns)) {
+        for (values, factor) in from.chunks_exact_mut(columns).zip(row) {
+            for (value, b) in values.iter_mut().zip(b) {
+                *value -= factor * b;
             }
         }
     }
-    found
 }

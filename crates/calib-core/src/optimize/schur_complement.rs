@@ -34,13 +34,13 @@
 use nalgebra::DMatrix;
 
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
-use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse, transposed_product};
+use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse, subtract_transposed_product};
 use crate::optimize::sparse_cholesky::SelectedInverse;
 
 /// The system of the kept blocks.
 struct Reduced {
-    /// Of the matrix, in the order of the sparse structure.
-    values: Vec<f64>,
+    /// Of every pair of kept blocks, row by row.
+    blocks: Vec<Vec<f64>>,
     right: Vec<f64>,
     /// Inverse of the own matrix of every eliminated block.
     inverses: Vec<Vec<f64>>,
@@ -49,17 +49,15 @@ struct Reduced {
 impl BlockStructure {
     /// The reduced system; `damping` multiplies the diagonal.
     fn reduced(&self, normal: &NormalEquations, damping: f64) -> Reduced {
-        let mut values = self.sparse.zeros();
-        for (&[a, b], block) in self.pairs.iter().zip(&normal.kept) {
-            let mut block = block.clone();
+        let mut blocks = normal.kept.clone();
+        for (&[a, b], block) in self.pairs.iter().zip(&mut blocks) {
             if a == b {
-                damp_diagonal(&mut block, damping);
+                damp_diagonal(block, damping);
             }
-            self.sparse.add(&mut values, [a, b], &block, 1.0);
         }
         let right: Vec<f64> =
             self.kept.iter().flat_map(|&b| self.of(&normal.gradient, b).iter().map(|g| -g)).collect();
-        let mut reduced = Reduced { values, right, inverses: Vec::with_capacity(self.eliminated.len()) };
+        let mut reduced = Reduced { blocks, right, inverses: Vec::with_capacity(self.eliminated.len()) };
         let starts = self.starts();
         for (e, out) in self.eliminated.iter().enumerate() {
             let mut own = normal.own[e].clone();
@@ -68,6 +66,15 @@ impl BlockStructure {
             self.eliminate(normal, [e, out.block], out, &starts, &mut reduced);
         }
         reduced
+    }
+
+    /// The blocks as the values of the sparse matrix.
+    fn values(&self, blocks: &[Vec<f64>]) -> Vec<f64> {
+        let mut values = self.sparse.zeros();
+        for (&pair, block) in self.pairs.iter().zip(blocks) {
+            self.sparse.add(&mut values, pair, block, 1.0);
+        }
+        values
     }
 
     /// Subtracts `C' D^-1 C` of one eliminated block from the matrix and adds `C' D^-1` times its gradient
@@ -92,16 +99,15 @@ impl BlockStructure {
             }
             for other in &normal.cross[e][k..] {
                 let Some(&pair) = pairs.next() else { continue };
-                let block = transposed_product(&weighed, other, size);
-                self.sparse.add(&mut reduced.values, self.pairs[pair], &block, -1.0);
+                subtract_transposed_product(&mut reduced.blocks[pair], &weighed, other, size);
             }
         }
     }
 
     /// The step in every parameter and the decrease of the cost that the linear model predicts.
     pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
-        let Reduced { values, right, inverses } = self.reduced(normal, damping);
-        let solution = self.sparse.factor(&values)?.solve(&right);
+        let Reduced { blocks, right, inverses } = self.reduced(normal, damping);
+        let solution = self.sparse.factor(&self.values(&blocks))?.solve(&right);
         let mut step = vec![0.0; self.unknowns()];
         let mut at = 0;
         for &block in &self.kept {
@@ -160,17 +166,15 @@ impl BlockStructure {
     /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that
     /// what the residuals do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
-        let Reduced { mut values, inverses, .. } = self.reduced(&normal, 0.0);
+        let Reduced { mut blocks, inverses, .. } = self.reduced(&normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {
             let size = self.sizes[block];
             let Some(&at) = self.pair_of.get(&[i, i]) else { continue };
-            let mut added = vec![0.0; size * size];
-            for k in 0..size {
-                added[k * size + k] = (regularization * normal.kept[at][k * size + k]).max(1e-18);
+            for k in (0..size).map(|k| k * size + k) {
+                blocks[at][k] += (regularization * normal.kept[at][k]).max(1e-18);
             }
-            self.sparse.add(&mut values, [i, i], &added, 1.0);
         }
-        let inverse = self.sparse.factor(&values)?.inverse();
+        let inverse = self.sparse.factor(&self.values(&blocks))?.inverse();
         Some(BlockCovariance { normal, inverses, inverse })
     }
 

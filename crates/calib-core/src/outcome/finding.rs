@@ -37,6 +37,9 @@ pub enum Finding {
     Weak {
         /// Their predicted relative error.
         floor_length_rel: f64,
+        /// The part of it that all have in common, where their ratios are good: of the known size that the
+        /// scale is from.
+        scale_rel: Option<f64>,
         /// The drawing that would improve it most.
         next: Option<Suggestion>,
     },
@@ -44,6 +47,9 @@ pub enum Finding {
     Unusable {
         /// Their predicted relative error.
         floor_length_rel: f64,
+        /// The part of it that all have in common, where their ratios are good: of the known size that the
+        /// scale is from.
+        scale_rel: Option<f64>,
         /// The drawing that would improve it most.
         next: Option<Suggestion>,
     },

@@ -2,6 +2,9 @@
 
 /// A kind of drawing that can be suggested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Drawing {
     /// A vertical near the left edge of the image.
     VerticalOnTheLeft,
@@ -15,6 +18,8 @@ pub enum Drawing {
     RightAngle,
     /// Three floor segments of equal length, near, far and across.
     EqualLengths,
+    /// Four points of the floor that another camera sees as well.
+    SharedPoints,
 }
 
 /// The drawing that would improve a result most, and by how much.

@@ -124,6 +124,15 @@ fn length_rel<const N: usize>(
 /// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included; `None`, too,
 /// where nothing is known of its errors.
 pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+    placed_length_rel(camera, grid, camera.covariance.sigma(Covariance::Z).is_some())
+}
+
+/// As [`placed_floor_length_rel`], of the ratios of lengths: without the scale that all have in common.
+pub(crate) fn placed_floor_shape_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+    placed_length_rel(camera, grid, false)
+}
+
+fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option<f64> {
     if !camera.covariance.is_known() {
         return None;
     }
@@ -161,7 +170,7 @@ pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f6
         _ => 1.0,
     };
     let covariance = |k: usize, l: usize| camera.covariance.0[index(k)][index(l)] * scale(k) * scale(l);
-    length_rel(&points, covariance, camera.covariance.sigma(Covariance::Z).is_some())
+    length_rel(&points, covariance, height_known)
 }
 
 /// A floor point in camera heights, with its derivatives by roll, pitch and log focal.

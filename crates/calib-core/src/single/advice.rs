@@ -4,6 +4,8 @@
 //! 0, and the error of floor lengths is predicted with its information: an experimental design, greedy and of
 //! one step.
 
+use nalgebra::Matrix4;
+
 use crate::optimize::Uncertainty;
 use crate::outcome::{Drawing, Finding, OtherMinimum, Suggestion};
 use crate::single::accuracy::floor_length_rel;
@@ -11,6 +13,7 @@ use crate::single::annotation::{ConstraintKind, Kind};
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
+use crate::single::link_design::shared_points;
 use crate::single::minima::OPEN_FOCAL;
 use crate::single::nuisances::Nuisances;
 use crate::single::outliers::student_factor;
@@ -28,8 +31,8 @@ const LOOKS_DOWN: f64 = 1.2;
 pub struct Sketch {
     /// What to draw, and the error of floor lengths with it.
     pub suggestion: Suggestion,
-    /// The kind of annotation that it makes.
-    pub kind: Kind,
+    /// The kind of annotation that it makes; none of links.
+    pub kind: Option<Kind>,
     /// Raw pixels of an example, segment by segment.
     pub segments: Vec<[crate::camera::Pixel; 2]>,
 }
@@ -60,7 +63,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     match fit.floor_length_rel {
         _ if fit.inconsistent => findings.push(Finding::UncertaintyUnknown),
         None => findings.push(Finding::NoFloor),
-        Some(rel) => findings.extend(floor_finding(rel, next)),
+        Some(rel) => findings.extend(floor_finding(rel, fit.floor_shape_rel, next)),
     }
     findings.extend(unchecked(fit, next));
     findings.extend(few_residuals(fit));
@@ -74,12 +77,19 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings
 }
 
-/// The finding about the error of lengths on the floor, if it is large.
-pub(crate) fn floor_finding(floor_length_rel: f64, next: Option<Suggestion>) -> Option<Finding> {
+/// The finding about the error of lengths on the floor, if it is large; `shape_rel` is that of their ratios.
+pub(crate) fn floor_finding(
+    floor_length_rel: f64,
+    shape_rel: Option<f64>,
+    next: Option<Suggestion>,
+) -> Option<Finding> {
+    let has_good_shape = |shape: &f64| *shape <= WEAK && *shape < 0.5 * floor_length_rel;
+    let scale_rel = shape_rel.filter(has_good_shape).map(|shape| floor_length_rel.powi(2) - shape.powi(2));
+    let scale_rel = scale_rel.map(f64::sqrt);
     if floor_length_rel > UNUSABLE {
-        Some(Finding::Unusable { floor_length_rel, next })
+        Some(Finding::Unusable { floor_length_rel, scale_rel, next })
     } else {
-        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, next })
+        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, scale_rel, next })
     }
 }
 
@@ -112,36 +122,44 @@ fn misfit(fit: &Fit) -> Finding {
     Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
-/// Of the candidate drawings the one that would lower the error of floor lengths most; `None` when none of
-/// them lowers it by a fifth.
+/// Of the candidate drawings those that would lower the error of floor lengths by a fifth and more, the best
+/// first; links to other cameras among them where `options` say that others see the same floor.
 #[must_use]
-pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Option<Sketch> {
+pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<Sketch> {
     /// Largest ratio of the error with the drawing to that without it at which it is suggested.
     const MAX_RATIO: f64 = 0.8;
     let inliers: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);
     let sigma = fit.sigma;
-    let rel = |constraints: &Constraints, state: &State| {
+    let information = |constraints: &Constraints, state: &State| {
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
-        let information = problem.normal(state)?.information(problem.free);
-        let uncertainty = Uncertainty::new(&information, problem.free);
+        Some((problem.normal(state)?.information(problem.free), problem.free))
+    };
+    let rel = |(information, free): (Matrix4<f64>, [bool; 4])| {
+        let uncertainty = Uncertainty::new(&information, free);
         floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, fit.height_known)
     };
-    let now = rel(&inliers, &fit.state)?;
-    let best = candidates(fit, options)
-        .into_iter()
-        .filter_map(|candidate| {
-            let (constraints, state) = candidate.join(&inliers, &fit.state)?;
-            Some((rel(&constraints, &state)?, candidate))
-        })
-        .min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let (then, candidate) = best;
+    let Some(own) = information(&inliers, &fit.state) else { return Vec::new() };
+    let Some(now) = rel(own) else { return Vec::new() };
+    let sketch = |then: f64, drawing: Drawing, kind: Option<Kind>, segments| Sketch {
+        suggestion: Suggestion { drawing, ratio: then / now, floor_length_rel: then },
+        kind,
+        segments,
+    };
+    let drawn = candidates(fit, options).into_iter().filter_map(|candidate| {
+        let (constraints, state) = candidate.join(&inliers, &fit.state)?;
+        let then = rel(information(&constraints, &state)?)?;
+        Some(sketch(then, candidate.drawing, Some(candidate.kind), candidate.pixels(fit)))
+    });
+    let linked = || {
+        let added = shared_points(&fit.camera, options.size, sigma, &own.0)?;
+        Some(sketch(rel((own.0 + added, own.1))?, Drawing::SharedPoints, None, Vec::new()))
+    };
+    let mut sketches: Vec<Sketch> = drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
     // A comparison with NaN is false: then nothing is suggested.
-    (then < MAX_RATIO * now && then.is_finite()).then(|| Sketch {
-        suggestion: Suggestion { drawing: candidate.drawing, ratio: then / now, floor_length_rel: then },
-        kind: candidate.kind,
-        segments: candidate.pixels(fit),
-    })
+    sketches.retain(|sketch| sketch.suggestion.ratio < MAX_RATIO && sketch.suggestion.ratio.is_finite());
+    sketches.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
+    sketches
 }
 
 fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {

@@ -47,6 +47,8 @@ pub struct FitOptions<'a> {
     pub weak_prior: bool,
     /// Annotations that are never rejected, by index.
     pub keep: &'a [usize],
+    /// Whether other cameras see the same floor, so that links may be suggested.
+    pub has_neighbours: bool,
 }
 
 impl FitOptions<'_> {
@@ -54,7 +56,17 @@ impl FitOptions<'_> {
     #[must_use]
     pub fn new(lens: Lens, size: [f64; 2]) -> Self {
         let (fixed, priors) = (FixedParameters::default(), Priors::default());
-        Self { lens, size, efov: &[], fixed, priors, sigma: None, weak_prior: true, keep: &[] }
+        Self {
+            lens,
+            size,
+            efov: &[],
+            fixed,
+            priors,
+            sigma: None,
+            weak_prior: true,
+            keep: &[],
+            has_neighbours: false,
+        }
     }
 }
 
@@ -101,6 +113,8 @@ pub struct Fit {
     pub weak_prior_used: bool,
     /// Whether the height is fixed or determined by a prior, an upright or a known length.
     pub height_known: bool,
+    /// As `floor_length_rel`, of the ratios of lengths: without the scale that all have in common.
+    pub(crate) floor_shape_rel: Option<f64>,
     pub(crate) state: State,
     pub(crate) core_covariance: Matrix4<f64>,
 }
@@ -160,6 +174,7 @@ impl Fit {
             dof,
             sigma: sigma * noise.inflation.sqrt(),
             floor_length_rel: rel.filter(|_| !inconsistent),
+            floor_shape_rel: floor_length_rel(&best.state.parameters, &grid, &core_covariance, false),
             residuals: everything.residuals_in_pixels(&best.state).unwrap_or_default(),
             misfit: is_misfit(best.chi2, dof),
             inconsistent,

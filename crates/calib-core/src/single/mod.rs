@@ -10,12 +10,12 @@
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `nuisances`, `residual`, `directions`, `likelihood`, `prediction` the least-squares problem: **the residual of a vertical line** and of
+//! - `prior`, `nuisances`, `residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
-//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `advice` the findings about a fit, and what to draw next.
+//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
 
 mod annotation;
 mod usual_sizes;
@@ -39,6 +39,7 @@ mod residual;
 mod plane_frame;
 mod directions;
 mod likelihood;
+mod leverage;
 mod prediction;
 mod minima;
 mod outliers;
@@ -46,6 +47,7 @@ mod accuracy;
 mod plausibility;
 mod fit;
 mod scene_likelihood;
+mod link_design;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
@@ -64,7 +66,7 @@ pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness_rms};
 pub use usual_sizes::{USUAL_SIZES, UsualSize};
 
-pub(crate) use accuracy::placed_floor_length_rel;
+pub(crate) use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
 pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
@@ -77,4 +79,4 @@ pub(crate) use outliers::{
 };
 pub(crate) use prediction::{predictable, residuals_at};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edges, straightness_with_jacobian};
+pub(crate) use straightness::{edge_redundancy, edges, straightness_with_jacobian, times_drawn};

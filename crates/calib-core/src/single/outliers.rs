@@ -8,7 +8,9 @@
 //!
 //! Where the test fails, the fit is repeated without each annotation; the one without which the rest agrees
 //! best is rejected. A large residual is no substitute for that: an outlier pulls the fit toward itself,
-//! and with few lines its residual may be the smallest.
+//! and with few lines its residual may be the smallest. Of many lines only those are left out in turn without
+//! which the linear model promises most ([`Problem::chi2_without`]): residuals freed of their own leverage,
+//! which cost a four by four system each and no fit.
 
 use crate::single::constraints::Source;
 use crate::single::fixed_parameters::FixedParameters;
@@ -180,13 +182,13 @@ struct Outlier {
 }
 
 fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<Outlier> {
-    /// Most constraints that are left out in turn, and most for which every start is tried again.
-    const MAX_CANDIDATES: usize = 100;
+    /// Most constraints for all of which every start is tried again, and how many of more are.
     const MAX_MULTISTART: usize = 40;
+    const MULTISTART_OF_MORE: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
-    let multistart = if candidates.len() <= MAX_MULTISTART { candidates.len() } else { MAX_MULTISTART / 4 };
+    let multistart = if candidates.len() <= MAX_MULTISTART { candidates.len() } else { MULTISTART_OF_MORE };
     let mut scored: Vec<(f64, Source, f64)> = Vec::new();
-    for (rank, &source) in candidates.iter().take(MAX_CANDIDATES).enumerate() {
+    for (rank, &source) in candidates.iter().enumerate() {
         let rejected: Vec<Source> = problem.rejected.iter().copied().chain([source]).collect();
         let without = Problem { rejected: &rejected, ..problem.clone() };
         // Without degrees of freedom every chi-square is 0.
@@ -206,12 +208,23 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     Some(Outlier { source, chi2, runner_up: scored.get(1).map_or(f64::INFINITY, |&(_, _, chi2)| chi2) })
 }
 
-/// The constraints that may be rejected, the largest residuals first.
+/// The constraints that are left out in turn, the largest residuals first; of many, the most promising first.
 fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
+    /// From more than so many they are chosen.
+    const FEW: usize = 40;
+    /// How many are.
+    const MOST: usize = 16;
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    found.into_iter().map(|(source, _)| source).collect()
+    let mut sources: Vec<Source> = found.into_iter().map(|(source, _)| source).collect();
+    if sources.len() > FEW {
+        let promised = problem.chi2_without(&best.state);
+        let of = |source: &Source| promised.get(source).copied().unwrap_or(f64::INFINITY);
+        sources.sort_by(|a, b| of(a).total_cmp(&of(b)));
+        sources.truncate(MOST);
+    }
+    sources
 }
 
 fn sources(problem: &Problem) -> Vec<Source> {

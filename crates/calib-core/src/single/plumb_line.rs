@@ -20,7 +20,9 @@ use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
 use crate::single::lens_prior::{LensResidual, lens_prior};
-use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
+use crate::single::straightness::{
+    Edge, edge_redundancy, straightness, straightness_with_jacobian, times_drawn,
+};
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
@@ -70,6 +72,8 @@ pub struct LensOptions {
 /// The fit of some coefficients to some polylines, as a least-squares problem.
 struct Problem<'a> {
     edges: Vec<&'a Edge>,
+    /// How often each of them is drawn.
+    times: Vec<f64>,
     fitted: Fitted,
     principal_point: Pixel,
     /// Pixels by which coordinates are divided: the focal that the coefficients refer to.
@@ -89,7 +93,7 @@ impl Problem<'_> {
         }
     }
 
-    /// The cost of every polyline: the sum of its squared residuals.
+    /// The cost of every edge by one of its polylines: the sum of its squared residuals.
     fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let lens = self.lens(values);
         self.edges.iter().map(move |edge| edge_cost(&lens, edge))
@@ -111,7 +115,13 @@ impl Problem<'_> {
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
             .edges
             .iter()
-            .map(|edge| straightness_with_jacobian(&lens, &edge.points, indices))
+            .zip(&self.times)
+            .map(|(edge, times)| {
+                let (mut distances, mut columns) = straightness_with_jacobian(&lens, &edge.points, indices)?;
+                let values = columns.iter_mut().flatten().chain(&mut distances);
+                values.for_each(|value| *value /= times.sqrt());
+                Some((distances, columns))
+            })
             .collect::<Option<_>>()?;
         let priors = self.priors(values);
         let believed = priors.iter().map(|prior| self.sigma * prior.value);
@@ -142,23 +152,23 @@ impl Problem<'_> {
         const HARDLY: f64 = 1.05;
         let lens = self.lens(values);
         let hardly_bent = uninformative(&self.edges, &lens, self.size, self.sigma);
-        let all: Vec<&Edge> = self.edges.clone();
-        let Some(corner) = self.corner_variance(values, &all).filter(|_| !values.is_empty()) else {
+        let Some(corner) = self.corner_variance(values, |_| true).filter(|_| !values.is_empty()) else {
             return hardly_bent;
         };
         let says_nothing = |(source, _): &(Source, f64)| {
-            let others: Vec<&Edge> = all.iter().copied().filter(|edge| edge.source != *source).collect();
-            let without = self.corner_variance(values, &others);
+            let without = self.corner_variance(values, |edge| edge.source != *source);
             without.is_some_and(|variance| variance < HARDLY * HARDLY * corner)
         };
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
 
     /// Variance of the undistorted corner of the image in square pixels, as far as some edges tell it.
-    fn corner_variance(&self, values: &[f64], edges: &[&Edge]) -> Option<f64> {
+    fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
         let [w, h] = self.size;
         let corner = Pixel::from([w, h]);
-        let some = Problem { edges: edges.to_vec(), fitted: self.fitted.clone(), ..*self };
+        let used = self.edges.iter().copied().zip(self.times.iter().copied());
+        let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
+        let some = Problem { edges, times, fitted: self.fitted.clone(), ..*self };
         let covariance = some.covariance(values)?;
         let lens = self.lens(values);
         let by = lens.undistort_by_coefficients(corner, lens.undistort(corner)?);
@@ -258,7 +268,8 @@ impl LensFit {
                 fits
             })
             .collect();
-        let redundancy: i64 = edges.iter().map(|edge| edge.points.len() as i64 - 2).sum();
+        let times = times_drawn(edges.iter().copied());
+        let redundancy = edge_redundancy(edges.iter().copied(), &times);
         if redundancy < 1 {
             return None;
         }
@@ -266,7 +277,8 @@ impl LensFit {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, .. } = *options;
-            Problem { edges: edges.clone(), fitted, principal_point, unit, size, sigma: options.sigma }
+            let (edges, times) = (edges.clone(), times.clone());
+            Problem { edges, times, fitted, principal_point, unit, size, sigma: options.sigma }
         };
         let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
@@ -283,7 +295,8 @@ impl LensFit {
 
     fn of(model: &FittedModel, cost_before: f64, redundancy: i64, options: &LensOptions) -> Self {
         let FittedModel { problem, values, cost, rejected } = model;
-        let points: usize = problem.edges.iter().map(|edge| edge.points.len()).sum();
+        let edges = problem.edges.iter().zip(&problem.times);
+        let points: f64 = edges.map(|(edge, times)| edge.points.len() as f64 / times).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
             let distances = straightness(&lens, &edge.points).unwrap_or_default();
@@ -293,7 +306,7 @@ impl LensFit {
         Self {
             lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
-            straightness: [cost_before, *cost].map(|cost| (cost / points as f64).sqrt()),
+            straightness: [cost_before, *cost].map(|cost| (cost / points).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
             covariance: full_covariance(problem, values, options.sigma),
             map_error: map_error(problem, values, rejected.as_ref(), options),
@@ -325,7 +338,7 @@ impl<'a> FittedModel<'a> {
     }
 
     fn of(problem: Problem<'a>, values: Vec<f64>) -> Self {
-        let cost = problem.costs(&values).sum();
+        let cost = problem.costs(&values).zip(&problem.times).map(|(cost, times)| cost / times).sum();
         Self { problem, values, cost, rejected: None }
     }
 }
@@ -367,7 +380,9 @@ fn select_model<'a>(
 /// not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &Problem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
-    let (total, most) = gains.fold((0.0, 0.0), |(sum, most): (f64, f64), gain| (sum + gain, most.max(gain)));
+    let gains = gains.zip(&larger.times);
+    let (total, most) =
+        gains.fold((0.0, 0.0), |(sum, most): (f64, f64), (gain, times)| (sum + gain / times, most.max(gain)));
     total - most
 }
 

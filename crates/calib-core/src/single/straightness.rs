@@ -9,6 +9,7 @@
 use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
+use crate::single::repeats::repeats;
 
 /// A straight edge: a polyline, and the drawing that it comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +31,20 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
             .collect::<Vec<_>>()
     })
     .collect()
+}
+
+/// How often each of these edges is drawn: the residuals of each are divided by the root of it, so that copies
+/// together say what one of them says (`repeats.rs`).
+pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
+    let points = |edge: &Edge| edge.points.iter().map(|&point| <[f64; 2]>::from(point)).collect();
+    repeats(&edges.map(points).collect::<Vec<_>>())
+}
+
+/// Points that are drawn again less the two parameters of the line through every edge: what edges have more of
+/// residuals than of unknowns.
+pub(crate) fn edge_redundancy<'a>(edges: impl Iterator<Item = &'a Edge>, times: &[f64]) -> i64 {
+    let each = edges.zip(times).map(|(edge, times)| (edge.points.len() as f64 - 2.0) / times);
+    (each.sum::<f64>() - 1e-9).ceil() as i64
 }
 
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw

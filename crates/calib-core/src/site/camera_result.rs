@@ -13,25 +13,26 @@ pub(crate) struct CameraResult {
     pub(crate) solution: Solution,
     pub(crate) findings: Vec<Finding>,
     /// The drawing that would help most.
-    pub(crate) sketch: Option<Sketch>,
+    pub(crate) sketches: Vec<Sketch>,
 }
 
 impl CameraResult {
     /// A result of which there is nothing to be said.
     pub(crate) const fn new(solution: Solution) -> Self {
-        Self { solution, findings: Vec::new(), sketch: None }
+        Self { solution, findings: Vec::new(), sketches: Vec::new() }
     }
 
     pub(crate) fn suggestion(&self) -> Option<Suggestion> {
-        self.sketch.as_ref().map(|sketch| sketch.suggestion)
+        self.sketches.first().map(|sketch| sketch.suggestion)
     }
 
     /// The solution as the document has it, and the findings. What a given one brings along comes first.
     fn into_document(self, site: &Site, camera: usize) -> (Solution, Vec<Finding>) {
-        let Self { mut solution, findings, sketch } = self;
+        let Self { mut solution, findings, sketches } = self;
         solution.warnings.extend(site.words(Some(camera), &findings));
-        if let Some(sketch) = &sketch {
-            solution.draw_next = Some(DrawNext::from(sketch));
+        if let Some((best, others)) = sketches.split_first() {
+            let otherwise = others.iter().map(DrawNext::from).collect();
+            solution.draw_next = Some(DrawNext { otherwise, ..DrawNext::from(best) });
         }
         (solution, findings)
     }
@@ -68,10 +69,12 @@ impl Site {
 impl From<&Sketch> for DrawNext {
     fn from(sketch: &Sketch) -> Self {
         Self {
+            drawing: Some(sketch.suggestion.drawing),
             kind: sketch.kind,
             message: what_to_draw(&sketch.suggestion),
             segments_px: sketch.segments.clone(),
             floor_length_rel: sketch.suggestion.floor_length_rel,
+            otherwise: Vec::new(),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::camera::{Camera, Covariance};
 use crate::floor::{ControlPoint, from_control_points, with_placement_covariance};
 use crate::outcome::{Code, Finding, Residual, ResidualOf};
-use crate::single::{floor_finding, grid, placed_floor_length_rel};
+use crate::single::{floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{ControlPointEntry, Site, SiteCamera};
 use crate::site::solution::{Solution, Stage};
@@ -148,7 +148,8 @@ fn scale_conflict(first: &Camera, placed: f64, is_fixed: bool, findings: &mut Ve
 pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, result: &mut CameraResult) {
     let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
     let rel = placed_floor_length_rel(camera, &grid);
+    let shape = placed_floor_shape_rel(camera, &grid);
     result.solution.set_uncertainty(camera, rel);
     result.findings.retain(|finding| !matches!(finding.code(), Code::Weak | Code::Unusable));
-    result.findings.extend(rel.and_then(|rel| floor_finding(rel, result.suggestion())));
+    result.findings.extend(rel.and_then(|rel| floor_finding(rel, shape, result.suggestion())));
 }

@@ -11,6 +11,7 @@ use crate::single::{
 };
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{Site, SiteCamera};
+use crate::site::elements::Link;
 use crate::site::lens_cache::LensCache;
 use crate::site::lens_step::LensEstimate;
 use crate::site::options::Options;
@@ -119,12 +120,29 @@ impl Site {
             Method::Paper => (paper(entry, &constraints, &planes, lens, fixed)?, None),
             Method::MaximumLikelihood | Method::Given => {
                 let weak_prior_used = options.prior;
-                let (result, fit) =
-                    likelihood(entry, &constraints, &planes, lens, fixed, [weak_prior_used, is_draft])?;
+                let (result, fit) = likelihood(
+                    entry,
+                    &constraints,
+                    &planes,
+                    lens,
+                    fixed,
+                    [weak_prior_used, is_draft, self.may_be_linked(entry)],
+                )?;
                 (result, Some(fit))
             }
         };
         Ok(single_fit(result, lens_estimate, constraints, fixed, fit))
+    }
+}
+
+impl Site {
+    /// Whether there are other cameras and few links yet to them.
+    fn may_be_linked(&self, entry: &SiteCamera) -> bool {
+        /// With so many links what more would tell is little.
+        const ENOUGH: usize = 4;
+        let shows = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == entry.id);
+        self.cameras.iter().any(|other| other.id != entry.id)
+            && self.links.iter().filter(shows).count() < ENOUGH
     }
 }
 
@@ -135,7 +153,7 @@ fn likelihood(
     planes: &[PlanePrior],
     lens: Lens,
     fixed: FixedParameters,
-    [prior, keeps_all]: [bool; 2],
+    [prior, keeps_all, has_neighbours]: [bool; 3],
 ) -> Result<(CameraResult, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
@@ -149,21 +167,22 @@ fn likelihood(
         sigma: entry.sigma_px,
         weak_prior: prior,
         keep: &keep,
+        has_neighbours,
     };
     let fit = Fit::new(constraints, &options)?;
-    let sketch = draw_next(&fit, constraints, &options);
+    let sketches = draw_next(&fit, constraints, &options);
     let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
     solution.dof = usize::try_from(fit.dof).ok();
     solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
-    let mut findings = findings(&fit, sketch.as_ref().map(|sketch| sketch.suggestion));
+    let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));
     findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera, planes);
     solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    Ok((CameraResult { solution, findings, sketch }, fit))
+    Ok((CameraResult { solution, findings, sketches }, fit))
 }
 
 /// Residuals of the annotations that are switched off, in pixels.

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Coefficient, DistortionModel, FloorPoint, Pixel, WorldPoint};
-use crate::outcome::{Code, FailureCode, Residual};
+use crate::outcome::{Code, Drawing, FailureCode, Residual};
 use crate::single::Kind;
 
 /// Declares plain structs of the document: strict, with optional fields left out when absent.
@@ -140,14 +140,21 @@ document! {
 
     /// A drawing that would help most.
     struct DrawNext {
-        /// What to draw.
-        kind: Kind,
-        /// Where, in a sentence.
+        /// What to draw, and where.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        drawing: Option<Drawing>,
+        /// The kind of annotation that it makes; none of links.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        kind: Option<Kind>,
+        /// The same in a sentence.
         message: String,
         /// Raw pixels of an example, segment by segment.
         segments_px: Vec<[Pixel; 2]>,
         /// The predicted relative error of floor lengths with it.
         floor_length_rel: f64,
+        /// What would help as well, the best first.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        otherwise: Vec<DrawNext>,
     }
 
     /// Standard deviations of what was estimated; absent where nothing was.

@@ -5,7 +5,7 @@ use calib_core::{Annotation, Kind, Known, LensEntry};
 use crate::command::Lines;
 use crate::edit;
 use crate::editor::Editor;
-use crate::tools::TOOLS;
+use crate::tools::{Icon, TOOLS, ToolRow};
 
 impl Editor {
     pub(super) fn on_lines(&mut self, command: Lines) {
@@ -17,6 +17,7 @@ impl Editor {
             }
             Lines::RightAngle => self.right_angle(),
             Lines::TakeSuggestion => self.take_suggestion(),
+            Lines::DismissSuggestion => self.session.dismiss(),
             Lines::TakeSecondSolution => {
                 let other = self.session.solution().and_then(|s| s.alternatives.first());
                 let Some(focal) = other.map(|other| other.focal_px) else { return };
@@ -34,8 +35,12 @@ impl Editor {
     /// Puts the tool in the hand with which the suggested line is drawn. Nothing is drawn: what was not put on
     /// pixels of the image says nothing.
     fn take_suggestion(&mut self) {
-        let Some(next) = self.session.solution().and_then(|s| s.draw_next.clone()) else { return };
-        let Some(tool) = TOOLS.iter().position(|tool| tool.kind == Some(next.kind)) else { return };
+        let Some(next) = self.session.proposal().cloned() else { return };
+        let makes_it = |tool: &ToolRow| match next.kind {
+            Some(kind) => tool.kind == Some(kind),
+            None => tool.icon == Icon::Link,
+        };
+        let Some(tool) = TOOLS.iter().position(makes_it) else { return };
         self.take_tool(tool);
         // What is of one direction belongs together, and to no other.
         self.session.fresh_group = next.segments_px.len() >= 2;

@@ -48,6 +48,11 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             let file = picture.set_file_name("view.png").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }
+        Purpose::SaveReport => {
+            let page = dialog.set_title("Save the report").add_filter("Page", &["html"]);
+            let file = page.set_file_name("report.html").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
         Purpose::Export => {
             let folder = dialog.set_title("Export into a folder").pick_folder();
             Box::pin(async { folder.await.into_iter().collect() })

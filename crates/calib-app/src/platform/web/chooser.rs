@@ -24,6 +24,9 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
         }
+        Purpose::SaveReport => {
+            vec![Chosen { name: "report.html".into(), path: Some("report.html".into()), bytes: None }]
+        }
         // The browser has a folder of its own for what is downloaded.
         Purpose::Export => vec![Chosen { name: String::new(), path: Some(PathBuf::new()), bytes: None }],
     }

@@ -60,6 +60,10 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn work(kind: &str, name: &str, width: u32, bytes: &Uint8Array) -> Promise;
 
+    /// A picture of the demonstration as it comes with the page, or null.
+    #[wasm_bindgen(js_namespace = calib)]
+    pub(crate) fn picture(name: &str) -> Promise;
+
     /// Draws an SVG as PNG on white, its longer side so many pixels.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;

@@ -29,11 +29,23 @@ fn image_of(answer: &Array) -> Result<RgbImage, String> {
     RgbImage::from_raw(width, height, bytes).ok_or_else(|| "an image of another size".into())
 }
 
-/// Decodes an image in the worker; one of the demonstration is made there.
+/// A picture of the demonstration that comes with the page; without it, as in a page that was saved without what
+/// lies beside it, it is rendered.
+async fn shipped(name: &str) -> Option<Vec<u8>> {
+    let answer = JsFuture::from(page::picture(name)).await.ok()?;
+    answer.is_object().then(|| Uint8Array::new(&answer).to_vec())
+}
+
+/// Decodes an image in the worker; one of the demonstration comes with the page, or is made there.
 pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
     let Some(made) = source.made_by_name().map(str::to_owned) else {
         return pixels(&source.read(Web::read)?).await;
     };
+    if let Some(bytes) = shipped(&made).await {
+        let image = pixels(&bytes).await?;
+        source.keep(bytes.into());
+        return Ok(image);
+    }
     let answer = ask("render", &made, 0, &[]).await?;
     source.keep(Uint8Array::new(&answer.get(2)).to_vec().into());
     image_of(&answer)

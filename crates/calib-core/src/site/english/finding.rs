@@ -93,6 +93,8 @@ fn advice(finding: &Finding) -> String {
             next()
         ),
         F::TwoSolutions { .. } => format!("One more line decides. {}", next()),
+        F::Weak { scale_rel: Some(scale), next: None, .. }
+        | F::Unusable { scale_rel: Some(scale), next: None, .. } => measure_one(*scale),
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),
         _ => fixed_advice(finding).into(),
@@ -112,12 +114,14 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Draw lines on its image, or import it with standard deviations; \"sigma\" in the solution holds them."
         }
         F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
-        F::LineOutlier { .. } => "Draw it again, delete it, or mark it \"keep\" if it is right.",
+        F::LineOutlier { .. } => "Draw it again, delete it, or use it anyway (\"keep\") if it is right.",
         F::Misfit { .. } => {
             "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens."
         }
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
-        F::BentEdges { .. } => "Look for an edge that is not straight in space, or fit another model.",
+        F::BentEdges { .. } => {
+            "Look for a point beside its edge, and for an edge that is not straight in space."
+        }
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
         F::UncertainCorners { .. } => "Draw straight edges that reach into the corners.",
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
@@ -172,6 +176,13 @@ const fn advice_on_unused(why: WhyUnused) -> &'static str {
         WhyUnused::Unmeasured => "Measure between links or marks that cameras show, and say how well.",
         WhyUnused::Unfitted => "Switch links and marks off one by one, the farthest first.",
     }
+}
+
+fn measure_one(scale: f64) -> String {
+    format!(
+        "The shape of the floor is good; what limits it is the scale: a size or height is known to \u{b1} {:.1} % only. Measure one, the longer the better, and enter its length with the uncertainty of the measurement.",
+        100.0 * scale
+    )
 }
 
 fn next(suggestion: Option<Suggestion>) -> String {

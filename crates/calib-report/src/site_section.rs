@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use calib_core::{Overlap, Site};
 
-use crate::site_summary::{kinds, together, worst_first};
+use crate::site_words::{kinds, together, worst_first};
 use crate::svg::escape;
 use crate::words::centimetres;
 use calib_draw::{Element, elements};

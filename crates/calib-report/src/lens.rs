@@ -3,12 +3,14 @@
 use calib_core::{Distortion, Lens, Method, SiteCamera, Solution};
 
 /// The lens of a camera, which may be known where its pose is not.
-pub(crate) fn lens_of(entry: &SiteCamera) -> Lens {
+#[must_use]
+pub fn lens_of(entry: &SiteCamera) -> Lens {
     entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
 }
 
 /// Whether the lens of a camera was found from what is drawn on its image, or on that of its like.
-pub(crate) fn is_fitted(entry: &SiteCamera) -> bool {
+#[must_use]
+pub fn is_fitted(entry: &SiteCamera) -> bool {
     let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
     solved && lens_of(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
 }

@@ -1,4 +1,4 @@
-//! What `calib render` draws on a camera's image.
+//! What is drawn on a camera's image.
 
 use calib_core::{FloorPoint, Pixel, ResidualOf, Site, SiteCamera};
 use calib_draw::{
@@ -10,7 +10,8 @@ use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
 /// Everything known of a camera, drawn on its image; beneath it, if wanted, the grid that shows the lens.
-pub(crate) fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
+#[must_use]
+pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let size = entry.size();
     let mut svg = Svg::new(size, style::scale(size));
     let index = site.cameras.iter().position(|other| std::ptr::eq(other, entry)).unwrap_or(0);

@@ -1,13 +1,8 @@
-//! A drawing as SVG: into a page as it is, or onto an image by way of resvg.
+//! A drawing as SVG: into a page as it is, or onto an image by what paints SVG.
 
 use std::fmt::Write as _;
-use std::sync::Arc;
 
-use anyhow::Context as _;
 use calib_draw::{Look, Outline, Rgb};
-use image::RgbImage;
-use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg;
 
 use crate::style;
 
@@ -15,37 +10,47 @@ use crate::style;
 pub(crate) const TAG_LETTER: f64 = 0.49;
 
 /// How a line looks.
-#[derive(Clone, Copy)]
-pub(crate) struct Stroke<'a> {
-    pub(crate) colour: Rgb,
-    pub(crate) width: f64,
-    pub(crate) opacity: f64,
+#[derive(Clone, Copy, Debug)]
+pub struct Stroke<'a> {
+    /// Of the line.
+    pub colour: Rgb,
+    /// In pixels of the screen.
+    pub width: f64,
+    /// From 0 to 1.
+    pub opacity: f64,
     /// Lengths of dashes and gaps; empty for a full line.
-    pub(crate) dash: &'a [f64],
+    pub dash: &'a [f64],
     /// Outlined in dark, to be legible on any ground.
-    pub(crate) outlined: bool,
+    pub outlined: bool,
 }
 
 impl<'a> Stroke<'a> {
-    pub(crate) const fn new(colour: Rgb, width: f64) -> Self {
+    /// A full line.
+    #[must_use]
+    pub const fn new(colour: Rgb, width: f64) -> Self {
         Self { colour, width, opacity: 1.0, dash: &[], outlined: true }
     }
 
     /// As a meaning looks.
-    pub(crate) fn of(look: Look) -> Self {
+    #[must_use]
+    pub fn of(look: Look) -> Self {
         let Look { colour, width, dash, opacity, outline } = look;
         Self { colour, width, opacity, dash, outlined: outline == Outline::Dark }
     }
 
-    pub(crate) const fn faint(self, opacity: f64) -> Self {
+    /// The same, so far opaque, without an outline.
+    #[must_use]
+    pub const fn faint(self, opacity: f64) -> Self {
         Self { opacity, outlined: false, ..self }
     }
 }
 
 /// Where a text stands relative to its point.
-#[derive(Clone, Copy)]
-pub(crate) enum Anchor {
+#[derive(Clone, Copy, Debug)]
+pub enum Anchor {
+    /// It begins there.
     Start,
+    /// Its middle is there.
     Middle,
 }
 
@@ -59,20 +64,29 @@ impl Anchor {
 }
 
 /// A drawing in the making, in pixels of its ground.
-pub(crate) struct Svg {
+#[derive(Clone, Debug)]
+pub struct Svg {
     size: [f64; 2],
     /// How much larger than on screen everything is.
-    pub(crate) scale: f64,
+    pub scale: f64,
     body: String,
 }
 
 impl Svg {
-    pub(crate) fn new(size: [f64; 2], scale: f64) -> Self {
+    /// Width and height of its ground, in pixels.
+    #[must_use]
+    pub const fn size(&self) -> [f64; 2] {
+        self.size
+    }
+
+    /// An empty drawing on a ground of this size; `scale` is how much larger than on screen things are.
+    #[must_use]
+    pub fn new(size: [f64; 2], scale: f64) -> Self {
         Self { size, scale, body: String::new() }
     }
 
     /// A polyline of pixels; closed ones come back to their start.
-    pub(crate) fn line(&mut self, points: &[[f64; 2]], closed: bool, stroke: Stroke) {
+    pub fn line(&mut self, points: &[[f64; 2]], closed: bool, stroke: Stroke) {
         let path = self.path(points, closed);
         if path.is_empty() {
             return;
@@ -100,13 +114,14 @@ impl Svg {
         );
     }
 
-    pub(crate) fn fill(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
+    /// A filled polygon.
+    pub fn fill(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
         let path = self.path(points, true);
         let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
     }
 
     /// A dot with a dark rim.
-    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
+    pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
         let (radius, rim) = (radius * self.scale, self.scale);
         let _ = writeln!(
             self.body,
@@ -116,7 +131,7 @@ impl Svg {
     }
 
     /// A ring.
-    pub(crate) fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
+    pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
         let Stroke { colour, width, opacity, outlined, .. } = stroke;
         let (radius, width) = (radius * self.scale, width * self.scale);
         if outlined {
@@ -135,7 +150,7 @@ impl Svg {
     }
 
     /// A text with a dark halo.
-    pub(crate) fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
+    pub fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
         let _ = writeln!(
@@ -164,7 +179,7 @@ impl Svg {
     }
 
     /// A text on a dark ground, its upper left corner at this pixel.
-    pub(crate) fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
+    pub fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
         let size = style::TEXT * self.scale;
         let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
         let _ = writeln!(
@@ -193,38 +208,13 @@ impl Svg {
     }
 
     /// The drawing as an SVG element, with something beneath it.
-    pub(crate) fn finish(&self, beneath: &str) -> String {
+    #[must_use]
+    pub fn finish(&self, beneath: &str) -> String {
         let [w, h] = self.size;
         format!(
             r#"<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="0 0 {w} {h}" width="{w}" height="{h}" font-family="Ubuntu, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif">{beneath}{}</svg>"#,
             self.body
         )
-    }
-
-    /// Draws onto an image of the same size.
-    pub(crate) fn draw_on(&self, image: &RgbImage) -> anyhow::Result<RgbImage> {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
-        let names: Vec<String> =
-            fonts.faces().flat_map(|face| face.families.iter().map(|(name, _)| name.clone())).collect();
-        if let Some(name) = names.first() {
-            fonts.set_sans_serif_family(name);
-        }
-        let options = usvg::Options {
-            font_family: "sans-serif".into(),
-            fontdb: Arc::new(fonts),
-            ..usvg::Options::default()
-        };
-        let tree = usvg::Tree::from_str(&self.finish(""), &options).context("drawing")?;
-        let (width, height) = image.dimensions();
-        let mut pixmap = Pixmap::new(width, height).context("an image of no size")?;
-        for (to, from) in pixmap.data_mut().as_chunks_mut::<4>().0.iter_mut().zip(image.pixels()) {
-            let [r, g, b] = from.0;
-            *to = [r, g, b, 255];
-        }
-        resvg::render(&tree, Transform::identity(), &mut pixmap.as_mut());
-        let colours = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-        RgbImage::from_raw(width, height, colours).context("an image of no size")
     }
 }
 

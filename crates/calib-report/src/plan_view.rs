@@ -1,10 +1,9 @@
-//! What `calib render --plan` draws: every camera with its EFOV on the floor plan.
+//! A site seen from above: every camera with its EFOV on the floor plan.
 
 use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera};
 use calib_draw::{
     Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
 };
-use image::RgbImage;
 
 use crate::overlay::grid_step;
 use crate::plan_quality::{PlanQuality, Sample};
@@ -13,22 +12,38 @@ use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 
 /// Longest side of a picture of a site without a plan, in pixels.
 const LONGEST: f64 = 1600.0;
-const GROUND: image::Rgb<u8> = image::Rgb([247, 248, 249]);
+/// The colour of what is empty, red, green and blue.
+pub const GROUND: [u8; 3] = [247, 248, 249];
+/// How much of a plan's own colours is left: it recedes so that what is drawn on it stands out.
+pub const PLAN_SHARE: f64 = 0.55;
 
-/// The ground and the drawing of a site seen from above.
-pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg) {
-    let (ground, scale) = match (&site.plan, image) {
-        (Some(plan), Some(image)) => (lightened(image), plan.scale()),
+/// What a drawing of a site from above lies on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Width and height of all of it, in pixels, the strip with the legend beneath the plan included.
+    pub size: [u32; 2],
+    /// Whether the plan's picture is in its upper left corner; else all of it is empty.
+    pub has_picture: bool,
+}
+
+/// The ground and the drawing of a site seen from above, on its plan's picture of this size where there is one.
+#[must_use]
+pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
+    let (sides, scale) = match (&site.plan, picture) {
+        (Some(plan), Some(sides)) => (sides, plan.scale()),
         (plan, _) => blank(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default()),
     };
-    let size = [f64::from(ground.width()), f64::from(ground.height())];
+    let size = sides.map(f64::from);
     let draw_scale = style::scale(size);
     let on_plan = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));
     let quality = PlanQuality::new(site, draw_scale, &on_plan);
     let legend = Legend::new(quality.legend(), size, draw_scale);
-    let ground = with_strip(ground, legend.height);
-    let whole = [f64::from(ground.width()), f64::from(ground.height())];
-    let mut svg = Svg::new(whole, draw_scale);
+    let [width, height] = sides;
+    let ground = Ground {
+        size: [width, height + legend.height.ceil() as u32],
+        has_picture: site.plan.is_some() && picture.is_some(),
+    };
+    let mut svg = Svg::new(ground.size.map(f64::from), draw_scale);
     let view = PlanView::new(site).of_placed();
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
@@ -53,16 +68,8 @@ pub(crate) fn plan_view(site: &Site, image: Option<RgbImage>) -> (RgbImage, Svg)
     (ground, svg)
 }
 
-/// A plan recedes so that what is drawn on it stands out.
-fn lightened(mut image: RgbImage) -> RgbImage {
-    for pixel in image.pixels_mut() {
-        pixel.0 = pixel.0.map(|value| (f64::from(value) * 0.55 + 255.0 * 0.45).round() as u8);
-    }
-    image
-}
-
 /// A ground for a site without a plan's picture: all that is seen, with a margin.
-fn blank(site: &Site, x_axis: f64) -> (RgbImage, PlanScale) {
+fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
     let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
     let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
     let elements = site.links.iter().filter_map(|link| link.solution.as_ref());
@@ -83,8 +90,7 @@ fn blank(site: &Site, x_axis: f64) -> (RgbImage, PlanScale) {
     let metres_per_px = (right - left).max(bottom - top) / LONGEST;
     let side = |length: f64| (length / metres_per_px).clamp(64.0, LONGEST) as u32;
     let origin = PlanPixel { x: -left / metres_per_px, y: -top / metres_per_px };
-    let ground = RgbImage::from_pixel(side(right - left), side(bottom - top), GROUND);
-    (ground, PlanScale { metres_per_px, origin, x_axis })
+    ([side(right - left), side(bottom - top)], PlanScale { metres_per_px, origin, x_axis })
 }
 
 /// The grid over all of the plan.
@@ -244,14 +250,6 @@ impl Legend {
             );
         }
     }
-}
-
-/// A picture with an empty strip beneath.
-fn with_strip(picture: RgbImage, height: f64) -> RgbImage {
-    let (w, h) = picture.dimensions();
-    let mut ground = RgbImage::from_pixel(w, h + height.ceil() as u32, GROUND);
-    image::imageops::replace(&mut ground, &picture, 0, 0);
-    ground
 }
 
 /// The arrow to the north of a georeferenced site; else the one of world +y.

@@ -41,7 +41,8 @@ impl<'a> Found<'a> {
 }
 
 /// The table for reading; empty where none was solved.
-pub(crate) fn planes_text(site: &Site) -> String {
+#[must_use]
+pub fn planes_text(site: &Site) -> String {
     let planes = found(site);
     let mut out = String::new();
     let width = planes.iter().map(|plane| plane.title.chars().count()).max().unwrap_or(0).max(6);

@@ -1,0 +1,198 @@
+//! A bundle problem at its minimum: its cameras and landmarks, their covariance, and how well every outlier
+//! candidate agrees with the rest.
+
+use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
+use crate::bundle::marginals::of_landmark;
+use crate::bundle::problem::BundleProblem;
+use crate::bundle::residuals::ResidualKind;
+use crate::camera::{Camera, Covariance, Plane};
+use crate::optimize::{BlockCovariance, Summary, least_squares};
+use crate::single::{LEVEL, OPEN_FOCAL, chi2_score, is_misfit};
+
+/// Most accepted steps of a minimisation; from an initialised state few are needed.
+const MAX_STEPS: usize = 60;
+/// Regularisation of the covariance: this share of the information of its own residuals is added to every
+/// parameter, so that what is not determined has a large, not an infinite, variance.
+const REGULARIZATION: f64 = 1e-12;
+
+/// Something that may be rejected as an outlier, by its index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutlierCandidate {
+    /// A landmark with all its observations.
+    Landmark(usize),
+    /// A measured distance.
+    Distance(usize),
+}
+
+/// Parameters of a landmark with their covariance, zeros for those that are not free.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LandmarkEstimate {
+    pub(crate) place: [f64; LANDMARK_PARAMS],
+    pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
+}
+
+/// A plane as it was estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneEstimate {
+    /// Where it is.
+    pub plane: Plane,
+    /// Covariance of height and slope, in square metres and squares of rise per metre.
+    pub covariance: [[f64; 3]; 3],
+}
+
+/// What may be rejected, with what its own residuals say against it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scored {
+    pub(crate) candidate: OutlierCandidate,
+    /// Sum of its squared residuals in sigmas.
+    pub(crate) chi2: f64,
+    /// Number of these residuals minus the number of its own parameters.
+    pub(crate) dof: i64,
+}
+
+impl Scored {
+    /// The standard normal score of its chi-square where variances are `factor` times those assumed.
+    pub(crate) fn score(&self, factor: f64) -> f64 {
+        chi2_score(self.chi2 / factor, self.dof)
+    }
+}
+
+/// The score beyond which the largest of so many is an outlier.
+pub(crate) fn largest_of(count: usize) -> f64 {
+    (LEVEL * LEVEL + 2.0 * (count.max(1) as f64).ln()).sqrt()
+}
+
+/// A problem at its minimum.
+pub(crate) struct Converged<'a> {
+    pub(crate) problem: BundleProblem<'a>,
+    pub(crate) state: Vec<f64>,
+    pub(crate) chi2: f64,
+    pub(crate) dof: i64,
+    /// Where it has been computed already.
+    pub(crate) covariance: Option<BlockCovariance>,
+}
+
+/// The angle in [-180, 180) degrees, in radians.
+fn wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+pub(crate) fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
+    after_steps(problem, MAX_STEPS)
+}
+
+/// A problem after so few steps that its residuals tell gross errors, if not more.
+pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
+    const FEW: usize = 4;
+    after_steps(problem, FEW)
+}
+
+fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>> {
+    let Summary { state, cost: chi2, .. } = least_squares(&problem, problem.start(), most)?;
+    let dof = problem.dof(&state)?;
+    Some(Converged { problem, state, chi2, dof, covariance: None })
+}
+
+impl Converged<'_> {
+    pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
+        self.problem.blocks.covariance(self.problem.normal(&self.state)?, REGULARIZATION)
+    }
+
+    /// A camera without covariance, a free yaw in [-180, 180) degrees.
+    pub(crate) fn camera(&self, view: usize) -> Camera {
+        let camera = self.problem.camera(&self.state, view);
+        let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
+        let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
+        Camera { yaw, covariance: Covariance::EXACT, ..camera }
+    }
+
+    pub(crate) fn landmarks(
+        &self,
+        covariance: Option<&BlockCovariance>,
+        inflation: f64,
+    ) -> Vec<Option<LandmarkEstimate>> {
+        let problem = &self.problem;
+        let estimate = |landmark: usize| {
+            let unknown = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
+            let covariance = covariance
+                .map_or(unknown, |covariance| of_landmark(problem, covariance, landmark, inflation));
+            LandmarkEstimate { place: problem.place(&self.state, landmark), covariance }
+        };
+        let count = problem.landmarks.len();
+        (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
+    }
+
+    /// The planes that were estimated, as far as the covariance is known.
+    pub(crate) fn planes(
+        &self,
+        covariance: Option<&BlockCovariance>,
+        inflation: f64,
+    ) -> Vec<Option<PlaneEstimate>> {
+        let estimate = |plane: usize| {
+            let block = self.problem.plane_blocks[plane]?;
+            let own = covariance?.block(&self.problem.blocks, block, block);
+            let entry = |i: usize, j: usize| own[(i, j)] * inflation;
+            let covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+            Some(PlaneEstimate { plane: self.problem.plane(&self.state, plane), covariance })
+        };
+        (0..self.problem.planes.len()).map(estimate).collect()
+    }
+
+    /// Whether the focal of a view is estimated and its log has a large variance, or none that is a number.
+    pub(crate) fn focal_is_open(&self, view: usize) -> bool {
+        let Some((block, place)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
+        let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));
+        !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL)
+    }
+
+    /// What may be rejected, with its chi-square.
+    pub(crate) fn candidates(&self) -> Vec<Scored> {
+        let (landmarks, distances) = self.chi2_by_candidate();
+        let landmark = |(index, landmark): (usize, &Landmark)| {
+            let dof = landmark.redundancy();
+            let is_candidate = !landmark.off && !landmark.keep && dof > 0;
+            let candidate = OutlierCandidate::Landmark(index);
+            is_candidate.then(|| Scored { candidate, chi2: landmarks[index], dof })
+        };
+        let distance = |(index, distance): (usize, &DistanceMeasurement)| {
+            let is_candidate = !distance.off && !distance.keep;
+            let candidate = OutlierCandidate::Distance(index);
+            is_candidate.then(|| Scored { candidate, chi2: distances[index], dof: 1 })
+        };
+        let of_landmarks = self.problem.landmarks.iter().enumerate().filter_map(landmark);
+        of_landmarks.chain(self.problem.distances.iter().enumerate().filter_map(distance)).collect()
+    }
+
+    /// What may be rejected, the largest score first.
+    pub(crate) fn worst_first(&self) -> Vec<Scored> {
+        let mut candidates = self.candidates();
+        candidates.sort_by(|a, b| b.score(1.0).total_cmp(&a.score(1.0)));
+        candidates
+    }
+
+    /// Sums of the squared residuals of every landmark and every distance.
+    fn chi2_by_candidate(&self) -> (Vec<f64>, Vec<f64>) {
+        let mut landmarks = vec![0.0; self.problem.landmarks.len()];
+        let mut distances = vec![0.0; self.problem.distances.len()];
+        let _ = self.problem.each_residual(&self.state, |residual, _, kind| match kind {
+            ResidualKind::Observation { landmark } | ResidualKind::LandmarkPrior { landmark } => {
+                landmarks[landmark] += residual * residual;
+            }
+            ResidualKind::Distance { distance } => distances[distance] += residual * residual,
+            ResidualKind::Annotation { .. }
+            | ResidualKind::StraightEdge
+            | ResidualKind::CameraPrior
+            | ResidualKind::PlanePrior => {}
+        });
+        (landmarks, distances)
+    }
+
+    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large
+    /// for the noise.
+    pub(crate) fn has_outliers(&self) -> bool {
+        let candidates = self.candidates();
+        let worst = candidates.iter().map(|scored| scored.score(1.0)).fold(0.0, f64::max);
+        is_misfit(self.chi2, self.dof) || worst > largest_of(candidates.len())
+    }
+}

@@ -1,0 +1,217 @@
+//! One self-contained page to hand over.
+
+use std::fmt::Write as _;
+
+use calib_core::{Residual, ResidualOf, Site, SiteCamera, Solution, Stage, line_name};
+
+use crate::lens::is_fitted;
+use crate::overlay::overlay;
+use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
+use crate::planes::planes_section;
+use crate::site_section::site_section;
+use crate::svg::{Svg, escape};
+
+/// The page brings all that it shows, and runs nothing.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+
+/// A picture that the page shows.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// By which the page has it: a `data:` URI, so that nothing is missing where it is opened.
+    pub href: String,
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+}
+
+/// Of what a picture is asked for.
+#[derive(Clone, Copy, Debug)]
+pub enum Shown<'a> {
+    /// The image of a camera that has one.
+    Camera(&'a SiteCamera),
+    /// The plan of a site that has one.
+    Plan,
+}
+
+/// Gives a picture, or says why it is not there.
+pub type Pictures<'a> = &'a mut dyn FnMut(Shown<'_>) -> Result<Picture, String>;
+
+/// The whole page: summary, plan, then every camera. A page without one picture is better than no page: what
+/// `pictures` says stands in its place.
+#[must_use]
+pub fn page(site: &Site, pictures: Pictures<'_>) -> String {
+    let title = escape(site.name.as_deref().unwrap_or("Camera calibration"));
+    let mut html = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
+         <title>{title}</title><style>{}</style></head><body><main><h1>{title}</h1>\n",
+        include_str!("report.css")
+    );
+    summary(&mut html, &site.cameras);
+    site_section(&mut html, site);
+    planes_section(&mut html, site);
+    from_above(&mut html, site, pictures);
+    for camera in &site.cameras {
+        section(&mut html, site, camera, pictures);
+    }
+    html.push_str("</main></body></html>\n");
+    html
+}
+
+fn from_above(html: &mut String, site: &Site, pictures: Pictures<'_>) {
+    let has_image = site.plan.as_ref().is_some_and(|plan| plan.image.is_some());
+    let plan = has_image.then(|| found(html, pictures(Shown::Plan))).flatten();
+    if !site.cameras.iter().any(SiteCamera::is_placed) {
+        return;
+    }
+    let (Ground { size: [w, h], has_picture }, svg) = plan_view(site, plan.as_ref().map(|plan| plan.size));
+    let [r, g, b] = GROUND;
+    let mut beneath = format!(r#"<rect width="{w}" height="{h}" fill="rgb({r},{g},{b})"/>"#);
+    if let Some(Picture { href, size: [w, h] }) = plan.filter(|_| has_picture) {
+        let _ = write!(
+            beneath,
+            r#"<rect width="{w}" height="{h}" fill="white"/><image href="{href}" width="{w}" height="{h}" opacity="{PLAN_SHARE}"/>"#
+        );
+    }
+    let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", svg.finish(&beneath));
+}
+
+/// A picture, by what may stand in an attribute; one that is not there is a note on the page.
+fn found(html: &mut String, picture: Result<Picture, String>) -> Option<Picture> {
+    let picture = picture.map_err(|why| write!(html, "<p class=\"note bad\">{}</p>", escape(&why))).ok()?;
+    Some(Picture { href: picture.href.replace('"', "&quot;"), ..picture })
+}
+
+/// A drawing over its picture, both in the page.
+fn figure(Picture { href, size: [w, h] }: &Picture, svg: &Svg) -> String {
+    svg.finish(&format!(r#"<image href="{href}" width="{w}" height="{h}"/>"#))
+}
+
+fn summary(html: &mut String, cameras: &[SiteCamera]) {
+    html.push_str(
+        "<table><thead><tr><th>Camera<th>Stage<th class=n>Focal, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
+         <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor<th class=n>rms, px</tr></thead><tbody>\n",
+    );
+    for camera in cameras {
+        let id = escape(&camera.id);
+        let Some(solution) = &camera.solution else {
+            let why = camera.error.as_ref().map_or("not solved", |error| &error.message);
+            let _ = writeln!(
+                html,
+                "<tr><td><a href=\"#{id}\">{id}</a><td colspan=10 class=bad>{}</tr>",
+                escape(why)
+            );
+            continue;
+        };
+        let sigma = solution.sigma.as_ref();
+        let placed = solution.stage >= Stage::Placed;
+        let floor = sigma.and_then(|s| s.floor_length_rel).map(|rel| format!("\u{b1} {:.1} %", 100.0 * rel));
+        let cells = [
+            with_sigma(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1, ""),
+            with_sigma(solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), 2, "\u{b0}"),
+            with_sigma(solution.roll_deg, sigma.and_then(|s| s.roll_deg), 2, "\u{b0}"),
+            with_sigma(solution.yaw_deg.filter(|_| placed), sigma.and_then(|s| s.yaw_deg), 2, "\u{b0}"),
+            with_sigma(solution.position_m.filter(|_| placed).map(|p| p.x), sigma.and_then(|s| s.x_m), 2, ""),
+            with_sigma(solution.position_m.filter(|_| placed).map(|p| p.y), sigma.and_then(|s| s.y_m), 2, ""),
+            with_sigma(solution.position_m.map(|p| p.z), sigma.and_then(|s| s.z_m), 2, ""),
+            floor.unwrap_or_else(|| "\u{2013}".into()),
+            solution.rms_px.map_or_else(|| "\u{2013}".into(), |rms| format!("{rms:.2}")),
+        ];
+        let _ = write!(html, "<tr><td><a href=\"#{id}\">{id}</a><td>{}", stage(solution.stage));
+        for cell in cells {
+            let _ = write!(html, "<td class=n>{cell}");
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody></table>\n");
+}
+
+fn stage(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Lens => "lens only",
+        Stage::Partial => "not placed",
+        Stage::Placed => "placed",
+        Stage::Refined => "refined",
+    }
+}
+
+fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize, unit: &str) -> String {
+    let Some(value) = value else { return "\u{2013}".into() };
+    let plus_minus = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.digits$}"));
+    format!("{value:.digits$}{plus_minus}{unit}").replace('-', "\u{2212}")
+}
+
+fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: Pictures<'_>) {
+    let id = escape(&camera.id);
+    let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
+    let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
+    let has_image = camera.image.is_some();
+    if let Some(picture) = has_image.then(|| found(html, pictures(Shown::Camera(camera)))).flatten() {
+        let svg = overlay(site, camera, is_fitted(camera));
+        let _ = write!(html, "<figure>{}</figure>", figure(&picture, &svg));
+    }
+    match (&camera.solution, &camera.error) {
+        (Some(solution), _) => details(html, camera, solution),
+        (None, Some(error)) => {
+            let _ = write!(
+                html,
+                "<p class=\"note bad\"><b>{}</b> {} {}</p>",
+                error.code,
+                escape(&error.message),
+                escape(&error.advice)
+            );
+        }
+        (None, None) => {}
+    }
+    html.push_str("</section>\n");
+}
+
+fn details(html: &mut String, camera: &SiteCamera, solution: &Solution) {
+    for warning in &solution.warnings {
+        let _ = writeln!(
+            html,
+            "<p class=\"note\"><b>{}</b> {} <i>{}</i></p>",
+            warning.code,
+            escape(&warning.message),
+            escape(&warning.advice)
+        );
+    }
+    if let Some(next) = &solution.draw_next {
+        let _ = writeln!(html, "<p class=\"note\"><b>next</b> {}</p>", escape(&next.message));
+    }
+    for other in &solution.alternatives {
+        let _ = writeln!(
+            html,
+            "<p class=\"note\">Fits as well: focal {:.0} px, view {:.0}\u{b0}, pitch {:.1}\u{b0} (chi-square {:.1}).</p>",
+            other.focal_px, other.hfov_deg, other.pitch_deg, other.chi2
+        );
+    }
+    html.push_str("<table><thead><tr><th>Line or point<th class=n>Residual, px<th></tr></thead><tbody>\n");
+    let sigma = solution.sigma_px.unwrap_or(1.0);
+    for residual in &solution.residuals {
+        let class = if residual.outlier || residual.px.abs() > 3.0 * sigma { " class=bad" } else { "" };
+        let note = if residual.outlier { "set aside" } else { "" };
+        let _ = writeln!(
+            html,
+            "<tr{class}><td>{}<td class=n>{:.2}<td>{note}</tr>",
+            label(camera, residual),
+            residual.px.abs()
+        );
+    }
+    html.push_str("</tbody></table>\n");
+}
+
+fn label(camera: &SiteCamera, residual: &Residual) -> String {
+    match (residual.of, residual.annotation) {
+        (ResidualOf::Annotation, Some(index)) => {
+            let annotation = camera.annotations.get(index).map_or_else(String::new, |a| a.label(index));
+            let name = line_name(&camera.annotations, index, residual.segment.unwrap_or(0));
+            format!("{name} {}", escape(&annotation))
+        }
+        (ResidualOf::ControlPoint, _) => {
+            format!("Control point {}", escape(residual.id.as_deref().unwrap_or("")))
+        }
+        (ResidualOf::Link, _) => format!("Link {}", escape(residual.id.as_deref().unwrap_or(""))),
+        _ => format!("Mark {}", escape(residual.id.as_deref().unwrap_or(""))),
+    }
+}

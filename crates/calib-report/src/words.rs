@@ -1,0 +1,39 @@
+//! Words and numbers as the operator reads them.
+
+/// Names in a row, cut short: "a, b, c and 997 more".
+#[must_use]
+pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    /// A list that the eye takes in is written out.
+    const MOST: usize = 6;
+    const SHOWN: usize = 3;
+    let names: Vec<&str> = names.into_iter().collect();
+    if names.len() <= MOST {
+        return names.join(", ");
+    }
+    format!("{} and {} more", names[..SHOWN].join(", "), names.len() - SHOWN)
+}
+
+/// Metres as centimetres, with a decimal as long as it says something.
+#[must_use]
+pub fn centimetres(metres: f64) -> String {
+    let value = 100.0 * metres;
+    if value < 100.0 { format!("{value:.1}") } else { format!("{value:.0}") }
+}
+
+/// A distance in the unit that suits it.
+#[must_use]
+pub fn distance(metres: f64) -> String {
+    if metres < 1.0 { format!("{} cm", centimetres(metres)) } else { format!("{metres:.1} m") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lists_of_names_are_cut_short() {
+        assert_eq!(few(["a", "b"]), "a, b");
+        let many: Vec<String> = (0..1000).map(|i| format!("c{i}")).collect();
+        assert_eq!(few(many.iter().map(String::as_str)), "c0, c1, c2 and 997 more");
+    }
+}

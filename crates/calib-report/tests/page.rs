@@ -1,0 +1,44 @@
+//! The page of the demonstration: whole without a file, and the same every time.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::{Options, Site};
+use calib_report::{Picture, Shown, page};
+
+fn solved() -> Site {
+    let site = calib_demo::demo_site().site;
+    site.calibrate(&Options::default()).write_into(&site)
+}
+
+fn pictures(shown: Shown<'_>) -> Result<Picture, String> {
+    match shown {
+        Shown::Camera(camera) if camera.id == "store" => Err("store.png: <not there>".into()),
+        Shown::Camera(camera) => Ok(Picture { href: format!("data:,{}", camera.id), size: camera.size_px }),
+        Shown::Plan => Ok(Picture { href: "data:,plan".into(), size: [1200, 900] }),
+    }
+}
+
+#[test]
+fn every_camera_is_shown_with_its_picture_or_why_it_is_not() {
+    let site = solved();
+    let html = page(&site, &mut pictures);
+    assert_eq!(html, page(&site, &mut pictures));
+    assert!(html.contains(r#"href="data:,plan" width="1200" height="900" opacity="0.55""#));
+    for camera in &site.cameras {
+        let section = html.split(&format!("<section id=\"{}\">", camera.id)).nth(1).unwrap();
+        let section = &section[..section.find("</section>").unwrap()];
+        let is_shown = section.contains(&format!("href=\"data:,{}\"", camera.id));
+        let says_why = section.contains("store.png: &lt;not there&gt;");
+        assert_eq!((is_shown, says_why), (camera.id != "store", camera.id == "store"), "{}", camera.id);
+        assert!(section.contains("<th>Line or point"), "{}", camera.id);
+    }
+}
+
+#[test]
+fn nothing_is_fetched_and_nothing_runs() {
+    let html = page(&solved(), &mut pictures);
+    assert!(html.contains("default-src 'none'"));
+    for fetched in ["src=\"http", "href=\"http", "<script", "<link", "url("] {
+        assert!(!html.contains(fetched), "{fetched}");
+    }
+}

@@ -1,0 +1,164 @@
+//! Wrong evidence in large sites and drawings: links that are no links, lines that are not what they are said to
+//! be. They are found however many they are, and cost little more than the rest.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+use calib_core::{
+    Annotation, Camera, Covariance, Kind, Lens, Options, Pixel, Report, SceneEntry, Site, SiteCamera, Stage,
+    WorldPoint,
+};
+use calib_demo::layout::Layout;
+use calib_demo::random::{SIZE, normal};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+fn moved(pixel: Pixel, random: &mut ChaCha8Rng) -> Pixel {
+    let (by, angle) = (random.random_range(30.0..200.0), random.random_range(0.0..std::f64::consts::TAU));
+    Pixel::new(pixel.u + by * f64::cos(angle), pixel.v + by * f64::sin(angle))
+}
+
+/// Makes one of `every` so many links wrong; which they are.
+fn spoil(layout: &mut Layout, random: &mut ChaCha8Rng, every: usize) -> BTreeSet<usize> {
+    let wrong: BTreeSet<usize> =
+        (0..layout.site.links.len()).filter(|_| random.random_range(0..every) == 0).collect();
+    for &index in &wrong {
+        let which = random.random_range(0..layout.site.links[index].seen.len());
+        let pixel = layout.site.links[index].seen[which].px.as_mut().unwrap();
+        *pixel = moved(*pixel, random);
+    }
+    wrong
+}
+
+fn links_set_aside(report: &Report) -> BTreeSet<usize> {
+    let is_aside = |&index: &usize| {
+        report.links[index].as_ref().is_some_and(|link| link.residuals.iter().any(|seen| seen.outlier))
+    };
+    (0..report.links.len()).filter(is_aside).collect()
+}
+
+/// The report of a site, and the least time of some runs.
+fn timed(site: &Site, runs: usize) -> (Report, Duration) {
+    let run = |_| {
+        let before = Instant::now();
+        (site.calibrate(&Options::default()), before.elapsed())
+    };
+    (0..runs).map(run).min_by_key(|(_, took)| *took).unwrap()
+}
+
+fn farthest_off(report: &Report, layout: &Layout) -> f64 {
+    let off = report.cameras.iter().zip(&layout.truth).map(|((_, found), truth)| {
+        let found = found.as_ref().unwrap();
+        assert_eq!(found.stage, Stage::Refined);
+        found.camera().unwrap().position.distance(truth.position)
+    });
+    off.fold(0.0, f64::max)
+}
+
+/// A hall of twenty cameras and two thousand links, of which one in `every` is wrong, against the same without
+/// wrong ones.
+fn hall(every: usize, noise_is_known: bool) {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let mut layout = Layout::grid(&mut random, [5, 4], 65, 1.0);
+    layout.place_first();
+    if !noise_is_known {
+        layout.site.cameras.iter_mut().for_each(|camera| camera.sigma_px = None);
+    }
+    let (clean, clean_took) = timed(&layout.site, 3);
+    let wrong = spoil(&mut layout, &mut random, every);
+    let (report, took) = timed(&layout.site, 3);
+    let aside = links_set_aside(&report);
+    let (accused, missed) = (aside.difference(&wrong).count(), wrong.difference(&aside).count());
+    let off = [farthest_off(&clean, &layout), farthest_off(&report, &layout)];
+    println!(
+        "{} links, {} wrong: {missed} missed, {accused} accused, cameras off {off:?} m, {clean_took:?} clean, {took:?}",
+        layout.site.links.len(),
+        wrong.len()
+    );
+    // One moved along the ray of the other camera's floor error, or hardly, may look right.
+    assert!(missed * 50 <= wrong.len() && accused * 200 <= layout.site.links.len());
+    assert!(off[1] < 2.0 * off[0] + 0.01, "{off:?}");
+    assert!(took < 12 * clean_took, "{took:?} instead of {clean_took:?}");
+}
+
+#[test]
+fn many_wrong_links_are_found_at_once() {
+    hall(20, true);
+}
+
+#[test]
+fn they_are_found_by_the_scatter_of_the_rest_where_the_noise_is_not_known() {
+    hall(20, false);
+}
+
+#[test]
+fn few_wrong_links_of_many_are_found() {
+    hall(700, true);
+}
+
+/// A camera 4 m high on whose image so many lines are drawn: verticals, and floor lines along x and y.
+fn drawn(random: &mut ChaCha8Rng, count: usize) -> (Camera, Vec<Annotation>) {
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, 4.0),
+        yaw: 0.0,
+        pitch: 0.5,
+        roll: 0.03,
+        focal: 1200.0,
+        lens: Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1])),
+        covariance: Covariance::EXACT,
+    };
+    let mut segments: [Vec<Vec<Pixel>>; 3] = Default::default();
+    while segments.iter().map(Vec::len).sum::<usize>() < count {
+        let kind = segments.iter().map(Vec::len).sum::<usize>() % 3;
+        let (x, y) = (random.random_range(-5.0..5.0), random.random_range(4.0..12.0));
+        // Floor lines of a room that stands askew.
+        let along = [[0.0, 0.0, 2.0], [1.2, 0.9, 0.0], [-0.9, 1.2, 0.0]][kind];
+        let ends = [0.0, 1.0].map(|s| WorldPoint::new(x + s * along[0], y + s * along[1], s * along[2]));
+        let shown = ends.map(|end| camera.world_to_pixel(end));
+        let inside = |p: &Pixel| p.u > 0.0 && p.v > 0.0 && p.u < SIZE[0] && p.v < SIZE[1];
+        if let [Some(a), Some(b)] = shown.map(|shown| shown.filter(inside)) {
+            let mut noisy = |p: Pixel| Pixel::new(p.u + normal(random), p.v + normal(random));
+            segments[kind].push(vec![noisy(a), noisy(b)]);
+        }
+    }
+    let [vertical, along, across] = segments;
+    let kinds = [(Kind::Vertical, vertical), (Kind::Parallel, along), (Kind::Parallel, across)];
+    (camera, kinds.map(|(kind, lines)| Annotation::of_segments(kind, lines)).to_vec())
+}
+
+fn site_of(annotations: Vec<Annotation>) -> Site {
+    let mut entry = SiteCamera::new("c", SIZE.map(|side| side as u32));
+    entry.sigma_px = Some(1.0);
+    entry.annotations = annotations;
+    Site { cameras: vec![entry], scene: Some(SceneEntry::EXACT), ..Site::new() }
+}
+
+#[test]
+fn wrong_lines_of_many_are_found_soon() {
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    for (lines, wrong) in [(30, 2), (60, 3), (90, 4)] {
+        let (camera, mut annotations) = drawn(&mut random, lines);
+        let (_, clean_took) = timed(&site_of(annotations.clone()), 3);
+        let spoiled: BTreeSet<(usize, usize)> = (0..wrong).map(|k| (k % 3, 2 * k)).collect();
+        for &(annotation, segment) in &spoiled {
+            let end = annotations[annotation].segments.as_mut().unwrap()[segment].last_mut().unwrap();
+            *end = moved(*end, &mut random);
+        }
+        let (report, took) = timed(&site_of(annotations), 3);
+        let solution = report.cameras[0].1.as_ref().unwrap();
+        let aside: BTreeSet<(usize, usize)> = solution
+            .residuals
+            .iter()
+            .filter(|residual| residual.outlier)
+            .map(|residual| (residual.annotation.unwrap(), residual.segment.unwrap()))
+            .collect();
+        let off = solution.camera().unwrap().focal - camera.focal;
+        println!(
+            "{lines} lines, {wrong} wrong: {aside:?} of {spoiled:?}, focal {off:.1} px off, {clean_took:?} clean, {took:?}"
+        );
+        assert_eq!(aside, spoiled);
+        assert!(off.abs() < 30.0, "{off}");
+    }
+}
