@@ -65,7 +65,7 @@ pub(crate) fn planes_section(html: &mut String, site: &Site) {
     if planes.is_empty() {
         return;
     }
-    html.push_str("<section id=\"planes\"><h2>Planes</h2>\n<p class=dim>Besides the floor: height at the mean of the corners of the region; the direction counts counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Fall, \u{b0}<th class=n>Toward, \u{b0}</tr></thead>\n");
+    html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Besides the floor: height at the mean of the corners of the region; the direction counts counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Fall, \u{b0}<th class=n>Toward, \u{b0}</tr></thead>\n");
     for Found { title, height, fall, toward } in &planes {
         let [height, fall, toward] = [height, fall, toward].map(|number| number.replace('-', "\u{2212}"));
         let _ = writeln!(
