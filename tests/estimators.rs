@@ -30,7 +30,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
         priors: Priors::default(),
         sigma,
         weak_prior: true,
-        keep: &[],
+        ..FitOptions::new(lens(), SIZE)
     };
     Fit::new(&evidence, &options).unwrap_or_else(|failure| panic!("{failure}"))
 }

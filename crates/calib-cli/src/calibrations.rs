@@ -5,19 +5,19 @@ use std::collections::{BTreeMap, HashMap};
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
-use calib_core::{Extent, FloorPoint, FloorProjector, Site, SiteCamera, Surface};
+use calib_core::{Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamMap, Surface};
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
 use crate::files::{SiteFile, say};
 use crate::stop::Stop;
-use crate::stream::{Stream, StreamSize};
+use crate::stream::map_of;
 
 /// One calibrated camera, for the time that it holds.
 pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
     /// In which detections are made.
-    pub(crate) stream: Stream,
+    pub(crate) stream: StreamMap,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
     entry: Entry,
@@ -49,7 +49,6 @@ pub(crate) struct Calibrations {
 }
 
 /// The planes of a site besides the floor, if any of them covers a part of the plan.
-#[derive(Default)]
 pub(crate) struct Planes {
     pub(crate) surfaces: Vec<Surface>,
     /// Of each, in the same order.
@@ -58,11 +57,9 @@ pub(crate) struct Planes {
 
 impl Planes {
     fn of(site: &Site) -> Self {
-        if site.planes.iter().all(|plane| plane.region.is_empty()) {
-            return Self::default();
-        }
-        let ids = site.planes.iter().map(|plane| plane.id.clone()).collect();
-        Self { surfaces: site.surfaces(), ids }
+        let surfaces = site.covering_surfaces();
+        let ids = site.planes.iter().map(|plane| plane.id.clone()).take(surfaces.len()).collect();
+        Self { surfaces, ids }
     }
 }
 
@@ -83,7 +80,8 @@ pub(crate) struct Wanted {
     pub(crate) at: Option<AtColumn>,
     /// Of the plane, in metres.
     pub(crate) height: f64,
-    pub(crate) stream: Option<StreamSize>,
+    /// In which detections are made.
+    pub(crate) stream: Stream,
 }
 
 /// Which calibration every row has; the number of calibrations is none of them.
@@ -100,11 +98,11 @@ impl Calibration {
             Stop::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
         let period = entry.period_ns().map_err(|error| Stop::Invalid(error.to_string()))?;
-        let stream = wanted.stream.map(|stream| Stream::of(stream, entry.size(), &entry.id)).transpose()?;
+        let stream = map_of(&wanted.stream, entry.size(), &entry.id)?;
         let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
-            stream: stream.unwrap_or(Stream::STILL),
+            stream,
             size: entry.size(),
             efov: site.efov_on_floor(entry),
             entry: Entry { camera: entry.id.clone(), from, to, period },

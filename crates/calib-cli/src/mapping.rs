@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions, StringBuilder};
 use arrow::datatypes::{Field, Schema};
-use calib_core::{Pixel, Status, WorldPoint};
+use calib_core::{BoxForm, Pixel, Status, StreamMap, WorldPoint};
 use clap::ValueEnum;
 
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
@@ -12,7 +12,6 @@ use crate::columns::{BadCells, Place, names, numbers};
 use crate::on_planes::OnPlanes;
 use crate::sigmas::Sigmas;
 use crate::stop::Stop;
-use crate::stream::Stream;
 
 /// Which way to map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -34,15 +33,6 @@ pub(crate) enum Columns {
     Boxes,
 }
 
-/// Where pixels are counted from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PixelOrigin {
-    /// From the corner of the image: the centre of the first pixel is (0.5, 0.5)
-    Corner,
-    /// From the centre of the first pixel, which is (0, 0)
-    Centre,
-}
-
 /// What its source knows of the rows of a batch.
 #[derive(Clone, Copy)]
 pub(crate) struct Rows<'a> {
@@ -56,7 +46,6 @@ pub(crate) struct Rows<'a> {
 pub(crate) struct Mapping {
     pub(crate) to: To,
     pub(crate) columns: Columns,
-    pub(crate) origin: PixelOrigin,
     /// Of the plane, in metres, where the table does not say.
     pub(crate) height: f64,
     /// Standard deviation of a detection, in pixels of its stream; with it, points have theirs.
@@ -107,7 +96,7 @@ impl Mapping {
         ))
     }
 
-    /// What is to be mapped: pixels of the stream counted from the corner, or points of space.
+    /// What is to be mapped: pixels of the stream, or points of space.
     fn points(&self, batch: &RecordBatch, place: Place<'_>) -> Result<Points, Stop> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
@@ -125,10 +114,7 @@ impl Mapping {
             Columns::Auto => !(has("u") && has("v")) && has("w") && has("h"),
             columns => columns == Columns::Boxes,
         };
-        let [mut a, mut b] = if boxes { self.feet(batch, place)? } else { self.pixels(batch, place)? };
-        if self.origin == PixelOrigin::Centre {
-            a.iter_mut().chain(&mut b).for_each(|value| *value += 0.5);
-        }
+        let [a, b] = if boxes { self.feet(batch, place)? } else { self.pixels(batch, place)? };
         Ok(Points { a, b, c: Vec::new() })
     }
 
@@ -141,8 +127,9 @@ impl Mapping {
     fn feet(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], Stop> {
         let names = ["x", "y", "w", "h"];
         let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", place, &self.bad)?;
-        x.iter_mut().zip(w).for_each(|(x, w)| *x += 0.5 * w);
-        y.iter_mut().zip(h).for_each(|(y, h)| *y += h);
+        for row in 0..x.len() {
+            [x[row], y[row]] = BoxForm::CornerSize.foot([x[row], y[row], w[row], h[row]]);
+        }
         Ok([x, y])
     }
 }
@@ -198,7 +185,7 @@ impl Points {
     fn map(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> Mapped {
         match mapping.to {
             To::Floor => self.to_floor(mapping, calibration, planes),
-            To::Pixel => self.to_pixels(mapping, calibration),
+            To::Pixel => self.to_pixels(calibration),
         }
     }
 
@@ -207,7 +194,7 @@ impl Points {
         let in_still = |axis, values: &[f64]| -> Vec<f64> {
             values.iter().map(|&value| stream.in_still(axis, value)).collect()
         };
-        let scaled = (stream != Stream::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
+        let scaled = (stream != StreamMap::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
         let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
         if !planes.ids.is_empty() {
             return OnPlanes::map(calibration, planes, [u, v], mapping.height, mapping.sigma);
@@ -224,32 +211,19 @@ impl Points {
         mapped
     }
 
-    fn to_pixels(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
+    fn to_pixels(&self, calibration: &Calibration) -> Mapped {
         let mut mapped = Mapped::nowhere(self.a.len(), false, false);
-        let half = if mapping.origin == PixelOrigin::Centre { 0.5 } else { 0.0 };
+        let extent = calibration.extent();
         for i in 0..self.a.len() {
             let point = WorldPoint { x: self.a[i], y: self.b[i], z: self.c[i] };
-            let (pixel, status) = to_pixel(calibration, point);
+            let (pixel, status) = extent.to_pixel(calibration.projector.camera(), point);
             mapped.status[i] = status;
             if let Some(Pixel { u, v }) = pixel {
-                mapped.x[i] = calibration.stream.in_stream(0, u) - half;
-                mapped.y[i] = calibration.stream.in_stream(1, v) - half;
+                mapped.x[i] = calibration.stream.in_stream(0, u);
+                mapped.y[i] = calibration.stream.in_stream(1, v);
             }
         }
         mapped
-    }
-}
-
-fn to_pixel(calibration: &Calibration, point: WorldPoint) -> (Option<Pixel>, Status) {
-    let camera = calibration.projector.camera();
-    if !point.is_finite() {
-        return (None, Status::Missing);
-    }
-    let Some(straight) = camera.world_to_undistorted(point) else { return (None, Status::BehindCamera) };
-    match camera.distort(straight) {
-        None => (None, Status::OutsideLens),
-        Some(pixel) if calibration.extent().shows(pixel) => (Some(pixel), Status::Ok),
-        Some(pixel) => (Some(pixel), Status::OutsideImage),
     }
 }
 

@@ -3,6 +3,7 @@
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use calib_core::Stream;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::archive::{FORMATS, Format, Input, Output, Packing, Purpose, Sink, Source};
@@ -10,10 +11,10 @@ use crate::args::{SiteArgs, size};
 use crate::calibrations::{ByCamera, Calibrations, Wanted};
 use crate::columns::{AtColumn, AtUnit, BadCells, BadRows};
 use crate::files;
-use crate::mapping::{Columns, Mapping, PixelOrigin, Rows, To};
+use crate::mapping::{Columns, Mapping, Rows, To};
 use crate::progress::Progress;
 use crate::stop::Stop;
-use crate::stream::{Fit, StreamSize};
+use crate::stream::{Fit, PixelOrigin};
 
 /// What the help says last.
 const METADATA: &str = "Parquet and Arrow say in their metadata what they were mapped with: calib.site_sha256 (of \
@@ -170,7 +171,6 @@ fn mapping(args: &Args) -> Mapping {
     Mapping {
         to: args.to,
         columns: args.columns,
-        origin: args.pixel_origin,
         height: args.height_m,
         sigma: args.sigma_px,
         replaces: args.replace,
@@ -192,7 +192,8 @@ fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
         (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
     };
     let at = args.at_column.clone().map(|name| AtColumn::new(name, args.at_unit));
-    let stream = args.stream_size.map(|size| StreamSize { size, fit: args.stream_fit });
+    let origin = args.pixel_origin.into();
+    let stream = Stream { origin, size: args.stream_size, fit: args.stream_fit.map(Into::into), crop: None };
     Calibrations::of(&file, Wanted { camera, at, height: args.height_m, stream })
 }
 

@@ -137,10 +137,11 @@ pub use camera::{
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT, Placement, Polyline,
-    Remap, STAGE_1_HEIGHT, Status, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion,
-    default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front,
-    on_image, position_ellipse, prism, vertical, with_placement_covariance,
+    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT,
+    PixelOrigin, Placement, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError, StreamFit,
+    StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
+    efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
+    position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
@@ -158,7 +159,7 @@ pub use site::{
     About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
     DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
     Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NoCamera, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
+    Method, NamedAnnotation, Names, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
     PlaneNumber, PlaneSolution, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
     SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry, Warning,
 };

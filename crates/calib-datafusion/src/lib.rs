@@ -63,8 +63,7 @@ pub fn calib_floor(site: &Site) -> Result<ScalarUDF> {
     }
     let kinds = vec![DataType::Utf8, DataType::Float64, DataType::Float64];
     let signature = Signature::exact(kinds, Volatility::Immutable);
-    let covers = site.planes.iter().any(|plane| !plane.region.is_empty());
-    let surfaces = if covers { site.surfaces() } else { Vec::new() };
+    let surfaces = site.covering_surfaces();
     let planes = site.planes.iter().map(|plane| plane.id.clone()).take(surfaces.len()).collect();
     Ok(ScalarUDF::from(FloorOf { signature, cameras, surfaces, planes, site: site.to_json() }))
 }

@@ -228,14 +228,11 @@ impl Solved {
     /// What pixels are mapped to besides the floor: the planes of the site, those with regions, as [`Self::plane`].
     #[must_use]
     pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
-        if site.planes.iter().all(|plane| plane.region.is_empty()) {
-            return Vec::new();
-        }
         let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
         if let Some(joint) = self.joint() {
             joint.put_planes(&mut found.planes);
         }
-        found.surfaces()
+        found.covering_surfaces()
     }
 
     /// The plane that the field of view of a camera lies on.

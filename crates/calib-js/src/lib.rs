@@ -4,11 +4,16 @@
 //! Units and axes are those of the site file: pixels from the corner of the image, metres with z up.
 
 mod point;
+mod options;
+mod camera;
 
-use calib_core::{Extent, Options, SiteCamera, Status, Surface, SurfacePoint, SurfaceProjector, WorldPoint};
+pub use camera::{Camera, status_names};
+
+use calib_core::{Extent, Options, SiteCamera, Status, Stream, SurfacePoint, SurfaceProjector, WorldPoint};
 use js_sys::Float64Array;
 use wasm_bindgen::prelude::*;
 
+use crate::options::CameraOptions;
 use crate::point::{FloorPoint, Pixel};
 
 /// A site whose solutions are used.
@@ -35,6 +40,17 @@ impl Site {
         solved.map(|camera| camera.id.clone()).collect()
     }
 
+    /// A calibrated camera, for whole columns of pixels of one of its streams.
+    ///
+    /// # Errors
+    /// Throws when the site has no calibrated camera of this id, when it has several periods and `at` does not say
+    /// which, and when the stream does not go with the size of the still.
+    pub fn camera(&self, id: &str, options: Option<CameraOptions>) -> Result<Camera, JsError> {
+        let (at, stream) = options.map_or_else(|| Ok((None, Stream::default())), |options| options.read())?;
+        let view = self.0.view(id, at.as_deref(), stream);
+        view.map(Camera).map_err(|why| JsError::new(&format!("camera {id:?}: {why}")))
+    }
+
     /// The point of the floor that a pixel shows, with its standard deviation; `undefined` above the horizon.
     ///
     /// Of a site whose `planes` have regions it is the point of the floor or of a plane that the pixel shows first,
@@ -55,7 +71,7 @@ impl Site {
         at: Option<String>,
     ) -> Result<Option<FloorPoint>, JsError> {
         let (entry, camera) = self.calibrated(camera, at.as_deref())?;
-        let (efov, surfaces) = (self.0.efov_on_floor(entry), self.surfaces());
+        let (efov, surfaces) = (self.0.efov_on_floor(entry), self.0.covering_surfaces());
         let extent = Extent { size: entry.size(), efov: &efov };
         let (mut point, mut status) = ([None], [Status::Ok]);
         let projector = SurfaceProjector::new(&camera, 0.0, &surfaces);
@@ -87,7 +103,7 @@ impl Site {
             return Err(JsError::new("an odd number of coordinates: u, v, u, v and so on are expected"));
         };
         let [u, v] = [0, 1].map(|axis| pairs.iter().map(|pair| pair[axis]).collect::<Vec<f64>>());
-        let surfaces = self.surfaces();
+        let surfaces = self.0.covering_surfaces();
         let (mut points, mut status) = (vec![None; u.len()], vec![Status::Ok; u.len()]);
         let extent = Extent { size: entry.size(), efov: &[] };
         SurfaceProjector::new(&camera, 0.0, &surfaces).pixels_to_surfaces(
@@ -117,12 +133,6 @@ impl Site {
     ) -> Result<Option<Pixel>, JsError> {
         let (_, camera) = self.calibrated(camera, at.as_deref())?;
         Ok(camera.world_to_pixel(WorldPoint::new(x, y, z.unwrap_or(0.0))).map(Pixel::new))
-    }
-
-    /// The planes besides the floor; none where none of them covers a part of the plan.
-    fn surfaces(&self) -> Vec<Surface> {
-        let covers = self.0.planes.iter().any(|plane| !plane.region.is_empty());
-        if covers { self.0.surfaces() } else { Vec::new() }
     }
 
     /// An id may repeat with periods that do not overlap: only a time says which one is meant.

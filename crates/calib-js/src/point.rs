@@ -64,7 +64,8 @@ impl Pixel {
     }
 }
 
-fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
+/// A plain object.
+pub(crate) fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
     let object = Object::new();
     set(&object, fields.iter().cloned());
     object.unchecked_into()

@@ -1,6 +1,6 @@
 // The package beside the command line: the same solutions, the same points, errors that say what is wrong.
 //
-//     node package.mjs FOLDER-OF-THE-PACKAGE CALIB
+//     node package.mjs FOLDER-OF-THE-PACKAGE CALIB GOLDEN
 //
 // Its types are checked when it is compiled.
 
@@ -10,10 +10,12 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
+import { golden } from "./golden.mjs";
 import type * as Calib from "../../../target/js/calib.js";
 
-const [folder, program] = process.argv.slice(2);
-const { initSync, Site, solve } = (await import(pathToFileURL(join(folder, "calib.js")).href)) as typeof Calib;
+const [folder, program, points] = process.argv.slice(2);
+const calibJs = (await import(pathToFileURL(join(folder, "calib.js")).href)) as typeof Calib;
+const { initSync, Site, solve } = calibJs;
 initSync({ module: readFileSync(join(folder, "calib_bg.wasm")) });
 
 const scratch = mkdtempSync(join(tmpdir(), "calib-js-"));
@@ -120,6 +122,7 @@ try {
   assert.equal(site.floorToPixel(cameras[0], Number.NaN, 0), undefined);
   assert.equal(site.pixelToFloor(cameras[0], Number.NaN, 0), undefined);
   site.free();
+  console.log(golden(calibJs, points));
   console.log(`${mapped} pixels of ${cameras.length} cameras as the command line maps them; poses within ${apart.toExponential(1)}`);
 } finally {
   rmSync(scratch, { recursive: true });

@@ -75,6 +75,32 @@ const ENGINES: Tool = python!(
     "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1 pyspark==4.3.0"
 );
 
+/// What builds the wheel, what checks it, and the packages that its users have.
+const PYTHON: Tool = python!(
+    "what builds and tries the wheel",
+    "target/python-venv",
+    "maturin==1.16.0 numpy==2.4.6 pytest==9.2.0 mypy==2.4.1 twine==6.2.0 auditwheel==6.8.2 matplotlib==3.11.2 \
+     nbclient==0.11.0 ipykernel==7.4.0 opencv-python-headless==5.0.0.93 supervision==0.31.2 norfair==2.1.1"
+);
+
+const COMPILERS: Tool = Tool {
+    name: "compilers for C and C++, and GStreamer's headers",
+    is_there: || is_on_path("cc") && is_on_path("c++") && finds("gstreamer-video-1.0"),
+    install: &[
+        &["apt-get", "update", "--quiet"],
+        &[
+            "apt-get",
+            "install",
+            "--quiet",
+            "--yes",
+            "--no-install-recommends",
+            "g++",
+            "pkg-config",
+            "libgstreamer-plugins-base1.0-dev",
+        ],
+    ],
+};
+
 const TYPOS: Tool = python!("typos", "target/tools-venv", "typos==1.52.0");
 
 /// For Spark.
@@ -208,6 +234,18 @@ const CHECKS: &[Check] = &[
         name: "the package for JavaScript",
         command: &["cargo", "xtask", "js", "--test"],
         tools: &[&WEB, &BROWSER],
+        ..PLAIN
+    },
+    Check {
+        name: "the wheel for Python",
+        command: &["cargo", "xtask", "py", "--test"],
+        tools: &[&PYTHON],
+        ..PLAIN
+    },
+    Check {
+        name: "the library for C and C++",
+        command: &["cargo", "xtask", "c", "--test"],
+        tools: &[&COMPILERS],
         ..PLAIN
     },
     Check {
@@ -372,6 +410,11 @@ fn says(program: &str, version: &str) -> bool {
 /// Whether a folder of packages was made with these.
 fn is_made(folder: &str, pins: &str) -> bool {
     std::fs::read_to_string(root().join(folder).join("ready")).is_ok_and(|made| made == pins)
+}
+
+/// Whether a library's headers are there.
+fn finds(library: &str) -> bool {
+    Command::new("pkg-config").args(["--exists", library]).status().is_ok_and(|status| status.success())
 }
 
 /// Whether there is a program of this name, wherever it is installed.

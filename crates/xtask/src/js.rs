@@ -9,7 +9,7 @@ use serde_json::json;
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::workspace::root;
-use crate::{browser, wasm};
+use crate::{browser, golden, wasm};
 
 /// Writes the package into `out`.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
@@ -55,8 +55,10 @@ pub(crate) fn test(out: &Path) -> anyhow::Result<()> {
     let mut compile = Command::new("node");
     compile.arg(tools.join("typescript/bin/tsc")).args(["--project", "crates/calib-js/tests"]);
     ensure!(compile.current_dir(root()).status()?.success(), "the types of the package do not fit its test");
+    let points = root().join("target/golden");
+    golden::run(&points)?;
     let mut run = Command::new("node");
-    run.arg("target/js-test/package.mjs").arg(out).arg(browser::calib()?).current_dir(root());
+    run.arg("target/js-test/package.mjs").arg(out).arg(browser::calib()?).arg(points).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `js`, `serve`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `js`, `py`, `c`,
+//! `golden`, `serve`.
 
 // A module uses only those above it.
 mod workspace;
@@ -8,6 +9,9 @@ mod coverage;
 mod notices;
 mod accuracy;
 mod archives;
+mod golden;
+mod py;
+mod c;
 mod bench;
 mod serve;
 #[cfg(feature = "web")]
@@ -67,6 +71,30 @@ enum Command {
         #[arg(long)]
         test: bool,
     },
+    /// Build the wheel for Python
+    Py {
+        /// Where to
+        #[arg(long, default_value = "target/python")]
+        out: PathBuf,
+        /// Build it quickly, install it into target/python-venv, and run its tests
+        #[arg(long)]
+        test: bool,
+    },
+    /// Write the header for C and C++, and build the library
+    C {
+        /// Where to, as a prefix: lib/, include/
+        #[arg(long, default_value = "target/c")]
+        out: PathBuf,
+        /// Compile and run its tests in place of that
+        #[arg(long)]
+        test: bool,
+    },
+    /// Write the points that every language must map to the same bits
+    Golden {
+        /// Where to
+        #[arg(long, default_value = "target/golden")]
+        out: PathBuf,
+    },
     /// Drive the app in Chromium
     Browser {
         /// Where the page is, or is built to
@@ -105,6 +133,11 @@ enum Command {
     },
 }
 
+/// Where the tests of other languages find the golden points.
+fn golden() -> PathBuf {
+    workspace::root().join("target/golden")
+}
+
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Test { install } => check::run(install),
@@ -131,6 +164,13 @@ fn main() -> anyhow::Result<()> {
             js::run(&out)?;
             if test { js::test(&out) } else { Ok(()) }
         }
+        Command::Py { out, test } => {
+            let wheel = py::run(&workspace::root().join(out), if test { "dev" } else { "release" })?;
+            if test { py::test(&wheel, &golden()) } else { Ok(()) }
+        }
+        Command::C { test: true, .. } => c::test(&golden()),
+        Command::C { out, test: false } => c::run(&workspace::root().join(out)),
+        Command::Golden { out } => golden::run(&workspace::root().join(out)),
         // What it takes is heavy, so it is built when it is asked for.
         #[cfg(not(feature = "web"))]
         Command::Web { .. } | Command::Js { .. } | Command::Browser { .. } => {

@@ -8,6 +8,7 @@
 
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, Matrix2};
+use crate::camera::elementary::sin_cos;
 use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
 use crate::camera::space::{FloorPoint, Pixel};
@@ -23,11 +24,20 @@ pub struct FloorCovariance {
 }
 
 impl FloorCovariance {
+    /// Of a pixel without a point.
+    pub(crate) const NONE: Self = Self { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
+
     /// Both parts together; `None` where one of them is not known.
     #[must_use]
     pub fn total(&self) -> Option<[[f64; 2]; 2]> {
         let calibration = self.calibration?;
         Some(std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + calibration[i][j])))
+    }
+
+    /// Both parts row by row, as arrays hold them: NaN where nothing is known.
+    #[must_use]
+    pub fn rows(&self) -> [[f64; 4]; 2] {
+        [self.pixel, self.calibration.unwrap_or([[f64::NAN; 2]; 2])].map(|[[a, b], [c, d]]| [a, b, c, d])
     }
 
     /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in
@@ -164,7 +174,7 @@ impl<'a> PlaneJacobian<'a> {
     /// roll into `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
         let ([a, b], [right, down, forward]) = (self.normalised, self.axes);
-        let (sin, cos) = self.camera.roll.sin_cos();
+        let (sin, cos) = sin_cos(self.camera.roll);
         let [x, y, _] = self.direction;
         let back = -(a * sin + b * cos);
         let pitched = std::array::from_fn(|i| back * forward[i] + sin * right[i] + cos * down[i]);

@@ -4,6 +4,7 @@
 //! Jacobian.
 //!
 //! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
+//! - `elementary` sines and roots that are the same on every machine;
 //! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
 //! - `covariance` the covariance of a camera; `pinhole` the camera itself;
 //! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
@@ -11,6 +12,7 @@
 //! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
 
 mod space;
+mod elementary;
 mod polynomial;
 mod distortion;
 mod lens;

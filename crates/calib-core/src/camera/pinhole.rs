@@ -1,6 +1,7 @@
 //! The pinhole camera of the paper with a lens in front: both maps, the rays, the matrices.
 
 use crate::camera::covariance::Covariance;
+use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
 use crate::camera::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
@@ -42,7 +43,7 @@ const NEAREST: f64 = 1e-9;
 /// (x right, y down, z forward, as OpenCV has them).
 #[must_use]
 pub fn camera_from_world(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
-    let ((sy, cy), (sp, cp), (sr, cr)) = (yaw.sin_cos(), pitch.sin_cos(), roll.sin_cos());
+    let ((sy, cy), (sp, cp), (sr, cr)) = (sin_cos(yaw), sin_cos(pitch), sin_cos(roll));
     let forward = [-sy * cp, cy * cp, -sp];
     let down_unrolled = [sy * sp, -cy * sp, -cp];
     let right_unrolled = [cy, sy, 0.0];

@@ -4,6 +4,7 @@
 //! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
 use crate::camera::distortion::Distortion;
+use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::plane::Plane;
@@ -74,7 +75,7 @@ impl ObservedPixel {
 
 impl PosedCamera {
     pub(crate) fn new(camera: Camera) -> Self {
-        Self { rotation: camera.rotation(), roll: camera.roll.sin_cos(), camera }
+        Self { rotation: camera.rotation(), roll: sin_cos(camera.roll), camera }
     }
 
     /// Camera axes of a world vector.
@@ -128,7 +129,7 @@ impl PosedCamera {
         offset: f64,
         angle: f64,
     ) -> ReprojectedLine {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = sin_cos(angle);
         let WorldPoint { x, y, z } = self.camera.position;
         let at = FloorPoint { x: origin[0] - offset * sin, y: origin[1] + offset * cos };
         let q = [at.x - x, at.y - y, plane.height_at(at) - z];

@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use crate::camera::{FloorPoint, Pixel, Plane, WorldPoint};
+use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint};
 use crate::floor::status::Status;
 
 /// What a camera covers: its image, and the polygon of its EFOV on the floor.
@@ -39,6 +39,20 @@ impl Extent<'_> {
         let level = Plane::level(at.z);
         self.classify(eye, &level, [&[pixel.u], &[pixel.v]], [&[at.x], &[at.y]], &mut status);
         status[0]
+    }
+
+    /// The pixel at which a camera of this extent shows a point of space, and what became of the point.
+    #[must_use]
+    pub fn to_pixel(&self, camera: &Camera, point: WorldPoint) -> (Option<Pixel>, Status) {
+        if !point.is_finite() {
+            return (None, Status::Missing);
+        }
+        let Some(straight) = camera.world_to_undistorted(point) else { return (None, Status::BehindCamera) };
+        match camera.distort(straight) {
+            None => (None, Status::OutsideLens),
+            Some(pixel) if self.shows(pixel) => (Some(pixel), Status::Ok),
+            Some(pixel) => (Some(pixel), Status::OutsideImage),
+        }
     }
 
     /// Flips `inside` at every edge of the EFOV that lies to the right of a point.

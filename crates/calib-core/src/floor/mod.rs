@@ -6,6 +6,7 @@
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
 //! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
+//! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
 //! - `remap` undistorted images.
 
 mod placement;
@@ -17,8 +18,13 @@ mod extent;
 mod surfaces;
 mod projector;
 mod surface_projector;
+mod stream;
+mod detection_box;
+mod camera_view;
 mod remap;
 
+pub use camera_view::CameraView;
+pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
@@ -30,5 +36,6 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use status::Status;
+pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};

@@ -82,7 +82,18 @@ impl FloorProjector {
         match self.camera.lens.distortion {
             Distortion::None => self.by_quotient(0.0, [u, v], [x, y]),
             Distortion::Division { lambda } => self.by_quotient(lambda, [u, v], [x, y]),
-            Distortion::BrownConrady(brown) => self.by_newton(&brown, [u, v], [x, y]),
+            Distortion::BrownConrady(brown) => {
+                let (side, h) = (self.side(), self.floor_from_lens);
+                let to_floor = |a: f64, b: f64| {
+                    let w = h[2][0] * a + h[2][1] * b + h[2][2];
+                    let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
+                    (
+                        (h[0][0] * a + h[0][1] * b + h[0][2]) * scale,
+                        (h[1][0] * a + h[1][1] * b + h[1][2]) * scale,
+                    )
+                };
+                self.by_newton(&brown, to_floor, [u, v], [x, y]);
+            }
             // What has no faster way of its own goes pixel by pixel.
             _ => {
                 for i in 0..u.len() {
@@ -122,14 +133,17 @@ impl FloorProjector {
         );
     }
 
-    fn by_newton(&self, brown: &BrownConrady, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+    /// Takes the lens out, and maps what is left, normalised, as `onward` says.
+    #[inline(always)]
+    fn by_newton(
+        &self,
+        brown: &BrownConrady,
+        onward: impl Fn(f64, f64) -> (f64, f64),
+        [u, v]: [&[f64]; 2],
+        [x, y]: [&mut [f64]; 2],
+    ) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
-        let to_floor = |a: f64, b: f64| {
-            let w = h[2][0] * a + h[2][1] * b + h[2][2];
-            let scale = if w * side > 0.0 { w.recip() } else { f64::NAN };
-            ((h[0][0] * a + h[0][1] * b + h[0][2]) * scale, (h[1][0] * a + h[1][1] * b + h[1][2]) * scale)
-        };
+        let inverse = self.camera.lens.focal.recip();
         Arch::new().dispatch(
             #[inline(always)]
             || {
@@ -143,7 +157,7 @@ impl FloorProjector {
                         let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
                         undistort_in_step(brown, self.most, &mut a, &mut b);
                         for i in 0..LANES {
-                            (x[i], y[i]) = to_floor(a[i], b[i]);
+                            (x[i], y[i]) = onward(a[i], b[i]);
                         }
                     };
                 for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
@@ -159,6 +173,33 @@ impl FloorProjector {
                 y_rest.copy_from_slice(&y[..y_rest.len()]);
             },
         );
+    }
+
+    /// Where a pinhole would show what the lens shows at raw pixels `(u, v)`: [`Camera::undistort`].
+    ///
+    /// A pixel outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn undistort_pixels(&self, u: &[f64], v: &[f64], to_u: &mut [f64], to_v: &mut [f64]) {
+        assert!(u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(), "slices of one length");
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let f = self.camera.lens.focal;
+        match self.camera.lens.distortion {
+            Distortion::None => {
+                to_u.copy_from_slice(u);
+                to_v.copy_from_slice(v);
+            }
+            Distortion::BrownConrady(brown) => {
+                self.by_newton(&brown, |a, b| (cu + f * a, cv + f * b), [u, v], [to_u, to_v]);
+            }
+            _ => {
+                for i in 0..u.len() {
+                    let straight = self.camera.undistort(Pixel { u: u[i], v: v[i] });
+                    (to_u[i], to_v[i]) = straight.map_or((f64::NAN, f64::NAN), |p| (p.u, p.v));
+                }
+            }
+        }
     }
 
     /// As [`Self::pixels_to_floor`], and says of every pixel what became of it.
@@ -201,11 +242,9 @@ impl FloorProjector {
     /// When the slices are not of one length.
     pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
         assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
-        const NONE: FloorCovariance =
-            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
         for ((&u, &v), of) in u.iter().zip(v).zip(of) {
             let found = self.camera.covariance_on(Pixel { u, v }, pixel_sigma, &self.plane, &[[0.0; 3]; 3]);
-            *of = found.unwrap_or(NONE);
+            *of = found.unwrap_or(FloorCovariance::NONE);
         }
     }
 

@@ -38,6 +38,12 @@ impl Status {
         Self::OnWall,
     ];
 
+    /// The one of this number.
+    #[must_use]
+    pub fn of_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+
     /// As it stands in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -58,5 +64,18 @@ impl Status {
 impl std::fmt::Display for Status {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_places_in_the_list() {
+        for (code, status) in (0..).zip(Status::ALL) {
+            assert_eq!((status as u8, Status::of_code(code)), (code, Some(status)));
+        }
+        assert_eq!(Status::of_code(8), None);
     }
 }

@@ -6,6 +6,7 @@
 //!   entries as the types of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
+//! - `view` a calibrated camera by its id, as other languages ask for it;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
 //!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
 
@@ -27,6 +28,7 @@ mod check_planes;
 mod check_elements;
 mod check_solution;
 mod period;
+mod view;
 mod check;
 mod options;
 mod lens_cache;
@@ -61,3 +63,4 @@ pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
     Warning,
 };
+pub use view::NoView;

@@ -182,11 +182,17 @@ impl Site {
         id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(self.usual_fall()).plane)
     }
 
-    /// The planes that cover a part of the plan, in the order of the file: what pixels are mapped to besides the
-    /// floor.
+    /// The planes in the order of the file; one without a region covers nothing of the plan.
     #[must_use]
     pub fn surfaces(&self) -> Vec<Surface> {
         self.planes.iter().map(|plane| plane.surface(self.usual_fall())).collect()
+    }
+
+    /// What pixels are mapped to besides the floor: [`Self::surfaces`], or none where no plane has a region.
+    #[must_use]
+    pub fn covering_surfaces(&self) -> Vec<Surface> {
+        let covers = self.planes.iter().any(|plane| !plane.region.is_empty());
+        if covers { self.surfaces() } else { Vec::new() }
     }
 
     /// What is known of every plane, in the order of the file.

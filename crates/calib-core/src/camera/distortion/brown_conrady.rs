@@ -15,6 +15,7 @@
 
 use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
+use crate::camera::elementary::hypot;
 use crate::camera::polynomial::{OddPolynomial, positive_roots};
 
 pub(super) const ROW: ModelRow = ModelRow {
@@ -92,7 +93,7 @@ impl BrownConrady {
     ///
     /// Across a radius the tangential part is `3 r^2 (p1 sin + p2 cos)` of its direction.
     fn fold(&self) -> f64 {
-        let tangential = self.p1.hypot(self.p2);
+        let tangential = hypot(self.p1, self.p2);
         if tangential == 0.0 {
             return self.radial().first_turn();
         }
@@ -102,14 +103,14 @@ impl BrownConrady {
 
     /// Whether the map can be inverted within the radius of this undistorted point.
     fn is_regular(&self, [x, y]: [f64; 2]) -> bool {
-        let radius = x.hypot(y);
+        let radius = hypot(x, y);
         self.surely_grows(radius) || radius <= self.fold()
     }
 
     /// Whether the model grows up to this radius by what only takes from its derivative: where even that
     /// leaves some, no root need be looked for.
     fn surely_grows(&self, radius: f64) -> bool {
-        self.radial().least_derivative(radius) > 6.0 * self.p1.hypot(self.p2) * radius
+        self.radial().least_derivative(radius) > 6.0 * hypot(self.p1, self.p2) * radius
     }
 
     /// Where Newton's method starts, and whether that is the answer: the solution of the radial part, which a
@@ -166,7 +167,7 @@ impl Model for BrownConrady {
         const ROUNDS: usize = 50;
         /// Of the focal-normalised coordinates; a millionth of a millionth of the focal.
         const TOLERANCE: f64 = 1e-13;
-        let radius = x.hypot(y);
+        let radius = hypot(x, y);
         let (straight, is_radial) = self.start(radius)?;
         let scale = if radius > 0.0 { straight / radius } else { 1.0 };
         let mut point = [scale * x, scale * y];

@@ -9,6 +9,7 @@
 
 use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model, radial};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
+use crate::camera::elementary::{atan, hypot, tan};
 use crate::camera::polynomial::OddPolynomial;
 
 pub(super) const ROW: ModelRow = ModelRow {
@@ -42,12 +43,12 @@ impl KannalaBrandt {
 impl Model for KannalaBrandt {
     fn max_radius(&self) -> f64 {
         let theta = self.polynomial().first_turn();
-        if theta < std::f64::consts::FRAC_PI_2 { theta.tan() } else { f64::INFINITY }
+        if theta < std::f64::consts::FRAC_PI_2 { tan(theta) } else { f64::INFINITY }
     }
 
     fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let radius = x.hypot(y);
-        let theta = radius.atan();
+        let radius = hypot(x, y);
+        let theta = atan(radius);
         if theta > self.polynomial().first_turn() {
             return None;
         }
@@ -56,33 +57,33 @@ impl Model for KannalaBrandt {
     }
 
     fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let radius = x.hypot(y);
+        let radius = hypot(x, y);
         let theta = self.polynomial().inverse(radius)?;
         if theta >= std::f64::consts::FRAC_PI_2 {
             return None;
         }
-        let scale = if radius < AXIS { 1.0 } else { theta.tan() / radius };
+        let scale = if radius < AXIS { 1.0 } else { tan(theta) / radius };
         Some([scale * x, scale * y])
     }
 
     /// Also one from beside or behind the camera, which no pinhole sees.
     fn reaches(&self, [x, y]: [f64; 2]) -> bool {
-        self.polynomial().inverse(x.hypot(y)).is_some()
+        self.polynomial().inverse(hypot(x, y)).is_some()
     }
 
     fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {
-        let radius = x.hypot(y);
-        let theta = radius.atan();
+        let radius = hypot(x, y);
+        let theta = atan(radius);
         let across = if radius < AXIS { 1.0 } else { self.polynomial().value(theta) / radius };
         radial([x, y], across, self.polynomial().derivative(theta) / (1.0 + radius * radius))
     }
 
     fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
-        let radius = x.hypot(y);
+        let radius = hypot(x, y);
         let mut by = [[0.0; 2]; Distortion::MOST];
         if radius >= AXIS {
             for (by, power) in by.iter_mut().zip(POWERS) {
-                let along = radius.atan().powi(power) / radius;
+                let along = atan(radius).powi(power) / radius;
                 *by = [along * x, along * y];
             }
         }
@@ -90,18 +91,18 @@ impl Model for KannalaBrandt {
     }
 
     fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
-        let (radius, tangent) = (bent[0].hypot(bent[1]), straight[0].hypot(straight[1]));
+        let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
         let across = if radius < AXIS { 1.0 } else { tangent / radius };
-        radial(bent, across, (1.0 + tangent * tangent) / self.polynomial().derivative(tangent.atan()))
+        radial(bent, across, (1.0 + tangent * tangent) / self.polynomial().derivative(atan(tangent)))
     }
 
     fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
-        let (radius, tangent) = (bent[0].hypot(bent[1]), straight[0].hypot(straight[1]));
+        let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
         let mut by = ByCoefficients::default();
         if radius < AXIS {
             return by;
         }
-        let (theta, gain) = (tangent.atan(), 1.0 + tangent * tangent);
+        let (theta, gain) = (atan(tangent), 1.0 + tangent * tangent);
         let (derivative, second) = (self.polynomial().derivative(theta), self.polynomial().curvature(theta));
         for (by, power) in by.iter_mut().zip(POWERS) {
             let d_theta = -theta.powi(power) / derivative;

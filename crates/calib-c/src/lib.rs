@@ -1,0 +1,29 @@
+//! Calibrated cameras in C and C++: pixels to the floor and back, and the solve.
+//!
+//! What is computed stands in `calib-core`. Here are opaque handles, plain arrays, and checks of what C hands over:
+//! a null, misaligned or overlapping pointer is an answer, and so is a panic. `include/calib.h` is made from these
+//! sources.
+
+mod raw;
+mod words;
+mod site;
+mod camera;
+mod mapping;
+
+pub use camera::{CalibCamera, CalibStream, calib_camera_free, calib_site_camera};
+pub use mapping::{
+    calib_camera_boxes_to_floor, calib_camera_floor_covariance, calib_camera_rays, calib_camera_to_floor,
+    calib_camera_to_pixel, calib_camera_undistort,
+};
+pub use raw::CalibResult;
+pub use site::{
+    CalibSite, calib_site_calibrate, calib_site_camera_count, calib_site_camera_id, calib_site_free,
+    calib_site_json, calib_site_parse,
+};
+pub use words::{
+    CALIB_BOX_CENTRE_SIZE, CALIB_BOX_CORNER_SIZE, CALIB_BOX_CORNERS, CALIB_FIT_LETTERBOX, CALIB_FIT_STRETCH,
+    CALIB_FIT_UNSAID, CALIB_ORIGIN_CENTRE, CALIB_ORIGIN_CORNER, CALIB_STATUS_ABOVE_HORIZON,
+    CALIB_STATUS_BEHIND_CAMERA, CALIB_STATUS_MISSING, CALIB_STATUS_NO_CALIBRATION, CALIB_STATUS_OK,
+    CALIB_STATUS_ON_WALL, CALIB_STATUS_OUTSIDE_EFOV, CALIB_STATUS_OUTSIDE_IMAGE, CALIB_STATUS_OUTSIDE_LENS,
+    calib_result_text, calib_status_name, calib_version,
+};

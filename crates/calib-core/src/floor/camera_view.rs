@@ -1,0 +1,343 @@
+//! A calibrated camera as programs meet it: columns of pixels of a stream of it.
+//!
+//! This is what the library is in other languages: they hand over arrays and say what these are of; what is
+//! computed, and what it is called, stands here once.
+
+use std::ops::Range;
+
+use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Pixel, WorldPoint};
+use crate::floor::extent::Extent;
+use crate::floor::projector::FloorProjector;
+use crate::floor::status::Status;
+use crate::floor::stream::{Stream, StreamError, StreamMap};
+use crate::floor::surface_projector::SurfaceProjector;
+use crate::floor::surfaces::Surface;
+
+/// A calibrated camera with the stream that its pixels are of.
+///
+/// All columns of a call are of one length; what does not exist is NaN, and the status, a number of
+/// [`Status::ALL`], says why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraView {
+    floor: FloorProjector,
+    size: [f64; 2],
+    efov: Vec<FloorPoint>,
+    /// Planes besides the floor; none where none of them covers a part of the plan.
+    surfaces: Vec<Surface>,
+    stream: Stream,
+    map: StreamMap,
+}
+
+/// Points that are mapped together: few enough to stay in the fastest cache.
+const CHUNK: usize = 512;
+
+impl CameraView {
+    /// A camera with an image of this width and height, that covers this polygon of the floor.
+    #[must_use]
+    pub fn new(camera: &Camera, size: [f64; 2], efov: Vec<FloorPoint>) -> Self {
+        let (stream, map) = (Stream::default(), StreamMap::STILL);
+        Self { floor: FloorProjector::new(camera, 0.0), size, efov, surfaces: Vec::new(), stream, map }
+    }
+
+    /// The same camera where planes besides the floor cover a part of the plan: a pixel is of whichever of them and
+    /// the floor it shows first.
+    #[must_use]
+    pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
+        Self { surfaces, ..self }
+    }
+
+    /// The same camera for the pixels of another stream.
+    ///
+    /// # Errors
+    /// When the stream does not go with the size of the still.
+    pub fn with_stream(&self, stream: Stream) -> Result<Self, StreamError> {
+        Ok(Self { map: stream.map(self.size)?, stream, ..self.clone() })
+    }
+
+    /// The camera.
+    #[must_use]
+    pub const fn camera(&self) -> &Camera {
+        self.floor.camera()
+    }
+
+    /// Width and height of the still, in pixels.
+    #[must_use]
+    pub const fn size(&self) -> [f64; 2] {
+        self.size
+    }
+
+    /// The stream that pixels are of.
+    #[must_use]
+    pub const fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// Corners of the EFOV on the floor, in metres.
+    #[must_use]
+    pub fn efov(&self) -> &[FloorPoint] {
+        &self.efov
+    }
+
+    /// What it covers, in pixels of the still.
+    #[must_use]
+    pub fn extent(&self) -> Extent<'_> {
+        Extent { size: self.size, efov: &self.efov }
+    }
+
+    fn plane(&self, height: f64) -> FloorProjector {
+        if height == 0.0 { self.floor } else { FloorProjector::new(self.camera(), height) }
+    }
+
+    /// Goes through columns of pixels, chunk by chunk, as pixels of the still.
+    fn in_still(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
+        assert!(u.len() == v.len(), "columns of one length");
+        let is_still = self.map == StreamMap::STILL;
+        let ranges = (0..u.len()).step_by(CHUNK).map(|first| first..u.len().min(first + CHUNK));
+        if is_still {
+            ranges.for_each(|range| each(range.clone(), [&u[range.clone()], &v[range]]));
+            return;
+        }
+        let mut still = [[0.0; CHUNK]; 2];
+        for range in ranges {
+            for (axis, (still, values)) in still.iter_mut().zip([u, v]).enumerate() {
+                for (still, &value) in still.iter_mut().zip(&values[range.clone()]) {
+                    *still = self.map.in_still(axis, value);
+                }
+            }
+            each(range.clone(), [&still[0][..range.len()], &still[1][..range.len()]]);
+        }
+    }
+
+    /// Pixels to points of the plane at `height`, in metres, and what became of each; where there are planes besides
+    /// the floor, to points so high above whichever each shows first.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn to_floor(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [u8]) {
+        let (plane, extent) = (self.plane(height), self.extent());
+        assert!(status.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, still| {
+            let mut found = [Status::Ok; CHUNK];
+            let found = &mut found[..range.len()];
+            let at = [&mut x[range.clone()], &mut y[range.clone()]];
+            if self.surfaces.is_empty() {
+                plane.pixels_to_floor_within(&extent, still, at, found);
+            } else {
+                self.to_surfaces(height, still, at, found);
+            }
+            status[range].iter_mut().zip(found).for_each(|(code, &mut status)| *code = status as u8);
+        });
+    }
+
+    /// At most [`CHUNK`] pixels of the still to what each shows first.
+    fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
+        let mut points = [None; CHUNK];
+        let points = &mut points[..status.len()];
+        let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+        projector.pixels_to_surfaces(&self.extent(), still, points, status);
+        for ((point, x), y) in points.iter().zip(x).zip(y) {
+            (*x, *y) = point.map_or((f64::NAN, f64::NAN), |point| (point.at.x, point.at.y));
+        }
+    }
+
+    /// As [`Self::to_floor`], without what became of each: a pixel without a point has NaN.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+        let plane = self.plane(height);
+        self.in_still(pixels, |range, [u, v]| {
+            let (x, y) = (&mut x[range.clone()], &mut y[range]);
+            if self.surfaces.is_empty() {
+                plane.pixels_to_floor(u, v, x, y);
+            } else {
+                self.to_surfaces(height, [u, v], [x, y], &mut [Status::Ok; CHUNK][..u.len()]);
+            }
+        });
+    }
+
+    /// How uncertain the points of the plane at `height` are that pixels show, for a standard deviation of
+    /// `sigma` pixels of the stream; square metres.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn covariances(&self, height: f64, pixels: [&[f64]; 2], sigma: f64, of: &mut [FloorCovariance]) {
+        let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
+        assert!(of.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, [u, v]| {
+            if self.surfaces.is_empty() {
+                plane.floor_covariances(u, v, sigma, &mut of[range]);
+                return;
+            }
+            let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+            for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
+                let pixel = Pixel { u, v };
+                let shown = self.camera().pixel_to_surface(pixel, height, &self.surfaces);
+                let found = shown.and_then(|shown| projector.covariance(pixel, sigma, shown.surface));
+                *of = found.unwrap_or(FloorCovariance::NONE);
+            }
+        });
+    }
+
+    /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn floor_jacobians(&self, pixels: [&[f64]; 2], of: &mut [[[f64; Covariance::SIZE]; 2]]) {
+        assert!(of.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, [u, v]| {
+            for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
+                let found = self.camera().floor_jacobian(Pixel { u, v });
+                let columns = found.unwrap_or([[f64::NAN; 2]; Covariance::SIZE]);
+                *of = [0, 1].map(|row| columns.map(|column| column[row]));
+            }
+        });
+    }
+
+    /// Points of space, in metres, to pixels, and what became of each.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2], status: &mut [u8]) {
+        assert!(x.len() == y.len() && x.len() == z.len() && x.len() == status.len(), "columns of one length");
+        assert!(x.len() == u.len() && x.len() == v.len(), "columns of one length");
+        let extent = self.extent();
+        for i in 0..x.len() {
+            let (pixel, found) = extent.to_pixel(self.camera(), WorldPoint { x: x[i], y: y[i], z: z[i] });
+            (u[i], v[i]) = self.in_stream(pixel.map(<[f64; 2]>::from));
+            status[i] = found as u8;
+        }
+    }
+
+    fn in_stream(&self, pixel: Option<[f64; 2]>) -> (f64, f64) {
+        let Some([u, v]) = pixel else { return (f64::NAN, f64::NAN) };
+        (self.map.in_stream(0, u), self.map.in_stream(1, v))
+    }
+
+    /// Unit vectors from the camera, in the axes of the site, that pixels show.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn rays(&self, pixels: [&[f64]; 2], directions: &mut [[f64; 3]]) {
+        assert!(directions.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, [u, v]| {
+            for ((direction, &u), &v) in directions[range].iter_mut().zip(u).zip(v) {
+                let ray = self.camera().pixel_to_ray(Pixel { u, v });
+                *direction = ray.map_or([f64::NAN; 3], |ray| ray.direction);
+            }
+        });
+    }
+
+    /// Where a pinhole would show what the lens shows at pixels, in pixels of the stream.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn undistort(&self, pixels: [&[f64]; 2], [u, v]: [&mut [f64]; 2]) {
+        self.in_still(pixels, |range, [raw_u, raw_v]| {
+            let (u, v) = (&mut u[range.clone()], &mut v[range]);
+            self.floor.undistort_pixels(raw_u, raw_v, u, v);
+            if self.map != StreamMap::STILL {
+                u.iter_mut().for_each(|u| *u = self.map.in_stream(0, *u));
+                v.iter_mut().for_each(|v| *v = self.map.in_stream(1, *v));
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use crate::floor::efov::default_efov;
+    use crate::floor::stream::{PixelOrigin, StreamFit};
+    use proptest::prelude::*;
+
+    const SIZE: [f64; 2] = [1920.0, 1080.0];
+
+    /// Any NaN is one.
+    fn bits(x: &[f64], y: &[f64]) -> Vec<u64> {
+        let bits = |value: &f64| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() };
+        x.iter().chain(y).map(bits).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_stream_maps_as_its_pixels_do_in_the_still(
+            camera in any_camera(), height in -0.5..1.5_f64,
+            at in proptest::collection::vec((-50.0..700.0_f64, -50.0..700.0_f64), 1..1200),
+        ) {
+            prop_assume!((height - camera.position.z).abs() > 0.2);
+            let still = CameraView::new(&camera, SIZE, default_efov(&camera, SIZE).polygon);
+            let (size, fit) = (Some([640, 640]), Some(StreamFit::Letterbox));
+            let crop = Some([160.0, 90.0, 1600.0, 900.0]);
+            let stream = Stream { origin: PixelOrigin::Centre, size, fit, crop };
+            let view = still.with_stream(stream).unwrap();
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let map = stream.map(SIZE).unwrap();
+            let in_still: [Vec<f64>; 2] = [(0, &u), (1, &v)]
+                .map(|(axis, values)| values.iter().map(|&value| map.in_still(axis, value)).collect());
+            let mapped = |view: &CameraView, u: &[f64], v: &[f64]| {
+                let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
+                view.to_floor(height, [u, v], [&mut x, &mut y], &mut status);
+                let bits = bits(&x, &y);
+                (bits, status)
+            };
+            prop_assert_eq!(mapped(&view, &u, &v), mapped(&still, &in_still[0], &in_still[1]));
+            let (mut a, mut b) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            view.to_floor_points(height, [&u, &v], [&mut a, &mut b]);
+            prop_assert_eq!(bits(&a, &b), mapped(&view, &u, &v).0);
+            view.undistort([&u, &v], [&mut a, &mut b]);
+            for i in 0..u.len() {
+                let straight = camera.undistort(Pixel::new(in_still[0][i], in_still[1][i]));
+                prop_assert_eq!(straight.is_none(), a[i].is_nan());
+                let off = straight.map_or(0.0, |s| (map.in_still(0, a[i]) - s.u).hypot(map.in_still(1, b[i]) - s.v));
+                prop_assert!(off < 1e-6, "{off}");
+            }
+        }
+
+        #[test]
+        fn a_view_with_planes_maps_to_what_a_pixel_shows_first(
+            camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 300.0..1080.0_f64), 1..700),
+        ) {
+            let foot = camera.position.on_floor();
+            let corner = |dx: f64, dy: f64| FloorPoint { x: foot.x + dx, y: foot.y + dy };
+            let region = vec![corner(-40.0, -40.0), corner(40.0, -40.0), corner(40.0, 40.0), corner(-40.0, 40.0)];
+            let plane = crate::camera::Plane::level(0.7);
+            let deck = Surface { plane, covariance: [[4e-4, 0.0, 0.0], [0.0; 3], [0.0; 3]], region };
+            let view = CameraView::new(&camera, SIZE, default_efov(&camera, SIZE).polygon).with_surfaces(vec![deck]);
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
+            view.to_floor(0.0, [&u, &v], [&mut x, &mut y], &mut status);
+            let mut of = vec![FloorCovariance::NONE; u.len()];
+            view.covariances(0.0, [&u, &v], 0.0, &mut of);
+            for i in 0..u.len() {
+                let Some(deck) = camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, 0.7) else { continue };
+                if deck.distance(foot) > 39.0 {
+                    continue;
+                }
+                prop_assert!((deck.x - x[i]).hypot(deck.y - y[i]) < 1e-7, "{deck:?}");
+                // 2 cm of height move the point along its ray.
+                let along = 0.02 * deck.distance(foot) / (camera.position.z - 0.7);
+                prop_assert!((of[i].worst_sigma().unwrap() - along).abs() < 1e-6);
+            }
+        }
+
+        #[test]
+        fn the_floor_goes_back_to_the_pixels_of_the_stream(camera in any_camera(), u in 0.0..1280.0_f64, v in 0.0..720.0_f64) {
+            let still = CameraView::new(&camera, SIZE, Vec::new());
+            let stream = Stream { origin: PixelOrigin::Centre, size: Some([1280, 720]), ..Stream::default() };
+            let view = still.with_stream(stream).unwrap();
+            let [mut x, mut y, mut a, mut b] = [[0.0]; 4];
+            let mut status = [0];
+            view.to_floor(0.0, [&[u], &[v]], [&mut x, &mut y], &mut status);
+            prop_assume!(x[0].is_finite() && x[0].hypot(y[0]) < 1e4);
+            view.to_pixels([&x, &y, &[0.0]], [&mut a, &mut b], &mut status);
+            prop_assert!((a[0] - u).hypot(b[0] - v) < 1e-6);
+            prop_assert!(status[0] == Status::Ok as u8 || status[0] == Status::OutsideImage as u8);
+            let mut direction = [[0.0; 3]];
+            view.rays([&[u], &[v]], &mut direction);
+            let reach = -camera.position.z / direction[0][2];
+            prop_assert!((camera.position.x + reach * direction[0][0] - x[0]).abs() < 1e-6 * (1.0 + reach * reach));
+        }
+    }
+}

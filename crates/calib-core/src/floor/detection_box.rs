@@ -1,0 +1,45 @@
+//! Boxes of detectors, and where what they hold stands.
+
+use crate::floor::stream::named;
+
+/// What the four numbers of a box are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum BoxForm {
+    /// Upper left corner, width and height.
+    #[default]
+    CornerSize,
+    /// Upper left and lower right corner.
+    Corners,
+    /// Centre, width and height.
+    CentreSize,
+}
+
+named! { BoxForm { CornerSize = "xywh", Corners = "xyxy", CentreSize = "cxcywh" } }
+
+impl BoxForm {
+    /// The middle of the lower edge: the foot of what stands in the box.
+    #[inline]
+    #[must_use]
+    pub fn foot(self, [a, b, c, d]: [f64; 4]) -> [f64; 2] {
+        match self {
+            Self::CornerSize => [a + 0.5 * c, b + d],
+            Self::Corners => [0.5 * (a + c), d],
+            Self::CentreSize => [a, b + 0.5 * d],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_box_stands_in_one_place_however_it_is_written() {
+        let feet = [
+            BoxForm::CornerSize.foot([100.0, 200.0, 40.0, 120.0]),
+            BoxForm::Corners.foot([100.0, 200.0, 140.0, 320.0]),
+            BoxForm::CentreSize.foot([120.0, 260.0, 40.0, 120.0]),
+        ];
+        assert_eq!(feet, [[120.0, 320.0]; 3]);
+    }
+}

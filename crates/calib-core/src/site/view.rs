@@ -1,0 +1,53 @@
+//! The calibrated camera that an id, a time and a stream mean.
+
+use std::fmt;
+
+use crate::floor::{CameraView, Stream, StreamError};
+use crate::site::document::{Site, SiteCamera};
+use crate::site::period::NoCamera;
+use crate::site::solution::FailureEntry;
+
+/// Why there is no calibrated camera.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NoView {
+    /// The id means no entry.
+    Camera(NoCamera),
+    /// It is not calibrated, or could not be, and why.
+    Uncalibrated(Option<FailureEntry>),
+    /// The stream does not go with its still.
+    Stream(StreamError),
+}
+
+impl fmt::Display for NoView {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Camera(why) => why.fmt(f),
+            Self::Uncalibrated(None) => f.write_str("is not calibrated: solve the site first"),
+            Self::Uncalibrated(Some(why)) => write!(f, "could not be calibrated: {why}"),
+            Self::Stream(why) => why.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for NoView {}
+
+impl Site {
+    /// The calibrated camera of this id that holds at a time (RFC 3339), for the pixels of a stream.
+    ///
+    /// # Errors
+    /// Why there is not one: see [`Site::camera_at`] and [`CameraView::with_stream`].
+    pub fn view(&self, id: &str, time: Option<&str>, stream: Stream) -> Result<CameraView, NoView> {
+        let view = self.view_of(self.camera_at(id, time).map_err(NoView::Camera)?)?;
+        view.with_stream(stream).map_err(NoView::Stream)
+    }
+
+    /// A camera of this site with what it covers, for the pixels of its still.
+    ///
+    /// # Errors
+    /// When it is not calibrated.
+    pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, NoView> {
+        let camera = entry.camera().ok_or_else(|| NoView::Uncalibrated(entry.error.clone()))?;
+        let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
+        Ok(view.with_surfaces(self.covering_surfaces()))
+    }
+}

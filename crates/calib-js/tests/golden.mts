@@ -1,0 +1,69 @@
+// The same bits as the core, for every camera, stream and lens, in typed arrays.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import type * as Calib from "../../../target/js/calib.js";
+
+const COLUMNS = 21;
+const SIGMA_PX = 1.5;
+
+/** Of two columns, how many values are not the same to the last bit; NaN is NaN. */
+function others(found: Float64Array | Uint8Array, expected: Float64Array, place: string): number {
+  assert.equal(found.length, expected.length, place);
+  return expected.reduce((count, value, i) => count + (Object.is(value, found[i]) ? 0 : 1), 0);
+}
+
+/** Rows of columns, one after the other. */
+const rows = (columns: Float64Array[]): Float64Array =>
+  Float64Array.from({ length: columns.length * columns[0].length }, (_, i) => columns[i % columns.length][Math.floor(i / columns.length)]);
+
+/** Maps every point of the golden files; says how many there are. */
+export function golden(calib: typeof Calib, folder: string): string {
+  const site = new calib.Site(readFileSync(join(folder, "site.json"), "utf8"));
+  const bytes = readFileSync(join(folder, "points.f64"));
+  const values = new Float64Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
+  const lines = readFileSync(join(folder, "cameras.txt"), "utf8").trim().split("\n");
+  const count = values.length / lines.length / COLUMNS;
+  for (const [index, line] of lines.entries()) {
+    const [id, ...fields] = line.split(" ");
+    const [origin, fit, width, height, left, top, w, h, plane] = fields.map(Number);
+    const options: Calib.CameraOptions = { origin: origin ? "centre" : "corner" };
+    if (fit) options.fit = fit === 1 ? "stretch" : "letterbox";
+    if (width) options.streamSize = [width, height];
+    if (w) options.crop = [left, top, w, h];
+    const camera = site.camera(id, options);
+    const table = Array.from({ length: COLUMNS }, (_, k) => values.subarray((index * COLUMNS + k) * count, (index * COLUMNS + k + 1) * count));
+    const [u, v, x, y, status] = table;
+    const check = (found: Float64Array | Uint8Array, expected: Float64Array, what: string): void =>
+      assert.equal(others(found, expected, what), 0, `${id}: ${what}`);
+    const floor = camera.toFloor(u, v, plane);
+    check(floor.x, x, "x");
+    check(floor.y, y, "y");
+    check(floor.status, status, "status");
+    const covariance = camera.floorCovariance(u, v, SIGMA_PX, plane);
+    check(covariance.pixel, rows(table.slice(5, 9)), "the pixel's part");
+    check(covariance.calibration, rows(table.slice(9, 13)), "the calibration's part");
+    const back = camera.toPixel(x, y, new Float64Array(count).fill(plane));
+    check(back.u, table[13], "u");
+    check(back.v, table[14], "v");
+    check(back.status, table[15], "status of the point");
+    check(camera.rays(u, v), rows(table.slice(16, 19)), "rays");
+    const straight = camera.undistort(u, v);
+    check(straight.u, table[19], "undistorted u");
+    check(straight.v, table[20], "undistorted v");
+    camera.free();
+  }
+  const camera = site.camera("camera-0");
+  const boxes = camera.boxesToFloor(Float64Array.of(900, 500, 1000, 900), "xyxy");
+  assert.deepEqual(boxes, camera.toFloor(Float64Array.of(950), Float64Array.of(900)));
+  assert.equal(calib.statusNames()[boxes.status[0]].length > 0, true);
+  assert.throws(() => site.camera("camera-0", { streamSize: [640, 640] }), /640 x 360/);
+  assert.throws(() => site.camera("camera-0", { origin: "center" as "centre" }), /centre/);
+  assert.throws(() => site.camera("camera-0", { size: 3 } as Calib.CameraOptions), /streamSize/);
+  assert.throws(() => camera.toFloor(Float64Array.of(1), Float64Array.of()), /one length/);
+  assert.throws(() => camera.boxesToFloor(Float64Array.of(1, 2, 3)), /four/);
+  camera.free();
+  site.free();
+  return `${count * lines.length} points of ${lines.length} cameras to the bits of the core`;
+}

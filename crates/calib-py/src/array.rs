@@ -1,0 +1,134 @@
+//! Arrays of NumPy, and what can be read as one, as columns of doubles.
+
+use numpy::{
+    PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _,
+};
+use pyo3::prelude::*;
+use pyo3::types::{PyFloat, PyInt, PyTuple};
+
+use crate::error::refused;
+
+/// An array of doubles.
+pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// A plain number of Python, for which no array need be made.
+pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
+    if value.is_instance_of::<PyFloat>() || value.is_exact_instance_of::<PyInt>() {
+        return value.extract().ok();
+    }
+    None
+}
+
+/// A number that must be finite.
+pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(refused(py, None, name, format_args!("found {value}, expected a finite number")))
+}
+
+/// What can be read as an array of numbers, whatever its type, strides, and byte order; no copy where it
+/// is one of doubles, row by row.
+pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Doubles<'py>> {
+    if let Ok(array) = value.cast_exact::<PyArrayDyn<f64>>()
+        && is_plain(array)
+    {
+        return Ok(array.clone());
+    }
+    let py = value.py();
+    let numpy = py.import("numpy")?;
+    let array = match masked(value)? {
+        Some(filled) => filled,
+        None => numpy.call_method1("asarray", (value,)).map_err(|why| unreadable(py, name, &why))?,
+    };
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !["i", "u", "f"].contains(&kind.as_str()) && !is_empty(&array)? {
+        let found = array.getattr("dtype")?;
+        return Err(refused(py, None, name, format_args!("found values of type {found}, expected numbers")));
+    }
+    let plain = numpy.call_method1("require", (array, "f8", ("C", "A")))?;
+    Ok(plain.cast_into::<PyArrayDyn<f64>>()?)
+}
+
+fn is_plain(array: &Doubles<'_>) -> bool {
+    array.is_c_contiguous() && array.is_aligned()
+}
+
+fn is_empty(array: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(array.getattr("size")?.extract::<usize>()? == 0)
+}
+
+fn unreadable(py: Python<'_>, name: &str, why: &PyErr) -> PyErr {
+    refused(py, None, name, format_args!("expected numbers: {}", why.value(py)))
+}
+
+/// A masked array with NaN where it is masked: asking NumPy for its numbers would give what the mask hides.
+fn masked<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
+    if !(value.hasattr("filled")? && value.hasattr("mask")?) {
+        return Ok(None);
+    }
+    Ok(Some(value.call_method1("astype", ("f8",))?.call_method1("filled", (f64::NAN,))?))
+}
+
+/// Columns of one shape: those of others are repeated as NumPy does.
+pub(crate) fn columns<'py, const N: usize>(
+    values: [&Bound<'py, PyAny>; N],
+    names: [&str; N],
+) -> PyResult<[Doubles<'py>; N]> {
+    let mut arrays = Vec::with_capacity(N);
+    for (value, name) in values.into_iter().zip(names) {
+        arrays.push(doubles(value, name)?);
+    }
+    if arrays.iter().any(|array| array.shape() != arrays[0].shape()) {
+        arrays = repeated(&arrays, &names.join(", "))?;
+    }
+    arrays.try_into().map_err(|_| pyo3::exceptions::PySystemError::new_err("as many arrays as values"))
+}
+
+fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'py>>> {
+    let py = arrays[0].py();
+    let shapes = arrays.iter().map(|array| format!("{:?}", array.shape())).collect::<Vec<_>>().join(", ");
+    let why = |_| refused(py, None, names, format_args!("arrays of the shapes {shapes} do not go together"));
+    let numpy = py.import("numpy")?;
+    let together = numpy.call_method1("broadcast_arrays", PyTuple::new(py, arrays)?).map_err(why)?;
+    let mut plain = Vec::with_capacity(arrays.len());
+    for array in together.try_iter()? {
+        plain.push(doubles(&array?, names)?);
+    }
+    Ok(plain)
+}
+
+/// An array for reading: nobody writes to it meanwhile.
+pub(crate) fn read<'py>(array: &Doubles<'py>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    array.try_readonly().map_err(|_| refused(array.py(), None, name, "is being written to by another thread"))
+}
+
+/// A new array of zeros.
+pub(crate) fn zeros<'py, T: numpy::Element>(py: Python<'py>, shape: &[usize]) -> Bound<'py, PyArrayDyn<T>> {
+    PyArrayDyn::<T>::zeros(py, shape, false)
+}
+
+/// An array that was handed over to be filled.
+pub(crate) fn output<'py, T: numpy::Element>(
+    value: &Bound<'py, PyAny>,
+    shape: &[usize],
+    kind: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let fits = |array: &Bound<'py, PyArrayDyn<T>>| {
+        array.shape() == shape && array.is_c_contiguous() && array.is_aligned()
+    };
+    match value.cast::<PyArrayDyn<T>>() {
+        Ok(array) if fits(array) => Ok(array.clone()),
+        _ => {
+            let expected = format!("expected contiguous arrays of {kind} with the shape {shape:?}");
+            Err(refused(value.py(), None, "out", expected))
+        }
+    }
+}
+
+/// An array for writing: nobody reads it meanwhile.
+pub(crate) fn write<'py, T: numpy::Element>(
+    array: &Bound<'py, PyArrayDyn<T>>,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    array.try_readwrite().map_err(|why| refused(array.py(), None, "out", why))
+}

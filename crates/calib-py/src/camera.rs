@@ -1,0 +1,231 @@
+//! A calibrated camera, for the pixels of one of its streams.
+
+use std::borrow::Cow;
+
+use calib_core::{CameraView, Pixel, Site, SiteCamera, Solution};
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{of_camera, of_site, refused};
+use crate::stream::{named, view_of};
+use crate::undistorter::{Undistorter, crop_of_name};
+
+/// A calibrated camera of a site, for the period that its calibration holds.
+///
+/// Made by `Site.camera`. Pixels count from the corner of the image, x right and y down (the centre of the first
+/// pixel is (0.5, 0.5)); ``origin="centre"`` says that they count from the centre of the first pixel, as OpenCV's do.
+/// They are of the still that was calibrated; ``stream_size=(width, height)`` says that they are of a stream of
+/// another size, ``fit="letterbox"`` or ``"stretch"`` how the image was brought to it where the proportion is
+/// another, and ``crop=(left, top, width, height)``, in pixels of the still, that the stream shows a part of it. All
+/// calls take these keywords; `with_stream` sets them for good. Points are in metres, z up, the floor at z = 0.
+///
+/// Arrays may have any shape, strides and type of number; columns of different shapes are repeated as NumPy does.
+/// Where there is no answer, results are NaN. Bulk work releases the GIL; a camera may be used by many threads.
+#[pyclass(frozen, eq, module = "calib")]
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Camera {
+    id: String,
+    view: CameraView,
+    /// A site of this camera alone, as text: what it is made from again elsewhere.
+    text: String,
+}
+
+/// Which pixels a call speaks of, as it says.
+pub(crate) type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
+
+impl Camera {
+    /// The calibrated camera of an entry.
+    pub(crate) fn of_entry(py: Python<'_>, site: &Site, entry: &SiteCamera) -> PyResult<Self> {
+        let view = site.view_of(entry).map_err(|why| of_camera(py, &entry.id, why))?;
+        Ok(Self { id: entry.id.clone(), view, text: alone(site, entry) })
+    }
+
+    /// The camera for the pixels that a call speaks of.
+    pub(crate) fn of<'a>(&'a self, pixels: Option<Keywords<'_, '_>>) -> PyResult<Cow<'a, CameraView>> {
+        view_of(&self.id, &self.view, pixels)
+    }
+}
+
+/// How a camera is made again: by what, and from what.
+type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
+
+/// A site of this camera alone, without what it was solved from.
+fn alone(site: &Site, entry: &SiteCamera) -> String {
+    let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
+    camera.efov_px.clone_from(&entry.efov_px);
+    camera.efov_plane.clone_from(&entry.efov_plane);
+    camera.solution = entry.solution.as_ref().map(|solution| Solution {
+        residuals: Vec::new(),
+        warnings: Vec::new(),
+        draw_next: None,
+        ..solution.clone()
+    });
+    let (planes, scene) = (site.planes.clone(), site.scene);
+    Site { cameras: vec![camera], planes, scene, ..Site::new() }.to_json()
+}
+
+#[pymethods]
+impl Camera {
+    /// Prepares the undistortion of images of the still's size, to be used for many.
+    ///
+    /// Args:
+    ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
+    ///         or "all-pixels" (every pixel of the image, blank beyond).
+    #[pyo3(signature = (view="same-focal"))]
+    fn undistorter(&self, py: Python<'_>, view: &str) -> PyResult<Undistorter> {
+        let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
+        let crop = named(py, &self.id, "view", view, crop_of_name, expected)?;
+        let (camera, size) = (self.view.camera(), self.view.size());
+        py.detach(|| Undistorter::new(&self.id, camera, size, crop))
+            .ok_or_else(|| refused(py, Some(&self.id), "size", "expected images of 2 x 2 to 1.4 gigapixels"))
+    }
+
+    /// The same camera for the pixels of another stream.
+    ///
+    /// Args:
+    ///     origin: "corner" or "centre".
+    ///     stream_size: (width, height), in pixels.
+    ///     fit: "stretch" or "letterbox".
+    ///     crop: (left, top, width, height), in pixels of the still.
+    #[pyo3(
+        signature = (**stream),
+        text_signature = "($self, *, origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    pub(crate) fn with_stream(&self, stream: Option<Keywords<'_, '_>>) -> PyResult<Self> {
+        let view = self.of(stream)?.into_owned();
+        Ok(Self { view, ..self.clone() })
+    }
+
+    /// The id in the site.
+    #[getter]
+    pub(crate) fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// (width, height) of the still that was calibrated, in pixels.
+    #[getter]
+    fn size(&self) -> (u32, u32) {
+        let [width, height] = self.view.size();
+        (width as u32, height as u32)
+    }
+
+    /// "corner" or "centre": where pixels count from.
+    #[getter]
+    fn origin(&self) -> &'static str {
+        self.view.stream().origin.name()
+    }
+
+    /// (width, height) of the stream that pixels are of, or None where it is the still itself, or its crop.
+    #[getter]
+    fn stream_size(&self) -> Option<(u32, u32)> {
+        self.view.stream().size.map(Into::into)
+    }
+
+    /// "stretch" or "letterbox", or None where nobody said.
+    #[getter]
+    fn fit(&self) -> Option<&'static str> {
+        self.view.stream().fit.map(calib_core::StreamFit::name)
+    }
+
+    /// (left, top, width, height) of what the stream shows, in pixels of the still, or None for all of it.
+    #[getter]
+    fn crop(&self) -> Option<(f64, f64, f64, f64)> {
+        self.view.stream().crop.map(Into::into)
+    }
+
+    /// (x, y, z), in metres.
+    #[getter]
+    fn position(&self) -> (f64, f64, f64) {
+        let position = self.view.camera().position;
+        (position.x, position.y, position.z)
+    }
+
+    /// Counter-clockwise about the vertical, seen from above, in degrees; 0 looks along y.
+    #[getter]
+    fn yaw_deg(&self) -> f64 {
+        self.view.camera().yaw.to_degrees()
+    }
+
+    /// In degrees; positive looks down.
+    #[getter]
+    fn pitch_deg(&self) -> f64 {
+        self.view.camera().pitch.to_degrees()
+    }
+
+    /// In degrees; positive where the camera is turned clockwise, seen from behind.
+    #[getter]
+    fn roll_deg(&self) -> f64 {
+        self.view.camera().roll.to_degrees()
+    }
+
+    /// In pixels of the still.
+    #[getter]
+    fn focal_px(&self) -> f64 {
+        self.view.camera().focal
+    }
+
+    /// (u, v), in pixels of the still from its corner.
+    #[getter]
+    fn principal_point_px(&self) -> (f64, f64) {
+        let Pixel { u, v } = self.view.camera().lens.principal_point;
+        (u, v)
+    }
+
+    /// P = K R [I | -C], shape (3, 4): points of space to undistorted pixels of the still from its corner.
+    #[getter]
+    fn projection_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.view.camera().projection_matrix())
+    }
+
+    /// Homography, shape (3, 3): undistorted pixels of the still from its corner to the floor.
+    #[getter]
+    fn floor_from_pixel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.view.camera().homography_floor_from_pixel(0.0))
+    }
+
+    /// Corners of the effective field of view on the floor, shape (n, 2), in metres.
+    #[getter]
+    fn efov<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let corners: Vec<[f64; 2]> = self.view.efov().iter().map(|corner| [corner.x, corner.y]).collect();
+        if corners.is_empty() { Ok(PyArray2::zeros(py, [0, 2], false)) } else { matrix(py, &corners) }
+    }
+
+    /// Covariance of the unknowns, shape (12, 12): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels) and
+    /// the coefficients of the distortion in the order of their model; zeros for what was not estimated, infinite
+    /// variances where nothing is known of the errors.
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, &self.view.camera().covariance.0)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Parts<'py>> {
+        let stream = PyDict::new(py);
+        stream.set_item("origin", self.origin())?;
+        stream.set_item("stream_size", self.stream_size())?;
+        stream.set_item("fit", self.fit())?;
+        stream.set_item("crop", self.crop())?;
+        let class = py.get_type::<Self>();
+        Ok((class.getattr("_again")?, (self.text.clone(), self.id.clone(), stream)))
+    }
+
+    /// What was taken apart by `__reduce__`.
+    #[staticmethod]
+    #[pyo3(name = "_again")]
+    fn again(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let site = Site::from_json(text).map_err(|error| of_site(py, "", &error))?;
+        let entry = site.camera(id).ok_or_else(|| of_camera(py, id, "is not in the text"))?;
+        Self::of_entry(py, &site, entry)?.with_stream(Some(stream))
+    }
+
+    fn __repr__(&self) -> String {
+        let [width, height] = self.view.size();
+        let (x, y, z) = self.position();
+        format!("<Camera {:?}, {width} x {height} pixels, at ({x:.2}, {y:.2}, {z:.2}) m>", self.id)
+    }
+}
+
+fn matrix<'py, const N: usize>(py: Python<'py>, rows: &[[f64; N]]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.to_vec()).collect();
+    Ok(PyArray2::from_vec2(py, &rows)?)
+}

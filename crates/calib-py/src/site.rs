@@ -1,0 +1,184 @@
+//! A site: its cameras, its findings, and its calibration.
+
+use std::path::PathBuf;
+
+use calib_core::{MAX_BYTES, Method, NoCamera, Options};
+use calib_input::FileError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+
+use crate::camera::Camera;
+use crate::error::{of_camera, of_site, refused};
+use crate::finding::{self, Finding};
+
+/// A site of cameras, as its file has it: what was drawn, and what was solved.
+///
+/// Args:
+///     source: the document as a dict (arrays of NumPy in it are read, too) or as JSON text; `Site.open` reads a file.
+///
+/// Raises:
+///     CalibError: names the camera and the value that is wrong.
+#[pyclass(frozen, eq, module = "calib")]
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Site(calib_core::Site);
+
+#[pymethods]
+impl Site {
+    #[new]
+    fn new(source: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let text = match source.cast::<PyString>() {
+            Ok(text) => text.to_str()?.to_owned(),
+            Err(_) => json(source)?,
+        };
+        Self::parse(source.py(), &text, "")
+    }
+
+    /// Reads a site file.
+    ///
+    /// Args:
+    ///     path: text or a path object.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let name = format!("{}: ", path.display());
+        let bytes = calib_input::read(&path, MAX_BYTES as u64).map_err(|error| match error {
+            FileError::System(error) => error.into(),
+            other => refused(py, None, "path", format_args!("{name}{other}")),
+        })?;
+        let text = String::from_utf8(bytes)
+            .map_err(|error| refused(py, None, "path", format_args!("{name}{error}")))?;
+        Self::parse(py, &text, &name)
+    }
+
+    /// The calibrated camera of an id.
+    ///
+    /// Args:
+    ///     id: of the camera.
+    ///     at: time (RFC 3339, such as "2026-05-01T08:00:00Z", or a datetime with a time zone); needed where a
+    ///         camera that was moved has several periods.
+    ///     origin, stream_size, fit, crop: the pixels that its calls speak of, as `Camera` says.
+    #[pyo3(
+        signature = (id, at=None, **stream),
+        text_signature = "($self, id, at=None, *, origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    fn camera(
+        &self,
+        py: Python<'_>,
+        id: &str,
+        at: Option<&Bound<'_, PyAny>>,
+        stream: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Camera> {
+        let at = at.map(time).transpose()?;
+        let entry = self.0.camera_at(id, at.as_deref()).map_err(|why| self.no_camera(py, id, &why))?;
+        Camera::of_entry(py, &self.0, entry)?.with_stream(stream)
+    }
+
+    /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.
+    #[getter]
+    fn cameras(&self) -> Vec<String> {
+        let mut ids: Vec<String> = Vec::new();
+        for entry in self.0.cameras.iter().filter(|entry| entry.camera().is_some()) {
+            if !ids.contains(&entry.id) {
+                ids.push(entry.id.clone());
+            }
+        }
+        ids
+    }
+
+    /// What an operator should know about the calibration: of all cameras, then of the site.
+    #[getter]
+    fn findings(&self) -> Vec<Finding> {
+        finding::findings(&self.0)
+    }
+
+    /// Calibrates the site from what is drawn and entered in it.
+    ///
+    /// A camera that cannot be solved does not keep the others from it: `findings` says why.
+    ///
+    /// Args:
+    ///     method: "ml" (maximum likelihood) or "paper".
+    ///     refine: improve all cameras together.
+    ///     prior: let a weak prior about the focal enter where the lines do not tell it.
+    ///     cameras: ids of the cameras to solve, or None for all.
+    ///
+    /// Returns:
+    ///     A new site, with the solutions written into it.
+    #[pyo3(signature = (*, method="ml", refine=true, prior=true, cameras=None))]
+    fn calibrate(
+        &self,
+        py: Python<'_>,
+        method: &str,
+        refine: bool,
+        prior: bool,
+        cameras: Option<Vec<String>>,
+    ) -> PyResult<Self> {
+        let method = match method {
+            "ml" => Method::MaximumLikelihood,
+            "paper" => Method::Paper,
+            _ => {
+                return Err(refused(
+                    py,
+                    None,
+                    "method",
+                    format_args!("found {method:?}, expected \"ml\" or \"paper\""),
+                ));
+            }
+        };
+        let unknown = cameras.iter().flatten().find(|id| self.0.cameras.iter().all(|entry| entry.id != **id));
+        if let Some(id) = unknown {
+            return Err(self.no_camera(py, id, &NoCamera::Unknown));
+        }
+        let options = Options { method, refine, prior, cameras };
+        Ok(Self(py.detach(|| self.0.calibrate(&options).write_into(&self.0))))
+    }
+
+    /// The document as JSON text, as in a site file.
+    fn to_json(&self) -> String {
+        self.0.to_json()
+    }
+
+    /// The document as a dict.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("json")?.call_method1("loads", (self.0.to_json(),))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyAny>, (String,)) {
+        (py.get_type::<Self>().into_any(), (self.0.to_json(),))
+    }
+
+    fn __repr__(&self) -> String {
+        let name = self.0.name.as_ref().map_or_else(String::new, |name| format!(" {name:?}"));
+        format!("<Site{name}, {} cameras, {} calibrated>", self.0.cameras.len(), self.cameras().len())
+    }
+}
+
+impl Site {
+    fn parse(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
+        py.detach(|| calib_core::Site::from_json(text)).map(Self).map_err(|error| of_site(py, file, &error))
+    }
+
+    fn no_camera(&self, py: Python<'_>, id: &str, why: &NoCamera) -> PyErr {
+        if *why != NoCamera::Unknown {
+            return of_camera(py, id, why);
+        }
+        let ids: Vec<&str> = self.0.cameras.iter().map(|entry| entry.id.as_str()).collect();
+        of_camera(py, id, format_args!("{why}; it has {}", ids.join(", ")))
+    }
+}
+
+/// A document of Python as text; arrays in it are lists.
+fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = source.py();
+    let lists = py.import("operator")?.call_method1("methodcaller", ("tolist",))?;
+    let options = PyDict::new(py);
+    options.set_item("default", lists)?;
+    let text = py.import("json")?.call_method("dumps", (source,), Some(&options)).map_err(|why| {
+        let what = format!("expected a dict or JSON text of a site: {}", why.value(py));
+        refused(py, None, "source", what)
+    })?;
+    text.extract()
+}
+
+/// A time as text, whether it is text or a datetime.
+fn time(at: &Bound<'_, PyAny>) -> PyResult<String> {
+    if at.is_instance_of::<PyString>() { at.extract() } else { at.call_method0("isoformat")?.extract() }
+}

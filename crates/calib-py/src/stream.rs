@@ -1,0 +1,97 @@
+//! Which stream pixels are of, as the keywords of a call say it.
+
+use std::borrow::Cow;
+
+use calib_core::{CameraView, PixelOrigin, StreamFit};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::refused;
+
+const KEYWORDS: &str = "origin, stream_size, fit and crop";
+
+/// The keywords that every call takes which speaks of pixels; those left out are the camera's.
+#[derive(Clone, Debug, Default)]
+struct Pixels {
+    origin: Option<String>,
+    stream_size: Option<(f64, f64)>,
+    fit: Option<String>,
+    crop: Option<[f64; 4]>,
+}
+
+/// The camera for the pixels that the keywords of a call speak of.
+pub(crate) fn view_of<'a>(
+    id: &str,
+    view: &'a CameraView,
+    keywords: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Cow<'a, CameraView>> {
+    let Some(keywords) = keywords else { return Ok(Cow::Borrowed(view)) };
+    Pixels::read(keywords)?.of(keywords.py(), id, view)
+}
+
+impl Pixels {
+    fn read(keywords: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut pixels = Self::default();
+        for (keyword, value) in keywords {
+            let keyword: String = keyword.extract()?;
+            match keyword.as_str() {
+                "origin" => pixels.origin = value.extract()?,
+                "stream_size" => pixels.stream_size = value.extract()?,
+                "fit" => pixels.fit = value.extract()?,
+                "crop" => pixels.crop = value.extract()?,
+                _ => {
+                    let what = format!("unexpected keyword {keyword:?}: pixels have {KEYWORDS}");
+                    return Err(PyTypeError::new_err(what));
+                }
+            }
+        }
+        Ok(pixels)
+    }
+
+    fn says_nothing(&self) -> bool {
+        self.origin.is_none() && self.stream_size.is_none() && self.fit.is_none() && self.crop.is_none()
+    }
+
+    fn of<'a>(&self, py: Python<'_>, id: &str, view: &'a CameraView) -> PyResult<Cow<'a, CameraView>> {
+        if self.says_nothing() {
+            return Ok(Cow::Borrowed(view));
+        }
+        let mut stream = *view.stream();
+        if let Some(name) = &self.origin {
+            stream.origin = named(py, id, "origin", name, PixelOrigin::of_name, "\"corner\" or \"centre\"")?;
+        }
+        if let Some(name) = &self.fit {
+            let fit = named(py, id, "fit", name, StreamFit::of_name, "\"stretch\" or \"letterbox\"")?;
+            stream.fit = Some(fit);
+        }
+        if let Some((width, height)) = self.stream_size {
+            stream.size = Some([side(py, id, width)?, side(py, id, height)?]);
+        }
+        stream.crop = self.crop.or(stream.crop);
+        let field = if self.crop.is_some() && self.stream_size.is_none() { "crop" } else { "stream_size" };
+        view.with_stream(stream).map(Cow::Owned).map_err(|why| refused(py, Some(id), field, why))
+    }
+}
+
+/// The option of a name.
+pub(crate) fn named<T>(
+    py: Python<'_>,
+    id: &str,
+    field: &str,
+    name: &str,
+    of_name: fn(&str) -> Option<T>,
+    expected: &str,
+) -> PyResult<T> {
+    of_name(name)
+        .ok_or_else(|| refused(py, Some(id), field, format_args!("found {name:?}, expected {expected}")))
+}
+
+fn side(py: Python<'_>, id: &str, side: f64) -> PyResult<u32> {
+    let whole = side as u32;
+    if f64::from(whole) == side && whole > 0 {
+        return Ok(whole);
+    }
+    let what = format!("found a side of {side}, expected (width, height) in whole pixels");
+    Err(refused(py, Some(id), "stream_size", what))
+}

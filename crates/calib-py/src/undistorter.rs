@@ -1,0 +1,118 @@
+//! Images without the bend of their lens.
+
+use calib_core::{Crop, Remap};
+use numpy::{PyArray3, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+
+use crate::array;
+use crate::error::refused;
+
+/// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``.
+///
+/// Made by `Camera.undistorter`.
+///
+/// Attributes:
+///     size: (width, height) of the images, in pixels.
+///     focal: focal of the new image, in pixels.
+///     principal_point: (u, v) of the new image, in pixels from its corner.
+#[pyclass(frozen, module = "calib")]
+#[derive(Debug)]
+pub(crate) struct Undistorter {
+    camera: String,
+    remap: Remap,
+    #[pyo3(get)]
+    size: (usize, usize),
+    #[pyo3(get)]
+    focal: f64,
+    #[pyo3(get)]
+    principal_point: (f64, f64),
+}
+
+/// Which part of the undistorted plane, by its name.
+pub(crate) fn crop_of_name(name: &str) -> Option<Crop> {
+    match name {
+        "same-focal" => Some(Crop::SameFocal),
+        "all-valid" => Some(Crop::AllValid),
+        "all-pixels" => Some(Crop::AllPixels),
+        _ => None,
+    }
+}
+
+impl Undistorter {
+    /// Of a camera whose images are of this size; `None` where they are too small or too large.
+    pub(crate) fn new(id: &str, camera: &calib_core::Camera, size: [f64; 2], crop: Crop) -> Option<Self> {
+        let [width, height] = size.map(|side| side as usize);
+        let undistortion = calib_core::Undistortion::new(&camera.lens, width, height, crop)?;
+        let centre = undistortion.principal_point();
+        Some(Self {
+            camera: id.to_owned(),
+            remap: undistortion.remap(),
+            size: (width, height),
+            focal: undistortion.focal(camera.focal),
+            principal_point: (centre.u, centre.v),
+        })
+    }
+}
+
+#[pymethods]
+impl Undistorter {
+    /// Takes the bend out of an image.
+    ///
+    /// Args:
+    ///     image: uint8 array of the shape (height, width, 3), of the calibrated size; in any order of colours.
+    ///     out: array of the same kind to write to, in place of a new one.
+    ///
+    /// Returns:
+    ///     uint8 array of the same shape; black where the image shows nothing.
+    #[pyo3(signature = (image, out=None))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let image = self.image(image)?;
+        let shape = [self.size.1, self.size.0, 3];
+        let straight = match out {
+            Some(out) => array::output::<u8>(out, &shape, "uint8")?,
+            None => array::zeros::<u8>(py, &shape),
+        };
+        {
+            let raw = image.try_readonly().map_err(|why| self.refused(py, why))?;
+            let mut to = array::write(&straight)?;
+            let (raw, to) = (raw.as_slice()?, to.as_slice_mut()?);
+            py.detach(|| self.remap.apply_into(raw, to));
+        }
+        Ok(straight)
+    }
+}
+
+impl Undistorter {
+    fn refused(&self, py: Python<'_>, what: impl std::fmt::Display) -> PyErr {
+        refused(py, Some(&self.camera), "image", what)
+    }
+
+    /// The image row by row.
+    fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let py = image.py();
+        let (width, height) = self.size;
+        let Ok(given) = image.cast::<PyArray3<u8>>() else {
+            let expected = format!("expected a uint8 array of the shape ({height}, {width}, 3)");
+            return Err(self.refused(py, expected));
+        };
+        if given.shape() != [height, width, 3] {
+            let found = given.shape();
+            return Err(self.refused(
+                py,
+                format_args!(
+                    "found the shape {found:?}, expected ({height}, {width}, 3): the size that was calibrated"
+                ),
+            ));
+        }
+        if given.is_c_contiguous() {
+            return Ok(given.clone());
+        }
+        let plain = py.import("numpy")?.call_method1("ascontiguousarray", (given,))?;
+        Ok(plain.cast_into::<PyArray3<u8>>()?)
+    }
+}

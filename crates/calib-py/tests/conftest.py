@@ -1,0 +1,26 @@
+"""The demonstration site and the golden points, where the checks wrote them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+import calib
+
+FOLDER = Path(os.environ.get("CALIB_GOLDEN", Path(__file__).parents[3] / "target/golden"))
+
+
+@pytest.fixture(scope="session")
+def folder() -> Path:
+    assert FOLDER.exists(), f"{FOLDER} is absent: `cargo xtask golden` writes it"
+    return FOLDER
+
+
+@pytest.fixture(scope="session")
+def site(folder: Path) -> calib.Site:
+    return calib.Site.open(folder / "site.json")
+
+
+@pytest.fixture(scope="session")
+def camera(site: calib.Site) -> calib.Camera:
+    return site.camera(site.cameras[1])

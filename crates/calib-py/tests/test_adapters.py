@@ -1,0 +1,93 @@
+"""From what trackers and detectors hand over to metres, on their own packages; five lines at most."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+
+BOXES = np.array([[900.0, 400.0, 960.0, 700.0], [300.0, 500.0, 380.0, 900.0]], dtype="f4")
+
+
+@pytest.fixture()
+def expected(camera: calib.Camera) -> np.ndarray:
+    x, y, _ = camera.to_floor(0.5 * (BOXES[:, 0] + BOXES[:, 2]).astype(float), BOXES[:, 3])
+    return np.stack([x, y], axis=1)
+
+
+def test_supervision(camera: calib.Camera, expected: np.ndarray) -> None:
+    sv = pytest.importorskip("supervision")
+    detections = sv.Detections(xyxy=BOXES, class_id=np.array([0, 0]))
+
+    x, y, status = camera.boxes_to_floor(detections.xyxy, form="xyxy")
+    detections.data["floor_m"] = np.stack([x, y], axis=1)
+    detections = detections[status == calib.Status.OK]
+
+    kept = status == calib.Status.OK
+    np.testing.assert_allclose(detections.data["floor_m"], expected[kept], rtol=1e-9)
+    assert camera.boxes_to_floor(sv.Detections.empty().xyxy, form="xyxy")[0].shape == (0,)
+
+
+def test_ultralytics(camera: calib.Camera, expected: np.ndarray) -> None:
+    results = pytest.importorskip("ultralytics.engine.results", reason="Ultralytics needs PyTorch")
+    frame = np.zeros((1080, 1920, 3), dtype="u1")
+    with_scores = np.concatenate([BOXES, [[0.9, 0], [0.8, 0]]], axis=1)
+    result = results.Results(frame, path="", names={0: "person"}, boxes=with_scores)
+
+    height, width = result.orig_shape
+    x, y, status = camera.boxes_to_floor(result.boxes.xyxy, form="xyxy", stream_size=(width, height))
+
+    np.testing.assert_allclose(np.stack([x, y], axis=1), expected, rtol=1e-9)
+
+
+def test_norfair(camera: calib.Camera, expected: np.ndarray) -> None:
+    norfair = pytest.importorskip("norfair")
+    tracker = norfair.Tracker(distance_function="mean_euclidean", distance_threshold=1.0, initialization_delay=0)
+
+    x, y, _ = camera.boxes_to_floor(BOXES, form="xyxy")
+    detections = [norfair.Detection(points=np.array([point])) for point in zip(x, y)]
+    tracks = tracker.update(detections=detections)  # in metres: a threshold is one, too
+
+    assert {tuple(np.round(track.estimate[0], 6)) for track in tracks} <= {tuple(np.round(p, 6)) for p in expected}
+
+
+def test_frigate(camera: calib.Camera, expected: np.ndarray) -> None:
+    box = [int(value * 1280 / 1920) for value in BOXES[0]]
+    payload = json.dumps({"type": "update", "after": {"id": "1", "camera": "door", "box": box, "label": "person"}})
+
+    event = json.loads(payload)["after"]
+    x, y, status = camera.boxes_to_floor(event["box"], form="xyxy", stream_size=(1280, 720))  # detect: width, height
+
+    assert np.hypot(x - expected[0, 0], y - expected[0, 1]) < 0.05 * np.hypot(*expected[0] - camera.position[:2])
+
+
+def test_opencvs_capture_loop(site: calib.Site, tmp_path: Path) -> None:
+    cv2 = pytest.importorskip("cv2")
+    camera = site.camera("camera-0")
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 5, (960, 540))
+    for i in range(3):
+        frame = np.zeros((540, 960, 3), dtype="u1")
+        cv2.circle(frame, (400 + 50 * i, 400), 12, (255, 255, 255), -1)
+        writer.write(frame)
+    writer.release()
+
+    feet = []
+    capture = cv2.VideoCapture(str(tmp_path / "v.avi"))
+    size = (capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    while (read := capture.read())[0]:
+        moments = cv2.moments(cv2.inRange(read[1], (128, 128, 128), (255, 255, 255)))
+        u, v = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
+        feet.append(camera.to_floor(u, v, stream_size=size, origin="centre")[:2])
+
+    assert len(feet) == 3
+    for i, foot in enumerate(feet):
+        u, v, _ = camera.to_pixel(*foot, stream_size=(960, 540), origin="centre")
+        assert (u, v) == pytest.approx((400 + 50 * i, 400), abs=0.5)
+
+
+def test_boxes_of_a_letterboxed_network(camera: calib.Camera, expected: np.ndarray) -> None:
+    in_network = BOXES * (640 / 1920) + np.array([0, 140, 0, 140], dtype="f4")
+    x, y, _ = camera.boxes_to_floor(in_network, form="xyxy", stream_size=(640, 640), fit="letterbox")
+    np.testing.assert_allclose(np.stack([x, y], axis=1), expected, rtol=1e-3)

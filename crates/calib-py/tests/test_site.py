@@ -1,0 +1,130 @@
+"""Sites, cameras and calibration."""
+
+import copy
+import json
+import pickle
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib
+
+LINES = [
+    calib.vertical([[(641.5, 465.0), (594.5, 105.3)], [(1325.2, 484.9), (1368.5, 105.5)], [(1008.0, 352.3), (1008.4, 48.5)]]),
+    calib.parallel(
+        np.array([[[624.5, 759.5], [642.3, 421.9]], [[1325.8, 745.8], [1086.0, 411.5]], [[989.1, 808.5], [869.1, 438.3]]]),
+        id="tiles",
+    ),
+    calib.perpendicular([[(837.1, 691.7), (1076.8, 582.4)], [(1140.2, 631.0), (916.2, 517.0)]]),
+]
+
+
+def test_a_site_drawn_in_python_is_calibrated() -> None:
+    door = calib.camera_entry("door", (1920, 1080), LINES, placement={"move_m": [4.0, -2.0], "turn_deg": 33.0})
+    site = calib.Site(calib.site_document([door], name="Shop"))
+    assert site.cameras == []
+    with pytest.raises(calib.CalibError, match="calibrate|solve") as caught:
+        site.camera("door")
+    assert caught.value.camera == "door"
+    solved = site.calibrate()
+    assert solved.cameras == ["door"] and solved != site
+    camera = solved.camera("door")
+    assert camera.position[:2] == pytest.approx((4.0, -2.0)) and 20 < camera.pitch_deg < 40
+    assert camera.covariance.shape == (12, 12) and camera.efov.shape[1] == 2
+    assert all(isinstance(found, calib.Finding) and found.advice for found in solved.findings)
+    x, y, status = camera.to_floor(960.0, 800.0)
+    u, v, _ = camera.to_pixel(x, y)
+    assert (u, v) == pytest.approx((960, 800)) and status.name == "OK"
+    shifted = calib.vertical([[(641.0, 464.5), (594.0, 104.8)]], origin="centre")["segments"]
+    np.testing.assert_allclose(shifted, [[(641.5, 465.0), (594.5, 105.3)]])
+
+
+def test_a_camera_that_cannot_be_solved_says_why() -> None:
+    entry = calib.camera_entry("door", (1920, 1080), [calib.straight([(10, 20), (300, 24), (600, 21)])])
+    solved = calib.Site(calib.site_document([entry])).calibrate()
+    assert {found.camera for found in solved.findings} == {"door"}
+    assert solved.findings[-1].severity == "error"
+    with pytest.raises(calib.CalibError, match="could not be calibrated"):
+        solved.camera("door")
+
+
+def test_errors_name_the_camera_and_the_value(folder: Path, site: calib.Site, tmp_path: Path) -> None:
+    document = site.to_dict()
+    document["cameras"][0]["size_px"] = [0, 10]
+    with pytest.raises(calib.CalibError, match="/cameras/0/size_px") as caught:
+        calib.Site(document)
+    assert caught.value.field == "/cameras/0/size_px/0" or "size_px" in str(caught.value.field)
+    with pytest.raises(calib.CalibError, match="camera-3"):
+        site.camera("roof")
+    with pytest.raises(FileNotFoundError):
+        calib.Site.open(tmp_path / "none.json")
+    (tmp_path / "bad.json").write_text("{")
+    with pytest.raises(calib.CalibError, match="bad.json"):
+        calib.Site.open(tmp_path / "bad.json")
+    for wrong in [None, 3, {"a": object()}, "{", [], {1, 2}]:
+        with pytest.raises(calib.CalibError):
+            calib.Site(wrong)  # type: ignore[arg-type]
+
+
+def test_a_stream_of_a_wrong_size_is_refused_with_what_was_expected(site: calib.Site) -> None:
+    camera = site.camera("camera-0")
+    with pytest.raises(calib.CalibError, match="640 x 360") as caught:
+        camera.to_floor(1.0, 2.0, stream_size=(640, 640))
+    assert (caught.value.camera, caught.value.field) == ("camera-0", "stream_size")
+    for wrong in [{"origin": "center"}, {"fit": "crop"}, {"stream_size": (0, 1)}, {"crop": (0, 0, 9999, 1)}, {"stream_size": (1.5, 2)}]:
+        with pytest.raises(calib.CalibError):
+            camera.with_stream(**wrong)
+    with pytest.raises(TypeError, match="streamsize"):
+        camera.to_floor(1.0, 2.0, streamsize=(1, 2))  # type: ignore[call-overload]
+    stream = camera.with_stream(stream_size=(640, 640), fit="letterbox", origin="centre")
+    assert (stream.stream_size, stream.fit, stream.origin, stream.crop) == ((640, 640), "letterbox", "centre", None)
+    assert stream.to_floor(319.5, 419.5) == camera.to_floor(960.0, 840.0)
+    assert stream != camera and "camera-0" in repr(stream)
+
+
+def test_a_period_is_chosen_by_a_time(site: calib.Site) -> None:
+    document = site.to_dict()
+    before, after = copy.deepcopy(document["cameras"][0]), copy.deepcopy(document["cameras"][0])
+    before["valid_to"] = after["valid_from"] = "2026-06-01T00:00:00Z"
+    after["solution"]["position_m"][0] += 1.0
+    moved = calib.Site({**document, "cameras": [before, after]})
+    with pytest.raises(calib.CalibError, match="several periods"):
+        moved.camera("camera-0")
+    early, late = moved.camera("camera-0", "2026-05-01T00:00:00Z"), moved.camera("camera-0", datetime(2026, 7, 1, tzinfo=timezone.utc))
+    assert late.position[0] == early.position[0] + 1.0 and moved.cameras == ["camera-0"]
+    with pytest.raises(calib.CalibError, match="time"):
+        moved.camera("camera-0", "noon")
+
+
+def test_everything_goes_to_other_processes(site: calib.Site) -> None:
+    again = pickle.loads(pickle.dumps(site))
+    assert again == site and json.loads(site.to_json()) == site.to_dict()
+    for index in range(20):
+        camera = site.camera(f"camera-{index}", stream_size=(960, 540), origin="centre")
+        copied = pickle.loads(pickle.dumps(camera))
+        assert copied == camera and copied.to_floor(480.0, 500.0)[2] == camera.to_floor(480.0, 500.0)[2]
+        assert np.array_equal(copied.covariance, camera.covariance)
+        np.testing.assert_array_equal(copied.to_floor([480.0], [500.0])[0], camera.to_floor([480.0], [500.0])[0])
+
+
+def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:
+    camera = site.camera("camera-2")
+    straight = camera.undistorter("all-valid")
+    image = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), dtype="u1")
+    out = np.zeros_like(image)
+    assert straight(image, out) is out and np.array_equal(out, straight(image[::1]))
+    assert np.array_equal(straight(np.asfortranarray(image)), out) and (out.sum(axis=2) > 0).mean() > 0.99
+    assert straight.size == (1920, 1080) and straight.focal > camera.undistorter("all-pixels").focal
+    for wrong in [image[:540], image[..., 0], image.astype("f4"), "image"]:
+        with pytest.raises(calib.CalibError, match="1080, 1920, 3"):
+            straight(wrong)  # type: ignore[arg-type]
+
+
+def test_help_says_shapes_and_units() -> None:
+    for method in [calib.Camera.to_floor, calib.Camera.floor_covariance, calib.Camera.to_pixel, calib.Camera.rays]:
+        text = method.__doc__ or ""
+        assert "metres" in text or "unit vectors" in text
+        assert "array" in text.lower()
+    assert "stream_size=None" in str(calib.Camera.to_floor.__text_signature__)

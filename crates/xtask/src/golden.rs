@@ -1,0 +1,154 @@
+//! `cargo xtask golden`: points of twenty cameras as the core maps them one by one, which the library in every other
+//! language must return bit for bit.
+//!
+//! `site.json` has the cameras. `cameras.txt` has a line for each: id, origin, fit, width and height of the stream,
+//! left, top, width and height of what it shows, height of the plane; the numbers are those of `calib.h`, 0 where
+//! nothing is said. `points.f64` has its columns one after the other, camera by camera, as doubles, low byte first.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use anyhow::Context as _;
+use calib_core::{
+    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector, Lens, Method,
+    Pixel, PixelOrigin, Site, SiteCamera, Solution, Stage, Status, Stream, StreamFit, StreamMap, WorldPoint,
+};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+const CAMERAS: usize = 20;
+/// Of every camera.
+const POINTS: usize = 5000;
+/// u, v; x, y, status; the covariance's two parts; u, v, status of the point; the ray; the undistorted pixel.
+const COLUMNS: usize = 21;
+/// Standard deviation of a pixel of the stream.
+const SIGMA: f64 = 1.5;
+const STILL: [u32; 2] = [1920, 1080];
+
+/// Writes the folder.
+pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    let mut random = ChaCha8Rng::seed_from_u64(20);
+    let entries: Vec<SiteCamera> = (0..CAMERAS).map(|index| entry(index, &mut random)).collect();
+    let (mut lines, mut bytes) = (String::new(), Vec::new());
+    for (index, entry) in entries.iter().enumerate() {
+        let (stream, height) = (stream(index), [0.0, 0.0, 0.35, -0.2][index % 4]);
+        let (origin, fit) = (stream.origin as u32, stream.fit.map_or(0, |fit| fit as u32 + 1));
+        let [width, height_px] = stream.size.unwrap_or_default();
+        let [left, top, w, h] = stream.crop.unwrap_or_default();
+        writeln!(lines, "{} {origin} {fit} {width} {height_px} {left} {top} {w} {h} {height}", entry.id)?;
+        for column in columns(entry, &stream, height, &mut random)? {
+            bytes.extend(column.into_iter().flat_map(f64::to_le_bytes));
+        }
+    }
+    fs::write(out.join("site.json"), Site { cameras: entries, ..Site::new() }.to_json())?;
+    fs::write(out.join("cameras.txt"), lines)?;
+    fs::write(out.join("points.f64"), bytes)?;
+    println!("{}: {} points", out.display(), CAMERAS * POINTS);
+    Ok(())
+}
+
+fn stream(index: usize) -> Stream {
+    let origin = if index % 2 == 1 { PixelOrigin::Centre } else { PixelOrigin::Corner };
+    let still = Stream { origin, ..Stream::default() };
+    match index % 5 {
+        0 => still,
+        1 => Stream { size: Some([1280, 720]), ..still },
+        2 => Stream { size: Some([640, 640]), fit: Some(StreamFit::Letterbox), ..still },
+        3 => Stream { size: Some([416, 416]), fit: Some(StreamFit::Stretch), ..still },
+        _ => Stream { size: Some([800, 450]), crop: Some([160.0, 90.0, 1600.0, 900.0]), ..still },
+    }
+}
+
+/// A camera over the floor, with one lens model or another, most of them with errors that are known.
+fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
+    let mut about = |middle: f64, spread: f64| middle + random.random_range(-spread..spread);
+    let focal = about(1300.0, 250.0);
+    let distortion = match index % 4 {
+        0 => Distortion::None,
+        1 => Distortion::Division { lambda: about(-0.1, 0.08) },
+        2 => Distortion::BrownConrady(BrownConrady {
+            k1: about(-0.25, 0.1),
+            k2: 0.08,
+            p1: 0.001,
+            p2: -0.0007,
+            k3: -0.01,
+        }),
+        _ => calib_core::DistortionModel::KannalaBrandt
+            .row()
+            .zero
+            .with_coefficients([0.02, -0.006, 0.002, -0.0004, 0.0]),
+    };
+    let mut camera = Camera {
+        position: WorldPoint::new(about(0.0, 20.0), about(0.0, 20.0), about(4.5, 1.5)),
+        yaw: about(0.0, 3.1),
+        pitch: about(0.55, 0.25),
+        roll: about(0.0, 0.06),
+        focal,
+        lens: Lens { principal_point: Pixel::new(about(960.0, 20.0), about(540.0, 20.0)), focal, distortion },
+        covariance: Covariance::EXACT,
+    };
+    for (which, sigma) in [(Covariance::Z, 0.03), (Covariance::PITCH, 0.004), (Covariance::FOCAL, 12.0)] {
+        camera.covariance.0[which][which] = sigma * sigma;
+    }
+    // Of some cameras nobody knows how good they are.
+    let covariance = if index % 7 == 6 { None } else { CovarianceEntry::of(&camera) };
+    let solution = Solution { covariance, ..Solution::of(&camera, Method::Given, Stage::Placed) };
+    SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera-{index}"), STILL) }
+}
+
+fn columns(
+    entry: &SiteCamera,
+    stream: &Stream,
+    height: f64,
+    random: &mut ChaCha8Rng,
+) -> anyhow::Result<[Vec<f64>; COLUMNS]> {
+    let camera = entry.camera().context("it was given")?;
+    let (map, efov) = (stream.map(entry.size())?, entry.floor_polygon());
+    let extent = Extent { size: entry.size(), efov: &efov };
+    let projector = FloorProjector::new(&camera, height);
+    let shown = stream.crop.map(|[_, _, w, h]| [w as u32, h as u32]).unwrap_or(STILL);
+    let size = stream.size.unwrap_or(shown).map(f64::from);
+    let mut rows = Vec::with_capacity(POINTS);
+    for index in 0..POINTS {
+        let mut pixel = size.map(|side| side * random.random_range(-0.1..1.1));
+        // Detectors lose a box now and then.
+        if index % 500 == 7 {
+            pixel[index % 2] = if index % 3 == 0 { f64::NAN } else { f64::INFINITY };
+        }
+        rows.push(row(&projector, &extent, &map, pixel));
+    }
+    Ok(std::array::from_fn(|column| rows.iter().map(|row| row[column]).collect()))
+}
+
+/// Everything that is asked about one pixel.
+fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]: [f64; 2]) -> [f64; COLUMNS] {
+    let (camera, height) = (projector.camera(), projector.height());
+    let still = Pixel::new(map.in_still(0, u), map.in_still(1, v));
+    let (mut x, mut y, mut status) = ([0.0], [0.0], [Status::Ok]);
+    projector.pixels_to_floor_within(extent, [&[still.u], &[still.v]], [&mut x, &mut y], &mut status);
+    let covariance = camera.plane_covariance(still, SIGMA * map.still_pixels(), height);
+    let [noise, calibration] = covariance.map_or([[f64::NAN; 4]; 2], |covariance| covariance.rows());
+    let in_stream = |pixel: Option<[f64; 2]>| {
+        pixel.map_or([f64::NAN; 2], |[u, v]| [map.in_stream(0, u), map.in_stream(1, v)])
+    };
+    let (back, back_status) = extent.to_pixel(camera, WorldPoint::new(x[0], y[0], height));
+    let back = in_stream(back.map(Into::into));
+    let ray = camera.pixel_to_ray(still).map_or([f64::NAN; 3], |ray| ray.direction);
+    let (mut straight_u, mut straight_v) = ([0.0], [0.0]);
+    projector.undistort_pixels(&[still.u], &[still.v], &mut straight_u, &mut straight_v);
+    let straight = in_stream(Some([straight_u[0], straight_v[0]]));
+    let parts: [&[f64]; 7] = [
+        &[u, v, x[0], y[0], f64::from(status[0] as u8)],
+        &noise,
+        &calibration,
+        &back,
+        &[f64::from(back_status as u8)],
+        &ray,
+        &straight,
+    ];
+    let mut row = [0.0; COLUMNS];
+    row.iter_mut().zip(parts.concat()).for_each(|(to, value)| *to = value);
+    row
+}
