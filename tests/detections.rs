@@ -7,7 +7,7 @@ use std::process::Command;
 
 use arrow::array::{Array as _, AsArray as _, RecordBatch};
 use arrow::datatypes::DataType;
-use calib_core::{BrownConrady, Camera, Distortion, Pixel, Site, SiteCamera};
+use calib_core::{BrownConrady, Camera, Distortion, Pixel, Site, SiteCamera, WorldPoint};
 use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
