@@ -7,7 +7,7 @@ use std::process::Command;
 
 use arrow::array::{Array as _, AsArray as _, RecordBatch};
 use arrow::datatypes::DataType;
-use calib_core::{BrownConrady, Camera, Distortion, Pixel, Site, SiteCamera};
+use calib_core::{BrownConrady, Camera, Distortion, Pixel, Site, SiteCamera, WorldPoint};
 use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -327,4 +327,83 @@ fn a_reader_that_has_enough_ends_the_run_quietly() {
         let ended = Command::new("sh").args(["-c", &shell]).current_dir(scratch.path("")).output().unwrap();
         assert_eq!(String::from_utf8_lossy(&ended.stderr), "ended 0\n", "{format}");
     }
+}
+
+/// The site with a platform 1 m high, a pit and a ramp whose height is known to 2 cm.
+fn with_planes() -> (Site, Scratch) {
+    let planes = serde_json::json!([
+        {"id": "platform", "height_m": 1, "region": [[0, 4], [3, 4], [3, 7], [0, 7]]},
+        {"id": "pit", "height_m": -1, "region": [[3, 4], [5, 4], [5, 7], [3, 7]]},
+        {"id": "ramp", "height_m": {"value": 0.5, "sigma": 0.02},
+            "tilt": {"toward_deg": 90, "fall_deg": 5}, "region": [[-6, 6], [-1, 6], [-1, 12], [-6, 12]]},
+        {"id": "somewhere", "height_m": 3}
+    ]);
+    let scratch = scratch();
+    let planes = serde_json::from_value(planes).unwrap();
+    let site = Site { cameras: vec![entry("a", &camera())], planes, ..Site::new() };
+    scratch.write("planes.json", site.to_json());
+    (site, scratch)
+}
+
+const TO_PLANES: [&str; 6] = ["project", "planes.json", "--camera", "a", "--to", "floor"];
+
+#[test]
+fn a_pixel_is_mapped_to_the_plane_that_it_shows_first() {
+    let (site, scratch) = with_planes();
+    let surfaces = site.surfaces();
+    let mut table = String::from("u,v\n");
+    for v in (0..1080).step_by(40) {
+        (0..1920).step_by(40).for_each(|u| table += &format!("{u},{v}\n"));
+    }
+    table += "0,\n";
+    scratch.write("pixels.csv", &table);
+    let args = [&TO_PLANES[..], &["-i", "pixels.csv", "--sigma-px", "0"]].concat();
+    let run = scratch.calib(&args).expect_code(0);
+    let header = run.stdout.lines().next().unwrap();
+    assert!(header.starts_with("u,v,x_m,y_m,status,z_m,plane,sigma_x_m"), "{header}");
+    let (known_badly, mut met) = (["ramp", "platform", "pit"], HashMap::new());
+    for row in rows(&run.stdout).iter().filter(|row| row["status"] != "missing") {
+        let pixel = Pixel::new(number(row, "u"), number(row, "v"));
+        let shown = camera().pixel_to_surface(pixel, 0.0, &surfaces);
+        let plane = shown.and_then(|shown| shown.surface).map_or("", |index| &site.planes[index].id);
+        assert_eq!(row["plane"], plane, "{row:?}");
+        *met.entry(if row["status"] == "on-wall" { "wall" } else { plane }).or_insert(0) += 1;
+        let Some(shown) = shown else {
+            assert!(["above-horizon", "on-wall", "outside-lens"].contains(&row["status"]), "{row:?}");
+            assert!(row["x_m"].is_empty() && row["z_m"].is_empty());
+            continue;
+        };
+        let found = WorldPoint::new(number(row, "x_m"), number(row, "y_m"), number(row, "z_m"));
+        let range = shown.at.distance(camera().position);
+        assert!(range > 1e3 || found.distance(shown.at) < 1e-6, "{row:?}");
+        // An exact camera: only planes are not, the ramp by its height, the others as far as floors are level.
+        let sigma = number(row, "calibration_sigma_x_m").hypot(number(row, "calibration_sigma_y_m"));
+        assert_eq!(sigma > 0.0, known_badly.contains(&plane), "{row:?}");
+    }
+    assert!(["", "platform", "pit", "ramp", "wall"].iter().all(|plane| met.contains_key(plane)), "{met:?}");
+}
+
+#[test]
+fn columns_of_planes_are_there_only_when_a_plane_covers_something() {
+    let (mut bare, scratch) = with_planes();
+    bare.planes.iter_mut().for_each(|plane| plane.region.clear());
+    scratch.write("bare.json", bare.to_json());
+    scratch.write("pixels.csv", "u,v\n960,800\n100,900\n");
+    let mapped = |site: &str| {
+        let run = scratch.calib(&["project", site, "--camera", "a", "--to", "floor", "-i", "pixels.csv"]);
+        run.expect_code(0).stdout
+    };
+    assert_eq!(mapped("bare.json"), mapped("site.json"), "as without planes, to the byte");
+    assert!(mapped("planes.json").lines().next().unwrap().ends_with("status,z_m,plane"));
+    // The same of Parquet, where the columns have types, and of a column of cameras.
+    scratch.write("cameras.csv", "camera_id,u,v\na,960,800\nb,960,800\n");
+    let args =
+        ["project", "planes.json", "--camera-column", "camera_id", "--to", "floor", "-i", "cameras.csv"];
+    scratch.calib(&[&args[..], &["-o", "mapped.parquet"]].concat()).expect_code(0);
+    let batch = read_parquet(&scratch, "mapped.parquet");
+    let schema = batch.schema();
+    assert_eq!(schema.field_with_name("z_m").unwrap().data_type(), &DataType::Float64);
+    assert_eq!(schema.field_with_name("plane").unwrap().data_type(), &DataType::Utf8);
+    let heights = batch.column_by_name("z_m").unwrap();
+    assert!(heights.is_valid(0) && heights.is_null(1), "nothing is known of camera b");
 }

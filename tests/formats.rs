@@ -6,7 +6,7 @@ use calib_core::{
     BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
     WorldPoint,
 };
-use calib_formats::{Export, ExportOptions, FORMATS, File, export, format, import};
+use calib_formats::{Export, ExportOptions, FORMATS, File, OfPlanes, export, format, import};
 use calib_tests::{Scratch, peers_python};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -935,4 +935,86 @@ fn pycolmap_and_pyyaml_read_what_is_for_them() {
     let corners = told["frigate"]["cameras"]["yard"]["zones"]["floor"]["coordinates"].as_str().unwrap();
     let corners: Vec<f64> = corners.split(',').map(|number| number.parse().unwrap()).collect();
     assert!(corners.len() >= 6 && corners.iter().all(|share| (0.0..=1.0).contains(share)), "{corners:?}");
+}
+
+/// A straight camera over a ramp with a region, and a plane without one.
+fn with_planes() -> Site {
+    let planes = json!([
+        {"id": "ramp", "height_m": 0.5, "tilt": {"toward_deg": 30, "fall_deg": 4},
+            "region": [[0, 2], [4, 2], [4, 6], [0, 6]]},
+        {"id": "shelf", "height_m": 2}
+    ]);
+    Site { planes: serde_json::from_value(planes).unwrap(), ..site(&straight()) }
+}
+
+#[test]
+fn a_format_holds_planes_or_says_that_it_does_not() {
+    let planes = with_planes();
+    for format in FORMATS.iter().filter(|format| format.exports()) {
+        let export = exported(format.name, &planes, format.extensions[0]);
+        let losses: Vec<String> = export.losses.iter().map(ToString::to_string).collect();
+        let told = losses.iter().chain(&export.notes).filter(|what| what.contains("\"ramp\"")).count();
+        let is_written = export.files.iter().any(|file| file.bytes.windows(4).any(|bytes| bytes == b"ramp"));
+        assert_eq!(told == 0, is_written, "{}: {losses:?} {:?}", format.name, export.notes);
+        assert_eq!(is_written, format.planes == OfPlanes::Written, "{}", format.name);
+        let misleads = losses.iter().any(|what| what.contains("\"ramp\""));
+        assert_eq!(misleads, format.planes == OfPlanes::Misleading, "{}", format.name);
+        assert!(!losses.iter().chain(&export.notes).any(|what| what.contains("shelf")), "it covers nothing");
+    }
+}
+
+#[test]
+fn geojson_has_the_regions_with_height_and_fall() {
+    let mut site = with_planes();
+    let document = json_of(&exported("geojson", &site, "geojson"), "site.local.geojson");
+    let region = |document: &Value| {
+        let features = document["features"].as_array().unwrap().clone();
+        features.into_iter().find(|feature| feature["properties"]["kind"] == "plane").unwrap()
+    };
+    let found = region(&document);
+    let number = |value: &Value, key: &str| value["properties"][key].as_f64().unwrap();
+    assert_eq!(found["properties"]["plane_id"], "ramp");
+    assert!(
+        (number(&found, "fall_deg") - 4.0).abs() < 1e-9 && (number(&found, "toward_deg") - 30.0).abs() < 1e-9
+    );
+    assert_eq!(found["geometry"]["coordinates"][0].as_array().unwrap().len(), 5, "the ring is closed");
+    assert!(document["fields"]["toward_deg"].as_str().unwrap().contains("counter-clockwise"));
+    // +x to the east: 30 degrees counter-clockwise from it is at an azimuth of 60.
+    site.georeference =
+        Some(calib_core::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+    let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
+    assert!((number(&region(&document), "toward_azimuth_deg") - 60.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_row_of_the_table_maps_pixels_to_its_plane() {
+    let (site, camera) = (with_planes(), straight());
+    let document = json_of(&exported("table", &site, "json"), "cameras.json");
+    let row = &document["planes"][0];
+    let numbers = |key: &str| -> Vec<f64> {
+        row[key].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+    };
+    let (h, slope) = (numbers("plane_from_undistorted_px"), numbers("plane_slope"));
+    let at = camera.pixel_to_plane(Pixel::new(900.0, 900.0), &site.plane_or_floor(Some("ramp"))).unwrap();
+    let [x, y, w] = [0, 3, 6].map(|i| h[i] * 900.0 + h[i + 1] * 900.0 + h[i + 2]);
+    assert!((x / w - at.x).abs() < 1e-9 && (y / w - at.y).abs() < 1e-9 && w > 0.0);
+    let z = row["plane_z_m"].as_f64().unwrap() + slope[0] * at.x + slope[1] * at.y;
+    assert!((z - at.z).abs() < 1e-9);
+    let csv = exported("table", &site, "csv");
+    assert_eq!(
+        csv.files.iter().map(|file| file.name.as_str()).collect::<Vec<_>>(),
+        ["cameras.csv", "planes.csv"]
+    );
+    assert!(
+        json_of(&exported("table", &self::site(&straight()), "json"), "cameras.json").get("planes").is_none()
+    );
+}
+
+#[test]
+fn planes_stay_when_cameras_are_merged_into_a_site() {
+    let scratch = scratch_of(&with_planes());
+    scratch.write("bare.json", site(&straight()).to_json());
+    scratch.calib(&["export", "opencv", "bare.json", "-o", "out"]).expect_code(0);
+    let run = scratch.calib(&["import", "opencv", "out", "--into", "site.json", "--replace"]).expect_code(0);
+    assert_eq!(Site::from_json(&run.stdout).unwrap().planes, with_planes().planes);
 }

@@ -83,7 +83,9 @@ impl Floor<'_> {
                 continue;
             };
             let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
-            lay(painter, &self.mapping, picture, pose, &solution.efov_m, entry.size(), tint);
+            let plane = self.session.solved.efov_plane(&self.session.site, entry);
+            let on = (pose, &plane);
+            lay(painter, &self.mapping, picture, on, &solution.efov_m, entry.size(), tint);
         }
     }
 
@@ -168,12 +170,13 @@ impl Floor<'_> {
             return;
         }
         let Some(entry) = self.session.site.cameras.get(index) else { return };
-        let corners = calib_editor::corners_of(entry);
+        let (corners, plane) =
+            (calib_editor::corners_of(entry), solved.efov_plane(&self.session.site, entry));
         let outline: Vec<Pos2> = corners
             .iter()
             .chain(corners.first())
-            .filter_map(|&pixel| before.pixel_to_floor(pixel, 0.0))
-            .map(|point| self.at(point))
+            .filter_map(|&pixel| before.pixel_to_plane(pixel, &plane))
+            .map(|point| self.at(point.on_floor()))
             .collect();
         line(painter, &outline, Pen::new(Color32::from_gray(200), 1.0).dashed(&[3.0, 4.0]).bare());
     }
@@ -239,11 +242,11 @@ impl Floor<'_> {
         }
     }
 
-    /// Marks, links that were solved, control points with a rubber band to where the camera shows them.
+    /// Regions of planes, marks, links that were solved, control points with a rubber band to where the camera shows them.
     pub fn paint_elements(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
         let over = cursor.map(|at| self.mapping.screen(at));
         let shown = Shown(self.session);
-        let layers = [PlanLayer::Marks, PlanLayer::Links, PlanLayer::ControlPoints];
+        let layers = [PlanLayer::Planes, PlanLayer::Marks, PlanLayer::Links, PlanLayer::ControlPoints];
         for item in on_plan(&PlanView::new(&shown), &layers) {
             self.paint_element(painter, &item, over);
         }
@@ -261,6 +264,13 @@ impl Floor<'_> {
         let pen = self.pen(item.meaning);
         match (&item.geometry, item.meaning) {
             (Geometry::Polyline(points), _) => line(painter, &self.path(points), pen),
+            (Geometry::Polygon(corners), _) => {
+                let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
+                line(painter, &self.path(&closed), pen);
+            }
+            (Geometry::Label(at, text), Meaning::Plane(_)) => {
+                tag(painter, self.at(*at), Align2::CENTER_CENTER, text, pen.colour);
+            }
             (Geometry::Point(at), Meaning::ControlPoint { .. }) => {
                 let at = self.at(*at);
                 for arm in [Vec2::new(7.0, 0.0), Vec2::new(0.0, 7.0)] {
@@ -284,7 +294,11 @@ impl Floor<'_> {
     }
 
     fn is_held(&self, meaning: Meaning) -> bool {
-        matches!(meaning, Meaning::Mark(index) if self.session.selection.contains(&Part::Mark(index)))
+        match meaning {
+            Meaning::Mark(index) => self.session.selection.contains(&Part::Mark(index)),
+            Meaning::Plane(index) => self.session.plane == Some(index),
+            _ => false,
+        }
     }
 
     fn pen(&self, meaning: Meaning) -> Pen {

@@ -44,6 +44,7 @@ impl From<calib_editor::Icon> for Icon {
             Tool::Link => Self::Link,
             Tool::Mark => Self::Box,
             Tool::Measure => Self::Measure,
+            Tool::Region => Self::Region,
         }
     }
 }
@@ -73,6 +74,8 @@ icons! {
     Link = [Line(&[[6.5, 9.5], [9.5, 6.5]]), Line(&[[7.5, 5.0], [9.7, 2.8], [13.2, 6.3], [11.0, 8.5]]), Line(&[[8.5, 11.0], [6.3, 13.2], [2.8, 9.7], [5.0, 7.5]])],
     /// A measuring rod.
     Measure = [Line(&[[2.0, 10.5], [10.5, 2.0], [14.0, 5.5], [5.5, 14.0], [2.0, 10.5]]), Line(&[[5.0, 7.5], [6.8, 9.3]]), Line(&[[7.5, 5.0], [9.3, 6.8]])],
+    /// A ramp over the floor.
+    Region = [Line(&[[2.0, 12.5], [14.0, 12.5]]), Line(&[[2.0, 12.5], [9.5, 5.0], [14.0, 5.0], [14.0, 12.5]]), Dot([9.5, 5.0], 1.2)],
     /// Two crossed lines.
     Cross = [Line(&[[8.0, 2.5], [8.0, 13.5]]), Line(&[[2.5, 8.0], [13.5, 8.0]])],
     /// A post.

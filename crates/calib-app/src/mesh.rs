@@ -3,7 +3,7 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use calib_core::{Camera, FloorPoint, Pixel};
+use calib_core::{Camera, FloorPoint, Pixel, Plane};
 use egui::cache::{ComputerMut, FrameCache};
 use egui::{Color32, Context, Mesh, Painter, Pos2, Shape};
 
@@ -22,12 +22,13 @@ fn cells(mapping: &Mapping, triangle: &[[f64; 2]; 3]) -> usize {
     ((side / CELL).ceil() as usize).clamp(1, CELLS)
 }
 
-/// The image inside its field: the field cut into small triangles, each corner looked up in the image.
+/// The image inside its field, which lies on a plane: the field cut into small triangles, each corner looked up
+/// in the image.
 pub(crate) fn lay(
     painter: &Painter,
     mapping: &Mapping,
     picture: &Picture,
-    pose: &Camera,
+    (pose, plane): (&Camera, &Plane),
     field: &[FloorPoint],
     [w, h]: [f64; 2],
     tint: Color32,
@@ -45,7 +46,8 @@ pub(crate) fn lay(
         for i in 0..=cells {
             for j in 0..=cells - i {
                 let point = at(i as f64 / cells as f64, j as f64 / cells as f64);
-                let seen = pose.world_to_pixel(FloorPoint::from(point).at_height(0.0));
+                let at = FloorPoint::from(point);
+                let seen = pose.world_to_pixel(at.at_height(plane.height_at(at)));
                 is_whole &= seen.is_some();
                 let Pixel { u, v } = seen.unwrap_or_default();
                 let uv = Pos2::new((u / w) as f32, (v / h) as f32);

@@ -59,6 +59,9 @@
 // No calibration holds for it.
 #define CALIB_STATUS_NO_CALIBRATION 7
 
+// The pixel shows the wall of a pit, between its plane and the floor: there is no point.
+#define CALIB_STATUS_ON_WALL 8
+
 // How a call ended.
 typedef enum CalibResult {
   // All is done.

@@ -38,6 +38,8 @@ pub const CALIB_STATUS_BEHIND_CAMERA: u8 = 5;
 pub const CALIB_STATUS_MISSING: u8 = 6;
 /// No calibration holds for it.
 pub const CALIB_STATUS_NO_CALIBRATION: u8 = 7;
+/// The pixel shows the wall of a pit, between its plane and the floor: there is no point.
+pub const CALIB_STATUS_ON_WALL: u8 = 8;
 
 /// The version of this library, as text.
 #[unsafe(no_mangle)]
@@ -92,6 +94,7 @@ pub extern "C" fn calib_status_name(status: u8) -> *const c_char {
         c"behind-camera",
         c"missing",
         c"no-calibration",
+        c"on-wall",
     ];
     NAMES.get(usize::from(status)).map_or(std::ptr::null(), |name| name.as_ptr())
 }
@@ -111,12 +114,13 @@ mod tests {
             CALIB_STATUS_BEHIND_CAMERA,
             CALIB_STATUS_MISSING,
             CALIB_STATUS_NO_CALIBRATION,
+            CALIB_STATUS_ON_WALL,
         ];
         for (status, number) in Status::ALL.into_iter().zip(numbers) {
             // SAFETY: a name of this library ends with a zero.
             let name = unsafe { CStr::from_ptr(calib_status_name(number)) };
             assert_eq!((status as u8, name.to_str()), (number, Ok(status.name())));
         }
-        assert!(calib_status_name(8).is_null());
+        assert!(calib_status_name(9).is_null());
     }
 }

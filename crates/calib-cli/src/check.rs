@@ -6,7 +6,8 @@ use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
 use crate::solve::Format;
 use crate::stop::Stop;
-use calib_report::{centimetres, few, together, worst_first};
+use crate::words::visible;
+use calib_report::{centimetres, few, planes_text, together, worst_first};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]
@@ -153,6 +154,7 @@ fn report(
             files::print(&explained(verdict))?;
         }
     }
+    files::print(&visible(planes_text(&file.site).trim_start_matches('\n')))?;
     let Some(faults) = of_site else { return Ok(()) };
     let judged = file.site.solution.as_ref().map(judged_site).unwrap_or_default();
     files::print(&format!("the site: {}{judged}\n", said(faults)))

@@ -14,7 +14,7 @@ use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
 use crate::words::visible;
-use calib_report::few;
+use calib_report::{few, planes_text};
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -178,6 +178,7 @@ fn text(site: &Site, asked: &[Asked]) -> String {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution, findings);
     }
+    out.push_str(&planes_text(site));
     out.push_str(&site_summary(site));
     visible(&out).into_owned()
 }

@@ -139,9 +139,9 @@ pub use camera::{
 pub use floor::{
     BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT,
     PixelOrigin, Placement, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError, StreamFit,
-    StreamMap, Surface, SurfacePoint, Undistortion, default_efov, efov_on_floor, efov_on_plane, ellipse,
-    floor_grid, from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
-    with_placement_covariance,
+    StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
+    efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
+    position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,

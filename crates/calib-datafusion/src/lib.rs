@@ -13,15 +13,15 @@
 //! # }
 //! ```
 //!
-//! `calib_floor(camera_id, u, v)` is a struct of `x_m`, `y_m` and `status`, as of `calib project`; pixels
-//! count from the corner of the image. It is an expression like any other: DataFusion runs it on all of
+//! `calib_floor(camera_id, u, v)` is a struct of `x_m`, `y_m` and `status`, as of `calib project`, of a site whose
+//! planes have regions also of `z_m` and `plane`; pixels count from the corner of the image. It is an expression like any other: DataFusion runs it on all of
 //! its threads, and a program that embeds a distributed DataFusion registers it in every worker.
 
 use std::collections::HashMap;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use calib_core::{Extent, FloorPoint, FloorProjector, Site, Status};
+use calib_core::{Camera, Extent, FloorPoint, Site, Status, Surface, SurfacePoint, SurfaceProjector};
 use datafusion_common::arrow::array::{
     Array, ArrayRef, AsArray as _, Float64Array, StringArray, StructArray,
 };
@@ -32,7 +32,7 @@ use datafusion_expr::{ColumnarValue, ScalarFunctionArgs, ScalarUDF, ScalarUDFImp
 /// A calibrated camera.
 #[derive(Debug)]
 struct Calibrated {
-    projector: FloorProjector,
+    camera: Camera,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
 }
@@ -41,6 +41,9 @@ struct Calibrated {
 struct FloorOf {
     signature: Signature,
     cameras: HashMap<String, Calibrated>,
+    /// The planes besides the floor with their ids; none where none of them covers a part of the plan.
+    surfaces: Vec<Surface>,
+    planes: Vec<String>,
     /// The site, by which two of these are told apart.
     site: String,
 }
@@ -53,15 +56,16 @@ pub fn calib_floor(site: &Site) -> Result<ScalarUDF> {
     let mut cameras = HashMap::new();
     for entry in &site.cameras {
         let Some(camera) = entry.camera() else { continue };
-        let projector = FloorProjector::new(&camera, 0.0);
-        let calibrated = Calibrated { projector, size: entry.size(), efov: entry.floor_polygon() };
+        let calibrated = Calibrated { camera, size: entry.size(), efov: site.efov_on_floor(entry) };
         if cameras.insert(entry.id.clone(), calibrated).is_some() {
             return exec_err!("camera {:?} has several periods", entry.id);
         }
     }
     let kinds = vec![DataType::Utf8, DataType::Float64, DataType::Float64];
     let signature = Signature::exact(kinds, Volatility::Immutable);
-    Ok(ScalarUDF::from(FloorOf { signature, cameras, site: site.to_json() }))
+    let surfaces = site.covering_surfaces();
+    let planes = site.planes.iter().map(|plane| plane.id.clone()).take(surfaces.len()).collect();
+    Ok(ScalarUDF::from(FloorOf { signature, cameras, surfaces, planes, site: site.to_json() }))
 }
 
 impl PartialEq for FloorOf {
@@ -78,12 +82,44 @@ impl Hash for FloorOf {
     }
 }
 
-fn fields() -> Fields {
-    Fields::from(vec![
+fn fields(with_planes: bool) -> Fields {
+    let mut fields = vec![
         Field::new("x_m", DataType::Float64, true),
         Field::new("y_m", DataType::Float64, true),
         Field::new("status", DataType::Utf8, false),
-    ])
+    ];
+    if with_planes {
+        fields.push(Field::new("z_m", DataType::Float64, true));
+        fields.push(Field::new("plane", DataType::Utf8, true));
+    }
+    Fields::from(fields)
+}
+
+impl FloorOf {
+    fn fields(&self) -> Fields {
+        fields(!self.surfaces.is_empty())
+    }
+
+    /// Maps rows of one camera.
+    fn map(
+        &self,
+        camera: &Calibrated,
+        [u, v]: [&[f64]; 2],
+        points: &mut [Option<SurfacePoint>],
+        status: &mut [Status],
+    ) {
+        let extent = Extent { size: camera.size, efov: &camera.efov };
+        let projector = SurfaceProjector::new(&camera.camera, 0.0, &self.surfaces);
+        projector.pixels_to_surfaces(&extent, [u, v], points, status);
+    }
+
+    /// The height of every point, and the plane that it is on.
+    fn on_planes(&self, points: &[Option<SurfacePoint>]) -> [ArrayRef; 2] {
+        let heights: Float64Array = points.iter().map(|point| point.map(|point| point.at.z)).collect();
+        let plane = |point: &Option<SurfacePoint>| self.planes.get(point.as_ref()?.surface?);
+        let planes: StringArray = points.iter().map(plane).collect();
+        [Arc::new(heights), Arc::new(planes)]
+    }
 }
 
 impl ScalarUDFImpl for FloorOf {
@@ -96,7 +132,7 @@ impl ScalarUDFImpl for FloorOf {
     }
 
     fn return_type(&self, _arguments: &[DataType]) -> Result<DataType> {
-        Ok(DataType::Struct(fields()))
+        Ok(DataType::Struct(self.fields()))
     }
 
     fn invoke_with_args(&self, arguments: ScalarFunctionArgs) -> Result<ColumnarValue> {
@@ -104,7 +140,7 @@ impl ScalarUDFImpl for FloorOf {
         let [ids, u, v] = &arrays[..] else { return exec_err!("calib_floor takes camera_id, u and v") };
         let (u, v) = (numbers(u), numbers(v));
         let ids = ids.as_string::<i32>();
-        let (mut x, mut y) = (vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]);
+        let mut points = vec![None; u.len()];
         let mut status = vec![Status::NoCalibration; u.len()];
         // Rows of one camera that follow each other are mapped at once.
         let mut first = 0;
@@ -114,23 +150,21 @@ impl ScalarUDFImpl for FloorOf {
                 |&row: &usize| ids.is_valid(row) == id.is_some() && id.is_none_or(|id| ids.value(row) == id);
             let end = first + (first..u.len()).take_while(same).count();
             if let Some(camera) = id.and_then(|id| self.cameras.get(id)) {
-                let extent = Extent { size: camera.size, efov: &camera.efov };
                 let run = first..end;
-                camera.projector.pixels_to_floor_within(
-                    &extent,
-                    [&u[run.clone()], &v[run.clone()]],
-                    [&mut x[run.clone()], &mut y[run.clone()]],
-                    &mut status[run],
-                );
+                let pixels = [&u[run.clone()], &v[run.clone()]];
+                self.map(camera, pixels, &mut points[run.clone()], &mut status[run]);
             }
             first = end;
         }
-        let known = |values: Vec<f64>| -> ArrayRef {
-            Arc::new(values.into_iter().map(|v| (!v.is_nan()).then_some(v)).collect::<Float64Array>())
+        let of = |value: fn(SurfacePoint) -> f64| -> ArrayRef {
+            Arc::new(points.iter().map(|point| point.map(value)).collect::<Float64Array>())
         };
         let names: StringArray = status.iter().map(|status| Some(status.name())).collect();
-        let columns = vec![known(x), known(y), Arc::new(names) as ArrayRef];
-        Ok(ColumnarValue::Array(Arc::new(StructArray::try_new(fields(), columns, None)?)))
+        let mut columns = vec![of(|point| point.at.x), of(|point| point.at.y), Arc::new(names) as ArrayRef];
+        if !self.surfaces.is_empty() {
+            columns.extend(self.on_planes(&points));
+        }
+        Ok(ColumnarValue::Array(Arc::new(StructArray::try_new(self.fields(), columns, None)?)))
     }
 }
 
@@ -178,7 +212,7 @@ mod tests {
                 .map(|a| Arc::new(Field::new("a", a.data_type().clone(), true)))
                 .collect(),
             number_rows: rows,
-            return_field: Arc::new(Field::new("floor", DataType::Struct(fields()), true)),
+            return_field: Arc::new(Field::new("floor", DataType::Struct(fields(false)), true)),
             config_options: Arc::new(ConfigOptions::default()),
         };
         let ColumnarValue::Array(found) = function.invoke_with_args(arguments).unwrap() else {
@@ -207,6 +241,40 @@ mod tests {
             }
         }
         assert!(mapped > 200, "{mapped}");
+    }
+
+    #[test]
+    fn planes_have_fields_of_their_own() {
+        let mut site = site();
+        let platform =
+            r#"[{"id": "deck", "height_m": 0.5, "region": [[-9, -9], [9, -9], [9, 19], [-9, 19]]}]"#;
+        site.planes = serde_json::from_str(platform).unwrap();
+        let function = calib_floor(&site).unwrap();
+        let kind = function.return_type(&[]).unwrap();
+        assert_eq!(kind, DataType::Struct(fields(true)));
+        let arrays: [ArrayRef; 3] = [
+            Arc::new(StringArray::from(vec!["till", "nobody"])),
+            Arc::new(Float64Array::from(vec![960.0, 960.0])),
+            Arc::new(Float64Array::from(vec![700.0, 700.0])),
+        ];
+        let arguments = ScalarFunctionArgs {
+            args: arrays.iter().map(|array| ColumnarValue::Array(Arc::clone(array))).collect(),
+            arg_fields: arrays
+                .iter()
+                .map(|a| Arc::new(Field::new("a", a.data_type().clone(), true)))
+                .collect(),
+            number_rows: 2,
+            return_field: Arc::new(Field::new("floor", kind, true)),
+            config_options: Arc::new(ConfigOptions::default()),
+        };
+        let ColumnarValue::Array(found) = function.invoke_with_args(arguments).unwrap() else {
+            panic!("an array")
+        };
+        let found = found.as_struct();
+        let (heights, planes) =
+            (found.column(3).as_primitive::<Float64Type>(), found.column(4).as_string::<i32>());
+        assert!((heights.value(0) - 0.5).abs() < 1e-12 && planes.value(0) == "deck");
+        assert!(heights.is_null(1) && planes.is_null(1));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use calib_core::{
-    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Site, SiteCamera, WorldPoint,
+    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Plane, Site, SiteCamera, WorldPoint,
 };
 
 /// A link or a mark that has a place, and what the cameras make of it.
@@ -96,7 +96,8 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
         let found = link.solution.as_ref()?;
         let seen = |camera: &str, camera_is: &Camera| {
             let of = link.seen.iter().filter(|seen| seen.camera == camera);
-            of.flat_map(|seen| points_of_link(link, found, seen, camera_is)).collect()
+            let plane = site.plane_or_floor(link.plane.as_deref());
+            of.flat_map(|seen| points_of_link(link, found, seen, camera_is, &plane)).collect()
         };
         let cameras_of = link.seen.iter().map(|seen| seen.camera.as_str());
         let views = views(site, &cameras, cameras_of, &seen);
@@ -157,21 +158,22 @@ fn points_of_link(
     found: &ElementSolution,
     seen: &calib_core::LinkSeen,
     camera: &Camera,
+    plane: &Plane,
 ) -> Vec<Sighting> {
     let at = found.at_m;
     match link.kind {
-        LinkKind::Point => seen.px.and_then(|px| sighting(camera, px, at)).into_iter().collect(),
+        LinkKind::Point => seen.px.and_then(|px| sighting(camera, px, at, plane)).into_iter().collect(),
         LinkKind::Post => {
-            let head = WorldPoint { z: found.length_m.unwrap_or(0.0), ..at };
+            let head = WorldPoint { z: at.z + found.length_m.unwrap_or(0.0), ..at };
             [(seen.foot, at), (seen.head, head)]
                 .into_iter()
-                .filter_map(|(px, at)| sighting(camera, px?, at))
+                .filter_map(|(px, at)| sighting(camera, px?, at, plane))
                 .collect()
         }
         LinkKind::Line => {
             let turn = found.turn_deg.unwrap_or(0.0).to_radians();
             let drawn = seen.segment.iter().flatten();
-            drawn.filter_map(|&px| sighting_of_line(camera, px, at.on_floor(), turn)).collect()
+            drawn.filter_map(|&px| sighting_of_line(camera, px, (at.on_floor(), turn), plane)).collect()
         }
     }
 }
@@ -179,24 +181,35 @@ fn points_of_link(
 fn points_of_mark(mark: &Mark, camera_id: &str, camera: &Camera) -> Vec<Sighting> {
     let shape = mark.shape();
     let of = mark.seen.iter().filter(|seen| seen.camera == camera_id);
-    of.filter_map(|seen| sighting(camera, seen.px, shape.point(&seen.point)?)).collect()
+    of.filter_map(|seen| sighting(camera, seen.px, shape.point(&seen.point)?, &Plane::FLOOR)).collect()
 }
 
-fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint) -> Option<Sighting> {
+/// The pixel is put on the plane through the point that is as steep as the one that it stands on.
+fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
     let shown = camera.world_to_pixel(at)?;
-    Some(Sighting { drawn, shown, at: at.on_floor(), put: camera.pixel_to_floor(drawn, at.z) })
+    let through = Plane { height: at.z, anchor: at.on_floor(), ..*plane };
+    let put = camera.pixel_to_plane(drawn, &through).map(WorldPoint::on_floor);
+    Some(Sighting { drawn, shown, at: at.on_floor(), put })
 }
 
 /// The point of a line that is nearest to where the camera puts a pixel; in the image, the nearest to
 /// the pixel.
-fn sighting_of_line(camera: &Camera, drawn: Pixel, origin: FloorPoint, turn: f64) -> Option<Sighting> {
+fn sighting_of_line(
+    camera: &Camera,
+    drawn: Pixel,
+    (origin, turn): (FloorPoint, f64),
+    plane: &Plane,
+) -> Option<Sighting> {
     /// A piece of the line so short that no lens bends it.
     const PIECE: f64 = 0.05;
-    let put = camera.pixel_to_floor(drawn, 0.0)?;
+    let put = camera.pixel_to_plane(drawn, plane)?.on_floor();
     let (sin, cos) = turn.sin_cos();
     let along = (put.x - origin.x) * cos + (put.y - origin.y) * sin;
     let on_line = |along: f64| FloorPoint { x: origin.x + along * cos, y: origin.y + along * sin };
-    let pixel = |along: f64| camera.world_to_pixel(on_line(along).at_height(0.0));
+    let pixel = |along: f64| {
+        let at = on_line(along);
+        camera.world_to_pixel(at.at_height(plane.height_at(at)))
+    };
     let (a, b) = (pixel(along - PIECE)?, pixel(along + PIECE)?);
     let (du, dv) = (b.u - a.u, b.v - a.v);
     let t = ((drawn.u - a.u) * du + (drawn.v - a.v) * dv) / (du * du + dv * dv);

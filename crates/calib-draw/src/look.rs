@@ -34,6 +34,7 @@ pub struct Look {
 pub const LINE: f64 = 2.0;
 const DRAWN_OFF: &[f64] = &[3.0, 6.0];
 const FIELD: &[f64] = &[10.0, 5.0];
+const REGION: &[f64] = &[2.0, 4.0];
 
 impl Look {
     const fn new(colour: Rgb, width: f64) -> Self {
@@ -66,6 +67,7 @@ impl Look {
             }
             Meaning::Prism(camera) => Self::new(Rgb::camera(camera), 1.25),
             Meaning::Guide => Self::new(WHITE, 1.25).at(0.78),
+            Meaning::Plane(_) => Self::new(WHITE, 1.5).dashed(REGION).at(0.6).on(Outline::Faint),
             Meaning::Mark(_) => Self::new(WHITE, LINE),
             Meaning::Annotation(line) => of_line(&line),
             Meaning::Extension(kind) => {
@@ -100,6 +102,7 @@ impl Look {
             Meaning::PositionEllipse(camera) => {
                 Self::new(Rgb::camera_on_light(camera), 1.25).dashed(&[4.0, 3.0])
             }
+            Meaning::Plane(_) => Self::new(Rgb::INK, 1.5).dashed(REGION).at(0.7),
             Meaning::Mark(_) => Self::new(Rgb::INK, 1.5).at(0.8),
             Meaning::Camera(_) => Self::new(Rgb::INK, 1.25),
             Meaning::Seen(of) | Meaning::Solved(of) if of.is_aside => {
@@ -174,6 +177,7 @@ mod tests {
                 Meaning::Grid,
                 Meaning::Efov(camera),
                 Meaning::PositionEllipse(camera),
+                Meaning::Plane(camera),
                 Meaning::Mark(camera),
                 Meaning::Camera(camera),
                 Meaning::Seen(Sighted { camera: Some(camera), ..seen }),

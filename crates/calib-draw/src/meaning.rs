@@ -49,6 +49,8 @@ pub enum Meaning {
     Prism(usize),
     /// A figure on the floor to judge height and plumb by.
     Guide,
+    /// Where a plane besides the floor holds.
+    Plane(usize),
     /// A virtual element.
     Mark(usize),
     /// A line that was drawn.

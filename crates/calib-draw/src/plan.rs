@@ -12,6 +12,8 @@ use crate::scene::Scene;
 pub enum PlanLayer {
     /// The metre grid inside four corners, with lines so many metres apart.
     Grid([FloorPoint; 4], f64),
+    /// The regions of the planes besides the floor, with their names.
+    Planes,
     /// The EFOV of every camera.
     Efovs,
     /// So many standard deviations of where every camera stands.
@@ -72,6 +74,7 @@ impl PlanLayer {
     fn items(self, view: &PlanView) -> Vec<Item<FloorPoint>> {
         match self {
             Self::Grid(corners, step) => grid(&corners, step),
+            Self::Planes => planes(view),
             Self::Efovs => view.cameras().filter_map(|(camera, _)| efov(view, camera)).collect(),
             Self::PositionEllipses(sigmas) => {
                 let ellipse = |(camera, pose): (usize, Camera)| {
@@ -99,6 +102,16 @@ fn grid(corners: &[FloorPoint], step: f64) -> Vec<Item<FloorPoint>> {
     let lines = floor_grid(corners, step).into_iter();
     let on_floor = lines.map(|line| line.iter().map(|point| point.on_floor()).collect());
     on_floor.map(|line| Item::polyline(Meaning::Grid, line)).collect()
+}
+
+fn planes(view: &PlanView) -> Vec<Item<FloorPoint>> {
+    let mut items = Vec::new();
+    for (index, plane) in view.scene.site().planes.iter().enumerate().filter(|(_, p)| !p.region.is_empty()) {
+        let meaning = Meaning::Plane(index);
+        items.push(Item::polygon(meaning, plane.region.clone()));
+        items.push(Item::label(meaning, plane.anchor(), plane.title().to_owned()));
+    }
+    items
 }
 
 fn efov(view: &PlanView, camera: usize) -> Option<Item<FloorPoint>> {
@@ -132,11 +145,12 @@ fn marks(view: &PlanView) -> Vec<Item<FloorPoint>> {
 fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let mut items = Vec::new();
     for (index, link) in view.scene.site().links.iter().enumerate() {
-        let height = link.height_m.unwrap_or(0.0);
+        let plane = view.scene.plane(link.plane.as_deref()).raised(link.height_m.unwrap_or(0.0));
         let put = link.seen.iter().filter_map(|seen| {
             let camera = view.scene.index(&seen.camera)?;
             view.scene.placed(camera)?;
-            Some((camera, view.scene.pose(camera)?.pixel_to_floor(seen.px.or(seen.foot)?, height)?))
+            let put = view.scene.pose(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &plane)?;
+            Some((camera, put.on_floor()))
         });
         let put: Vec<(usize, FloorPoint)> = put.collect();
         let meaning = |camera| Meaning::LinkPut { index, camera };

@@ -1,6 +1,6 @@
 //! Where a painter's site and its results are kept: in a file, or in solves that go on.
 
-use calib_core::{Camera, Site, Solution, Stage};
+use calib_core::{Camera, Plane, Site, Solution, Stage};
 
 /// A site and what is known of its cameras.
 pub trait Scene: std::fmt::Debug {
@@ -16,6 +16,11 @@ pub trait Scene: std::fmt::Debug {
     /// What was solved of a camera that stands where it belongs in the site.
     fn placed(&self, camera: usize) -> Option<&Solution> {
         self.solution(camera).filter(|solution| solution.stage >= Stage::Placed)
+    }
+
+    /// Where the plane of this id is; the floor without one.
+    fn plane(&self, id: Option<&str>) -> Plane {
+        self.site().plane_or_floor(id)
     }
 
     /// Index of the camera of this id.

@@ -72,6 +72,7 @@ fn a_layer_has_its_own_meanings_and_no_others() {
     let is_of = |layer: ImageLayer, meaning: Meaning| match layer {
         ImageLayer::LensGrid => matches!(meaning, Meaning::LensGrid),
         ImageLayer::Grid(_) => matches!(meaning, Meaning::Grid),
+        ImageLayer::Planes => matches!(meaning, Meaning::Plane(_)),
         ImageLayer::DrawnEfov => matches!(meaning, Meaning::Efov(_)),
         ImageLayer::DrawnPrism => matches!(meaning, Meaning::Prism(_)),
         ImageLayer::SolvedEfov => matches!(meaning, Meaning::Efov(_) | Meaning::Prism(_)),
@@ -89,6 +90,7 @@ fn a_layer_has_its_own_meanings_and_no_others() {
     let layers = [
         ImageLayer::LensGrid,
         ImageLayer::Grid(1.0),
+        ImageLayer::Planes,
         ImageLayer::DrawnEfov,
         ImageLayer::DrawnPrism,
         ImageLayer::SolvedEfov,
@@ -303,4 +305,37 @@ fn a_cone_opens_about_the_way_its_camera_looks() {
         assert!((along - 44.0 * 0.4_f64.cos()).abs() < 1e-9);
         assert!(((x - foot[0]).hypot(y - foot[1]) - 44.0).abs() < 1e-9);
     }
+}
+
+#[test]
+fn a_region_and_a_field_lie_at_the_height_and_slope_of_their_plane() {
+    let text = r#"{"format": "calib-site", "version": 1,
+        "planes": [{"id": "ramp", "name": "Ramp", "height_m": 1,
+            "tilt": {"toward_deg": 0, "fall_deg": 5}, "region": [[-2, 6], [2, 6], [2, 10], [-2, 10]]}],
+        "cameras": [{"id": "a", "size_px": [1920, 1080], "efov_plane": "ramp",
+            "efov_px": [[100, 900], [1800, 900], [900, 300]], "solution": {"method": "given",
+            "stage": "placed", "position_m": [0, 0, 5], "yaw_deg": 0, "pitch_deg": 30, "roll_deg": 0,
+            "focal_px": 1200, "principal_point_px": [960, 540], "efov_m": [[-1, 7], [1, 7], [1, 9], [-1, 9]]}}]}"#;
+    let site = Site::from_json(text).unwrap();
+    let (camera, plane) = (site.pose(0).unwrap(), site.plane_or_floor(Some("ramp")));
+    let shown = |x: f64, y: f64| {
+        let at = FloorPoint { x, y };
+        camera.world_to_pixel(at.at_height(plane.height_at(at))).unwrap()
+    };
+    let items = on_image(&ImageView::new(&site, 0), &[ImageLayer::Planes]);
+    assert_eq!(labels(&items).iter().map(|label| label.1).collect::<Vec<_>>(), ["Ramp"]);
+    let (_, corners) = &polylines(&items)[0];
+    assert!(corners[0].distance(shown(-2.0, 6.0)) < 1e-9 && corners[2].distance(shown(2.0, 10.0)) < 1e-9);
+    for (layer, x, y) in [(ImageLayer::SolvedEfov, -1.0, 7.0), (ImageLayer::Grid(1.0), 0.0, 7.0)] {
+        let items = on_image(&ImageView::new(&site, 0), &[layer]);
+        let nearest = polylines(&items)
+            .iter()
+            .flat_map(|(_, line)| line.iter())
+            .map(|at| at.distance(shown(x, y)))
+            .fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-9, "{layer:?}: {nearest}");
+    }
+    let items = on_plan(&PlanView::new(&site), &[PlanLayer::Planes]);
+    assert!(matches!(&items[0].geometry, Geometry::Polygon(corners) if *corners == site.planes[0].region));
+    assert_eq!(items.len(), 2);
 }

@@ -11,6 +11,7 @@ use image::RgbImage;
 use crate::command::{Cameras, Gesture, Lines, Nudge, Selection};
 use crate::hit::Part;
 use crate::images::Images;
+use crate::planes::Planes;
 use crate::tools::{Pane, Pointer};
 
 /// A site to be opened.
@@ -194,6 +195,8 @@ pub enum Action {
         /// What this does, as it reads after "Undo".
         name: String,
     },
+    /// Changes a plane besides the floor, or what lies on one.
+    Planes(Planes),
     /// Changes what was measured.
     SetDistances(Vec<Distance>),
 

@@ -1,6 +1,6 @@
 //! How far two views put one link from each other, and how far they may by their own uncertainty.
 
-use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen};
+use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen, Plane};
 
 use crate::session::Session;
 
@@ -28,21 +28,27 @@ pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
     if link.kind != LinkKind::Point {
         return None;
     }
-    let height = link.height_m.unwrap_or(0.0);
-    let places: Vec<_> = link.seen.iter().filter_map(|seen| place(session, seen, height)).collect();
+    let plane = plane_of(session, link);
+    let places: Vec<_> = link.seen.iter().filter_map(|seen| place(session, seen, &plane)).collect();
     let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(move |b| (a, b)));
     let far =
         pairs.map(|(a, b)| Apart { metres: a.0.distance(b.0), sigma: a.1.zip(b.1).map(|(a, b)| a.hypot(b)) });
     far.max_by(|a, b| a.metres.total_cmp(&b.metres))
 }
 
+/// The plane on which a point of a link is.
+fn plane_of(session: &Session, link: &Link) -> Plane {
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
+    plane.raised(link.height_m.unwrap_or(0.0))
+}
+
 /// Where a view puts a point, and how uncertain it is there.
-fn place(session: &Session, seen: &LinkSeen, height: f64) -> Option<(FloorPoint, Option<f64>)> {
+fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoint, Option<f64>)> {
     let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
     let (camera, px) = (session.solved.placed(index)?, seen.px?);
     let drawn = session.site.cameras[index].sigma_px.unwrap_or(1.0);
     let sigma = camera.floor_covariance(px, drawn).and_then(|covariance| covariance.worst_sigma());
-    Some((camera.pixel_to_floor(px, height)?, sigma))
+    Some((camera.pixel_to_plane(px, plane)?.on_floor(), sigma))
 }
 
 /// How far two cameras of these poses put the points that both show from each other on the floor: root mean
@@ -52,7 +58,8 @@ pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2])
     let put = |link: &Link, camera: usize| {
         let id = &session.site.cameras.get(camera)?.id;
         let seen = link.seen.iter().find(|seen| seen.camera == *id)?;
-        poses.get(camera)?.as_ref()?.pixel_to_floor(seen.px?, link.height_m.unwrap_or(0.0))
+        let put = poses.get(camera)?.as_ref()?.pixel_to_plane(seen.px?, &plane_of(session, link))?;
+        Some(put.on_floor())
     };
     let points = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Point);
     let squares: Vec<f64> =

@@ -1,8 +1,8 @@
 //! The results of a joint solve: they stay until what they follow from differs, and say when it does.
 
 use calib_core::{
-    Camera, ElementSolution, Link, Mark, Method, PlaneEntry, Report, Site, SiteCamera, SiteSolution,
-    Solution, Stage,
+    Camera, ElementSolution, Link, Mark, Method, Plane, PlaneEntry, PlaneSolution, Report, Site, SiteCamera,
+    SiteSolution, Solution, Stage,
 };
 
 /// The camera as drawn and entered; a given result is entered.
@@ -127,6 +127,23 @@ impl Joint {
         sharing.filter(is_same).count() == family(&self.site) && family(&self.site) == family(site)
     }
 
+    /// Puts what was found of planes into them, while what is known of planes is what it was then.
+    pub(crate) fn put_planes(&self, planes: &mut [PlaneEntry]) {
+        let same = same_planes(&self.site.planes, planes);
+        for (index, plane) in planes.iter_mut().enumerate() {
+            plane.solution = self.report.planes.get(index).copied().flatten().filter(|_| same);
+        }
+    }
+
+    /// Where a plane was found, while what is known of planes is what it was then.
+    pub(crate) fn plane(&self, site: &Site, id: &str) -> Option<Plane> {
+        let index = site.planes.iter().position(|plane| plane.id == id)?;
+        let found = self.report.planes.get(index).copied().flatten();
+        let PlaneSolution { height_m, slope, .. } =
+            found.filter(|_| same_planes(&self.site.planes, &site.planes))?;
+        Some(Plane { height: height_m, slope, anchor: site.planes[index].anchor() })
+    }
+
     /// What was found out about a link that is what it was then.
     pub(crate) fn link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         let now = site.links.get(link)?;
@@ -147,10 +164,7 @@ impl Joint {
         for mark in &mut site.marks {
             mark.solution = self.mark(mark).cloned();
         }
-        let same = same_planes(&self.site.planes, &site.planes);
-        for (index, plane) in site.planes.iter_mut().enumerate() {
-            plane.solution = self.report.planes.get(index).copied().flatten().filter(|_| same);
-        }
+        self.put_planes(&mut site.planes);
         site.solution = Some(self.report.site.clone()).filter(|whole| is_current && !whole.is_empty());
     }
 }

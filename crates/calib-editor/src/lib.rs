@@ -20,6 +20,7 @@ mod images;
 mod still;
 pub mod hit;
 pub mod edit;
+pub mod planes;
 pub mod edges;
 pub mod suggest;
 pub mod snap;

@@ -17,15 +17,16 @@ pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
         return Some(found.at_m);
     }
     let link = &session.site.links[index];
-    let height = link.height_m.unwrap_or(0.0);
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
+    let raised = plane.raised(link.height_m.unwrap_or(0.0));
     let seen = link.seen.iter().filter_map(|seen| {
         let camera = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        session.solved.placed(camera)?.pixel_to_floor(seen.px.or(seen.foot)?, height)
+        session.solved.placed(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &raised)
     });
     let places: Vec<_> = seen.collect();
     let count = places.len() as f64;
-    let (x, y) = (places.iter().map(|at| at.x).sum::<f64>(), places.iter().map(|at| at.y).sum::<f64>());
-    (!places.is_empty()).then(|| WorldPoint::new(x / count, y / count, height))
+    let mean = |of: fn(&WorldPoint) -> f64| places.iter().map(of).sum::<f64>() / count;
+    (!places.is_empty()).then(|| WorldPoint::new(mean(|at| at.x), mean(|at| at.y), mean(|at| at.z)))
 }
 
 /// How far two links or marks are from each other, in metres.
@@ -37,10 +38,11 @@ pub fn estimated_distance(session: &Session, [a, b]: &[String; 2]) -> Option<f64
 /// How long a post looks in a view that shows it, in metres.
 #[must_use]
 pub fn estimated_post(session: &Session, link: &Link) -> Option<f64> {
+    let plane = session.solved.plane(&session.site, link.plane.as_deref());
     link.seen.iter().filter(|_| link.kind == LinkKind::Post).find_map(|seen| {
         let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
         let camera = session.solved.pose(index)?;
-        post_length(camera, camera.pixel_to_floor(seen.foot?, 0.0)?, seen.head?)
+        post_length(camera, camera.pixel_to_plane(seen.foot?, &plane)?, seen.head?)
     })
 }
 

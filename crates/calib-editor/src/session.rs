@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use calib_core::{
-    Camera, DrawNext, Drawing, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Site,
-    SiteCamera, Solution, Warning,
+    Camera, DrawNext, Drawing, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Plane,
+    Site, SiteCamera, Solution, Warning, WorldPoint,
 };
 
 use crate::history::History;
@@ -37,6 +37,8 @@ pub struct Session {
     pub camera: usize,
     /// What is selected on its image.
     pub selection: BTreeSet<Part>,
+    /// The plane in hand: the tool of regions draws where it holds.
+    pub plane: Option<usize>,
     /// Which mark the mark tool makes.
     pub mark_kind: MarkKind,
     /// The next line begins a group of its own.
@@ -95,6 +97,7 @@ impl Session {
         for mark in &mut site.marks {
             mark.solution = None;
         }
+        site.planes.iter_mut().for_each(|plane| plane.solution = None);
         let history = History::new(&site);
         let mut session = Self {
             site,
@@ -104,6 +107,7 @@ impl Session {
             path,
             camera: 0,
             selection: BTreeSet::new(),
+            plane: None,
             mark_kind: MarkKind::Box,
             fresh_group: false,
             measured: None,
@@ -284,6 +288,7 @@ impl Session {
     fn restore(&mut self, site: Site, note: String) {
         self.site = site;
         self.selection.clear();
+        self.plane = self.plane.filter(|&plane| plane < self.site.planes.len());
         self.before_refine = None;
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
         self.generation += 1;
@@ -362,8 +367,10 @@ impl Session {
     pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
         let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
         let (Some(drawn), Some(pose)) = (drawn, self.solved.pose(index)) else { return Vec::new() };
-        let on_floor = drawn.iter().filter_map(|&corner| pose.pixel_to_floor(corner, 0.0));
-        on_floor.map(|at| calib_core::vertical(at, calib_core::PRISM_HEIGHT)).collect()
+        let of = |camera: &SiteCamera| self.solved.efov_plane(&self.site, camera);
+        let plane = self.site.cameras.get(index).map_or(Plane::FLOOR, of);
+        let feet = drawn.iter().filter_map(|&corner| pose.pixel_to_plane(corner, &plane));
+        feet.map(|foot| vec![foot, WorldPoint { z: foot.z + calib_core::PRISM_HEIGHT, ..foot }]).collect()
     }
 
     /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_core::{
     Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
-    Plan, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Warning,
+    Plan, Plane, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Surface, Warning,
 };
 use web_time::Instant;
 
@@ -216,6 +216,29 @@ impl Solved {
     #[must_use]
     pub fn joint_link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         self.joint()?.link(site, link)
+    }
+
+    /// Where the plane of this id is: as it was found together with cameras, or as it is known; the floor without one.
+    #[must_use]
+    pub fn plane(&self, site: &Site, id: Option<&str>) -> Plane {
+        let found = id.and_then(|id| self.joint()?.plane(site, id));
+        found.unwrap_or_else(|| site.plane_or_floor(id))
+    }
+
+    /// What pixels are mapped to besides the floor: the planes of the site, those with regions, as [`Self::plane`].
+    #[must_use]
+    pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
+        let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
+        if let Some(joint) = self.joint() {
+            joint.put_planes(&mut found.planes);
+        }
+        found.covering_surfaces()
+    }
+
+    /// The plane that the field of view of a camera lies on.
+    #[must_use]
+    pub fn efov_plane(&self, site: &Site, camera: &SiteCamera) -> Plane {
+        self.plane(site, camera.efov_plane.as_deref().filter(|_| camera.efov_px.is_some()))
     }
 
     /// Whether cameras were solved together, and nothing that this follows from differs.

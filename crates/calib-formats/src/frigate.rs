@@ -3,7 +3,7 @@
 //! Coordinates are shares of the image, so that they hold for every stream of the camera. `distances`
 //! are metres, of exactly four sides.
 
-use calib_core::{FloorPoint, Pixel};
+use calib_core::{Pixel, WorldPoint};
 
 use crate::export::{Export, Scene};
 use crate::tree::quote;
@@ -69,7 +69,7 @@ pub(crate) fn corners(view: &View) -> Vec<Pixel> {
 fn distances(view: &View, corners: &[Pixel]) -> Option<[f64; 4]> {
     let corners: &[Pixel; 4] = corners.try_into().ok()?;
     let [sx, sy] = view.scale;
-    let floor = |p: Pixel| view.camera.pixel_to_floor(Pixel { u: p.u / sx, v: p.v / sy }, 0.0);
-    let points: Vec<FloorPoint> = corners.iter().map(|&p| floor(p)).collect::<Option<_>>()?;
+    let floor = |p: Pixel| view.camera.pixel_to_plane(Pixel { u: p.u / sx, v: p.v / sy }, &view.efov_plane);
+    let points: Vec<WorldPoint> = corners.iter().map(|&p| floor(p)).collect::<Option<_>>()?;
     Some(std::array::from_fn(|i| points[i].distance(points[(i + 1) % 4])))
 }

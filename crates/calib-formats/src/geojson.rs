@@ -1,12 +1,13 @@
-//! `GeoJSON`: for every camera its EFOV and its position.
+//! `GeoJSON`: for every camera its EFOV and its position, for every plane besides the floor its region.
 //!
 //! With a georeference in WGS84 as RFC 7946 wants it; without one the same in metres of the site, under
 //! a name that says so. Members that the standard does not know, units and fields, say what the numbers are.
 
-use calib_core::{FloorPoint, Georeference};
+use calib_core::{FloorPoint, Georeference, Plane, PlaneEntry};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
+use crate::planes::covering;
 use crate::tree::pretty;
 use crate::view::View;
 
@@ -16,9 +17,12 @@ const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let earth = scene.site.georeference();
-    let features: Vec<Value> = scene.views.iter().flat_map(|view| features(view, earth)).collect();
+    let features = scene.views.iter().flat_map(|view| features(view, earth));
+    let planes = covering(scene.site);
+    let regions = planes.iter().map(|(entry, plane)| region(entry, plane, earth));
+    let features: Vec<Value> = features.chain(regions).collect();
     let mut document = json!({"type": "FeatureCollection", "features": features});
-    document["fields"] = fields(earth.is_some());
+    document["fields"] = fields(earth.is_some(), !planes.is_empty());
     if earth.is_some() {
         export.push("site.geojson", pretty(&document));
         return;
@@ -32,7 +36,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
 }
 
 /// What the numbers of a feature are, for whoever reads the file without this program.
-fn fields(on_earth: bool) -> Value {
+fn fields(on_earth: bool, has_planes: bool) -> Value {
     let direction = if on_earth {
         ("azimuth_deg", "where the camera looks, in degrees clockwise from north")
     } else {
@@ -44,21 +48,53 @@ fn fields(on_earth: bool) -> Value {
     let mut fields = json!({"height_m": "of the camera above the floor, in metres",
         "kind": "efov: the floor that the camera shows; camera: where it stands"});
     fields[direction.0] = json!(direction.1);
+    if has_planes {
+        fields["height_m"] =
+            json!("of the camera, or of the plane at the mean of its corners, above the floor, in metres");
+        fields["kind"] = json!(
+            "efov: the floor that the camera shows; camera: where it stands; plane: where a plane besides the floor holds"
+        );
+        fields["fall_deg"] = json!("by how much the plane falls, in degrees");
+        let (name, from) = toward(on_earth);
+        fields[name] = json!(format!("the direction that the plane falls toward, in degrees {from}"));
+    }
     fields
 }
 
-fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
-    let at = |point: FloorPoint| match earth {
-        Some(earth) => on_earth(earth, point),
-        None => point.into(),
-    };
-    let mut ring: Vec<[f64; 2]> = view.efov_m.iter().map(|&point| at(point)).collect();
-    // The outer ring runs counter-clockwise and ends where it begins.
+/// What the direction of a fall is called, and how it counts.
+const fn toward(on_earth: bool) -> (&'static str, &'static str) {
+    if on_earth {
+        ("toward_azimuth_deg", "clockwise from north")
+    } else {
+        ("toward_deg", "counter-clockwise from +x of the site, seen from above")
+    }
+}
+
+/// A plane besides the floor, where it holds.
+fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Value {
+    let falls = plane.toward().to_degrees();
+    let falls = earth.map_or(falls, |earth| earth.x_axis_azimuth_deg - falls).rem_euclid(360.0);
+    let mut properties = json!({"plane_id": entry.id, "kind": "plane", "name": entry.name,
+        "height_m": plane.height, "fall_deg": plane.fall().to_degrees()});
+    properties[toward(earth.is_some()).0] = json!(falls);
+    json!({"type": "Feature", "properties": properties, "geometry": polygon(&entry.region, earth)})
+}
+
+/// A polygon of the plan; its outer ring runs counter-clockwise and ends where it begins.
+fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
+    let mut ring: Vec<[f64; 2]> = corners.iter().map(|&point| place(point, earth)).collect();
     if area(&ring) < 0.0 {
         ring.reverse();
     }
     ring.extend(ring.first().copied());
-    let area = if ring.is_empty() { Value::Null } else { json!({"type": "Polygon", "coordinates": [ring]}) };
+    if ring.is_empty() { Value::Null } else { json!({"type": "Polygon", "coordinates": [ring]}) }
+}
+
+fn place(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
+    earth.map_or(point.into(), |earth| on_earth(earth, point))
+}
+
+fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     let position = view.camera.position;
     // Clockwise from north on the earth, counter-clockwise from +x in the site.
     let heading = match earth {
@@ -72,9 +108,9 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     }
     [
         json!({"type": "Feature", "properties": {"camera_id": view.id, "kind": "efov"},
-            "geometry": area}),
+            "geometry": polygon(&view.efov_m, earth)}),
         json!({"type": "Feature", "properties": camera,
-            "geometry": {"type": "Point", "coordinates": at(position.on_floor())}}),
+            "geometry": {"type": "Point", "coordinates": place(position.on_floor(), earth)}}),
     ]
 }
 

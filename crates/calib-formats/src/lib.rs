@@ -15,6 +15,7 @@ mod rotation;
 mod tree;
 mod view;
 mod export;
+mod planes;
 mod given;
 mod remap;
 mod opencv;
@@ -47,6 +48,7 @@ pub use error::{FormatError, Problem};
 pub use export::{Export, Loss};
 pub use file::{File, MAX_BYTES, MAX_FILES};
 pub use given::Imported;
+pub use planes::OfPlanes;
 pub use registry::{FORMATS, Format, format};
 pub use table::runs_in_spreadsheets;
 pub use view::{ExportOptions, PlanPicture};
@@ -81,6 +83,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     if format.holds_place {
         views.iter().filter(|view| !view.is_placed).for_each(|view| export.lose_place(site, view));
     }
+    export.tell_of_planes(site, format.planes);
     views.iter().filter(|view| view.is_stretched()).for_each(|view| export.lose_proportion(view));
     if options.rectified {
         for view in &views {

@@ -6,6 +6,7 @@ use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::Imported;
+use crate::planes::OfPlanes;
 use crate::{
     blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, opencv,
     ros, scenescape, sql, svg, table, wildtrack, worldfile,
@@ -27,6 +28,8 @@ pub struct Format {
     pub holds: &'static str,
     /// What it has no place for.
     pub lacks: &'static str,
+    /// What becomes of planes besides the floor.
+    pub planes: OfPlanes,
     /// The lens models it holds as they are; others are fitted by the nearest Brown-Conrady terms, or lost.
     pub lenses: &'static [DistortionModel],
     /// Whether its readers take from it where cameras stand, so that one that nobody placed misleads.
@@ -63,6 +66,7 @@ impl Format {
         extensions: &[],
         holds: "",
         lacks: NOT_SIGMAS,
+        planes: OfPlanes::LeftOut,
         lenses: &[],
         holds_place: true,
         holds_periods: false,
@@ -98,7 +102,7 @@ const CORNER: &str = "corner";
 const CENTRE: &str = "centre of the first pixel";
 const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
 const OPENGL: &str = "world z up; camera right, up, back; camera to world";
-const NOT_SIGMAS: &str = "standard deviations, EFOV";
+const NOT_SIGMAS: &str = "standard deviations, EFOV, planes besides the floor";
 /// The models of most programs.
 const RADIAL_OR_FISHEYE: &[DistortionModel] =
     &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
@@ -124,7 +128,7 @@ pub const FORMATS: &[Format] = &[
         about: "ROS camera_info, one file a camera",
         extensions: &["yaml", "yml"],
         holds: "lens (plumb_bob or equidistant)",
-        lacks: "pose, standard deviations, EFOV",
+        lacks: "pose, standard deviations, EFOV, planes besides the floor",
         lenses: RADIAL_OR_FISHEYE,
         holds_place: false,
         write: Some(ros::write),
@@ -163,8 +167,9 @@ pub const FORMATS: &[Format] = &[
         about: "NVIDIA DeepStream and Metropolis: camInfo, calibration.json, transforms.yml, map.png",
         extensions: &["json", "yml"],
         holds: "pinhole, pose, EFOV, plan",
-        lacks: "distortion, standard deviations",
+        lacks: "distortion, standard deviations, planes besides the floor",
         shows_plan: true,
+        planes: OfPlanes::Misleading,
         write: Some(nvidia::write),
         read: Some(nvidia::read),
         axes: OPENCV,
@@ -188,7 +193,7 @@ pub const FORMATS: &[Format] = &[
         about: "WILDTRACK calibrations (XML), centimetres",
         extensions: &["xml"],
         holds: "pinhole, pose",
-        lacks: "distortion, standard deviations, EFOV",
+        lacks: "distortion, standard deviations, EFOV, planes besides the floor",
         write: Some(wildtrack::write),
         read: Some(wildtrack::read),
         pixels: CENTRE,
@@ -205,6 +210,7 @@ pub const FORMATS: &[Format] = &[
         lenses: &[DistortionModel::BrownConrady, DistortionModel::Division, DistortionModel::KannalaBrandt],
         holds_periods: true,
         is_table: true,
+        planes: OfPlanes::Written,
         write: Some(table::write),
         axes: OPENCV,
         ..Format::PLAIN
@@ -214,19 +220,21 @@ pub const FORMATS: &[Format] = &[
         about: "SQL views that map detections to the floor",
         extensions: &["sql"],
         holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
-        lacks: "EFOV, heights above the floor, standard deviations",
+        lacks: "EFOV, heights above the floor, planes besides the floor, standard deviations",
         lenses: &[DistortionModel::Division],
         holds_periods: true,
+        planes: OfPlanes::Misleading,
         write: Some(sql::write),
         axes: "floor x, y",
         ..Format::PLAIN
     },
     Format {
         name: "geojson",
-        about: "GeoJSON of EFOVs and cameras; *.local.geojson in metres without a georeference",
+        about: "GeoJSON of EFOVs, cameras and planes; *.local.geojson in metres without a georeference",
         extensions: &["geojson"],
-        holds: "position, heading, EFOV",
+        holds: "position, heading, EFOV, planes besides the floor",
         lacks: "lens, orientation, standard deviations",
+        planes: OfPlanes::Written,
         write: Some(geojson::write),
         units: "degrees of WGS84, or m; degrees",
         axes: "longitude, latitude, or floor x, y; azimuth_deg clockwise from north, heading_deg counter-clockwise from +x",
@@ -237,7 +245,7 @@ pub const FORMATS: &[Format] = &[
         about: "drawing of the plan and the EFOVs",
         extensions: &["svg"],
         holds: "position, heading, EFOV",
-        lacks: "lens, orientation, standard deviations",
+        lacks: "lens, orientation, standard deviations, planes besides the floor",
         shows_plan: true,
         write: Some(svg::write),
         units: "pixels of the plan, or cm",
@@ -249,7 +257,7 @@ pub const FORMATS: &[Format] = &[
         about: "Frigate zones with distances for speeds",
         extensions: &["yml", "yaml"],
         holds: "EFOV",
-        lacks: "lens, pose, standard deviations",
+        lacks: "lens, pose, standard deviations, planes besides the floor",
         holds_place: false,
         write: Some(frigate::write),
         units: "shares of the image; m",
@@ -261,7 +269,7 @@ pub const FORMATS: &[Format] = &[
         about: "DeepStream nvdsanalytics regions of interest",
         extensions: &["txt", "ini"],
         holds: "EFOV",
-        lacks: "lens, pose, standard deviations",
+        lacks: "lens, pose, standard deviations, planes besides the floor",
         holds_place: false,
         write: Some(nvdsanalytics::write),
         units: "whole pixels",
@@ -273,7 +281,7 @@ pub const FORMATS: &[Format] = &[
         about: "Blender script that makes the cameras",
         extensions: &["py"],
         holds: "pinhole, pose",
-        lacks: "distortion, standard deviations, EFOV",
+        lacks: "distortion, standard deviations, EFOV, planes besides the floor",
         write: Some(blender::write),
         units: "m; sensor in mm",
         axes: OPENGL,

@@ -81,7 +81,7 @@ impl<'a> Row<'a> {
     /// What is [`Self::off`].
     fn error(&self) -> [f64; 2] {
         let view = self.view;
-        let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_m };
+        let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
         let mut off = [0.0_f64; 2];
         for (straight, raw) in view.samples() {
             let q = quotient(self.straighten, raw[0] * raw[0] + raw[1] * raw[1]);
@@ -100,7 +100,7 @@ impl<'a> Row<'a> {
     /// Largest error along the border of the EFOV, in metres: its far side is where pixels are widest.
     fn error_around(&self) -> f64 {
         const STEPS: usize = 16;
-        let (camera, corners) = (&self.view.camera, &self.view.efov_m);
+        let (camera, corners) = (&self.view.camera, &self.view.efov_on_floor);
         let centre = camera.lens.principal_point;
         let mut most = 0.0_f64;
         for (i, a) in corners.iter().enumerate() {

@@ -3,28 +3,61 @@
 //! The matrices are those of undistorted pixels, and the lens that makes them stands beside them.
 //! Pixels count from the corner, as ours. A pixel shows the floor only where the third coordinate of
 //! `floor_from_undistorted_px` is positive: elsewhere it is above the horizon.
+//!
+//! Planes besides the floor stand beside the cameras, a row for every plane and camera, in `planes` or in
+//! `planes.csv`: `plane_from_undistorted_px` gives x and y of a point, `plane_z_m + plane_slope . (x, y)` its
+//! height, and it holds where `region_m` has (x, y).
 
-use calib_core::{Coefficient, Pixel};
+use calib_core::{Coefficient, FloorPoint, Pixel, Plane, PlaneEntry};
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};
+use crate::planes::{OfPlanes, covering};
 use crate::tree::{digits, pretty};
 use crate::view::View;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let rows: Vec<Map<String, Value>> = scene.views.iter().map(row).collect();
+    let planes = covering(scene.site);
+    let of_view = |view| planes.iter().map(move |(entry, plane)| plane_row(view, entry, plane));
+    let planes: Vec<Map<String, Value>> = scene.views.iter().flat_map(of_view).collect();
     if scene.extension == "csv" {
         export.push("cameras.csv", csv(&rows));
+        match (planes.is_empty(), scene.options.embeds) {
+            (true, _) => {}
+            (false, false) => export.push("planes.csv", csv(&planes)),
+            (false, true) => export.tell_of_planes(scene.site, OfPlanes::Misleading),
+        }
     } else {
-        let document = json!({"format": "calib-table", "version": 1, "units": "m, px",
+        let mut document = json!({"format": "calib-table", "version": 1, "units": "m, px",
             "pixel_origin": "corner", "cameras": rows});
+        if !planes.is_empty() {
+            document["planes"] = json!(planes);
+        }
         export.push("cameras.json", pretty(&document));
     }
 }
 
+/// A plane besides the floor as one camera shows it: to be asked where its region has the point, and before the
+/// floor, if nearer.
+fn plane_row(view: &View, entry: &PlaneEntry, plane: &Plane) -> Map<String, Value> {
+    let region: Vec<[f64; 2]> = entry.region.iter().map(|&p| p.into()).collect();
+    let fields = [
+        ("plane_id", json!(entry.id)),
+        ("camera_id", json!(view.id)),
+        ("valid_from", json!(view.valid_from)),
+        ("valid_to", json!(view.valid_to)),
+        ("plane_z_m", json!(plane.height_at(FloorPoint::default()))),
+        ("plane_slope", json!(plane.slope)),
+        ("plane_from_undistorted_px", json!(view.plane_from_pixel(plane).concat())),
+        ("region_m", json!(region)),
+    ];
+    fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
 fn row(view: &View) -> Map<String, Value> {
     let polygon: Vec<[f64; 2]> = view.efov_px.iter().map(|&p: &Pixel| p.into()).collect();
-    let floor: Vec<[f64; 2]> = view.efov_m.iter().map(|&p| p.into()).collect();
+    let floor: Vec<[f64; 2]> = view.efov_on_floor.iter().map(|&p| p.into()).collect();
     let p = view.projection(view.centre());
     let on_floor = p.map(|[a, b, _, d]| [a, b, d]);
     let lens = &view.camera.lens;

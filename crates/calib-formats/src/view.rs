@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Site, SiteCamera,
+    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Plane, Site, SiteCamera,
     UndistortedPixel, WorldPoint,
 };
 
@@ -51,9 +51,14 @@ pub(crate) struct View {
     pub(crate) raw_lens: Lens,
     /// Pixels of the stream per pixel of the still.
     pub(crate) scale: [f64; 2],
-    /// The polygon drawn, or what the floor polygon looks like, in pixels of the stream.
+    /// The polygon drawn, or what its polygon on the plan looks like, in pixels of the stream.
     pub(crate) efov_px: Vec<Pixel>,
+    /// The same on the plan.
     pub(crate) efov_m: Vec<FloorPoint>,
+    /// The floor behind it, where it does not lie on the floor itself.
+    pub(crate) efov_on_floor: Vec<FloorPoint>,
+    /// On which it lies.
+    pub(crate) efov_plane: Plane,
     pub(crate) valid_from: Option<String>,
     pub(crate) valid_to: Option<String>,
     /// Whether it stands where it belongs in the site.
@@ -71,7 +76,7 @@ pub(crate) enum Terms {
 }
 
 impl View {
-    pub(crate) fn new(entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
+    pub(crate) fn new(site: &Site, entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
         let calibrated = entry.camera()?;
         let size = options.rescale.unwrap_or(entry.size_px);
         let scale = [0, 1].map(|i| f64::from(size[i]) / f64::from(entry.size_px[i]));
@@ -79,14 +84,14 @@ impl View {
         if options.rectified {
             camera.lens = Lens::pinhole(calibrated.lens.principal_point);
         }
-        let efov_m = entry.floor_polygon();
+        let outline = site.efov_outline(entry);
         let shown = |pixel: Pixel| {
             let straight = calibrated.undistort(pixel)?;
             Some(if options.rectified { Pixel { u: straight.u, v: straight.v } } else { pixel })
         };
         let drawn: Vec<Pixel> = match &entry.efov_px {
             Some(corners) => corners.iter().filter_map(|&corner| shown(corner)).collect(),
-            None => efov_m.iter().filter_map(|p| camera.world_to_pixel(p.at_height(0.0))).collect(),
+            None => outline.iter().filter_map(|&at| camera.world_to_pixel(at)).collect(),
         };
         let image = entry.image.clone().filter(|image| !image.starts_with("data:"));
         let mut view = Self {
@@ -98,7 +103,9 @@ impl View {
             raw_lens: calibrated.lens,
             scale,
             efov_px: Vec::new(),
-            efov_m,
+            efov_m: outline.into_iter().map(WorldPoint::on_floor).collect(),
+            efov_on_floor: site.efov_on_floor(entry),
+            efov_plane: site.efov_plane(entry),
             valid_from: entry.valid_from.clone(),
             valid_to: entry.valid_to.clone(),
             is_placed: entry.is_placed(),
@@ -160,7 +167,12 @@ impl View {
     /// Homogeneous floor points from undistorted pixels of the stream, its third row positive on the
     /// floor; scaled so that the last number is 1 or -1 where it is not 0.
     pub(crate) fn floor_from_pixel(&self) -> [[f64; 3]; 3] {
-        let h = self.camera.homography_floor_from_pixel(0.0);
+        self.plane_from_pixel(&Plane::FLOOR)
+    }
+
+    /// As [`Self::floor_from_pixel`], of a plane.
+    pub(crate) fn plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
+        let h = self.camera.homography_plane_from_pixel(plane);
         let h = h.map(|[a, b, c]| [a / self.scale[0], b / self.scale[1], c]);
         let last = h[2][2].abs();
         if last > 1e-12 { h.map(|row| row.map(|value| value / last)) } else { h }
@@ -277,7 +289,7 @@ pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<Str
     let (mut views, mut unsolved) = (Vec::new(), Vec::new());
     let mut taken = HashSet::new();
     for entry in wanted {
-        match View::new(entry, options) {
+        match View::new(site, entry, options) {
             Some(mut view) => {
                 let plain = view.file.clone();
                 // Periods of one camera, and ids that differ in what a file name cannot have.

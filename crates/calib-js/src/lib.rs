@@ -9,7 +9,7 @@ mod camera;
 
 pub use camera::{Camera, status_names};
 
-use calib_core::{Extent, FloorProjector, Options, SiteCamera, Status, Stream, WorldPoint};
+use calib_core::{Extent, Options, SiteCamera, Status, Stream, SurfacePoint, SurfaceProjector, WorldPoint};
 use js_sys::Float64Array;
 use wasm_bindgen::prelude::*;
 
@@ -53,6 +53,9 @@ impl Site {
 
     /// The point of the floor that a pixel shows, with its standard deviation; `undefined` above the horizon.
     ///
+    /// Of a site whose `planes` have regions it is the point of the floor or of a plane that the pixel shows first,
+    /// with `z`, and with `plane` where it is not on the floor; `undefined` on the wall of a pit, too.
+    ///
     /// `sigmaPx` is the standard deviation of the pixel, 1 if it is not given.
     ///
     /// # Errors
@@ -68,17 +71,22 @@ impl Site {
         at: Option<String>,
     ) -> Result<Option<FloorPoint>, JsError> {
         let (entry, camera) = self.calibrated(camera, at.as_deref())?;
-        let efov = entry.floor_polygon();
+        let (efov, surfaces) = (self.0.efov_on_floor(entry), self.0.covering_surfaces());
         let extent = Extent { size: entry.size(), efov: &efov };
-        let (mut x, mut y, mut status) = ([f64::NAN], [f64::NAN], [Status::Ok]);
-        let projector = FloorProjector::new(&camera, 0.0);
-        projector.pixels_to_floor_within(&extent, [&[u], &[v]], [&mut x, &mut y], &mut status);
-        let covariance = camera.floor_covariance(calib_core::Pixel::new(u, v), sigma_px.unwrap_or(1.0));
+        let (mut point, mut status) = ([None], [Status::Ok]);
+        let projector = SurfaceProjector::new(&camera, 0.0, &surfaces);
+        projector.pixels_to_surfaces(&extent, [&[u], &[v]], &mut point, &mut status);
+        let [Some(SurfacePoint { surface, at })] = point else { return Ok(None) };
+        let pixel = calib_core::Pixel::new(u, v);
+        let covariance = projector.covariance(pixel, sigma_px.unwrap_or(1.0), surface);
         let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
-        Ok((!x[0].is_nan()).then(|| FloorPoint::new([x[0], y[0]], sigma, status[0])))
+        let found = FloorPoint::new([at.x, at.y], sigma, status[0]);
+        let plane = surface.and_then(|index| self.0.planes.get(index)).map(|plane| plane.id.as_str());
+        Ok(Some(if surfaces.is_empty() { found } else { found.on_plane(at.z, plane) }))
     }
 
-    /// Many at once: u, v, u, v and so on give x, y, x, y and so on; `NaN` where a pixel shows no floor.
+    /// Many at once: u, v, u, v and so on give x, y, x, y and so on; `NaN` where a pixel shows no floor, and no
+    /// plane whose region the site file has.
     ///
     /// # Errors
     /// Throws when the site has no calibrated camera of this id, and when it has several periods and `at` (RFC 3339)
@@ -90,14 +98,22 @@ impl Site {
         pixels: &[f64],
         at: Option<String>,
     ) -> Result<Float64Array, JsError> {
-        let (_, camera) = self.calibrated(camera, at.as_deref())?;
+        let (entry, camera) = self.calibrated(camera, at.as_deref())?;
         let (pairs, []) = pixels.as_chunks::<2>() else {
             return Err(JsError::new("an odd number of coordinates: u, v, u, v and so on are expected"));
         };
         let [u, v] = [0, 1].map(|axis| pairs.iter().map(|pair| pair[axis]).collect::<Vec<f64>>());
-        let (mut x, mut y) = (vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]);
-        FloorProjector::new(&camera, 0.0).pixels_to_floor(&u, &v, &mut x, &mut y);
-        let floor: Vec<f64> = x.iter().zip(&y).flat_map(|(&x, &y)| [x, y]).collect();
+        let surfaces = self.0.covering_surfaces();
+        let (mut points, mut status) = (vec![None; u.len()], vec![Status::Ok; u.len()]);
+        let extent = Extent { size: entry.size(), efov: &[] };
+        SurfaceProjector::new(&camera, 0.0, &surfaces).pixels_to_surfaces(
+            &extent,
+            [&u, &v],
+            &mut points,
+            &mut status,
+        );
+        let of = |point: &Option<SurfacePoint>| point.map_or([f64::NAN; 2], |point| [point.at.x, point.at.y]);
+        let floor: Vec<f64> = points.iter().flat_map(of).collect();
         Ok(Float64Array::from(&floor[..]))
     }
 

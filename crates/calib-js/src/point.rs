@@ -16,6 +16,10 @@ export interface FloorPoint {
     sigma: number | undefined;
     /** "ok", or where the pixel lies: its point is less sure than the calibration says. */
     status: "ok" | "outside-efov" | "outside-image";
+    /** Height above the floor in metres, of a site whose planes have regions. */
+    z?: number;
+    /** The id of the plane that the point is on; absent on the floor. */
+    plane?: string;
 }
 
 /** A point of an image, in pixels from its corner. */
@@ -45,6 +49,15 @@ impl FloorPoint {
     }
 }
 
+impl FloorPoint {
+    /// With its height, and with the plane that it is on besides the floor.
+    pub(crate) fn on_plane(self, z: f64, plane: Option<&str>) -> Self {
+        let fields = [("z", z.into())].into_iter().chain(plane.map(|id| ("plane", id.into())));
+        set(&self, fields);
+        self
+    }
+}
+
 impl Pixel {
     pub(crate) fn new(pixel: calib_core::Pixel) -> Self {
         object(&[("u", pixel.u.into()), ("v", pixel.v.into())])
@@ -54,9 +67,13 @@ impl Pixel {
 /// A plain object.
 pub(crate) fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
     let object = Object::new();
+    set(&object, fields.iter().cloned());
+    object.unchecked_into()
+}
+
+fn set<'a>(object: &JsValue, fields: impl Iterator<Item = (&'a str, JsValue)>) {
     for (key, value) in fields {
         // Setting a field of a new object cannot fail.
-        let _ = Reflect::set(&object, &(*key).into(), value);
+        let _ = Reflect::set(object, &key.into(), &value);
     }
-    object.unchecked_into()
 }

@@ -6,7 +6,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -78,6 +78,32 @@ try {
   }
   assert.ok(mapped > 20 * cameras.length, `${mapped} pixels show the floor`);
   assert.ok(site.floorToPixel(cameras[0], 1, 2, 1.7));
+
+  // A platform and a pit beside each other, where the first camera looks.
+  const middle = site.pixelToFloor(cameras[0], 960, 800);
+  assert.ok(middle && middle.z === undefined, "no height where there are no planes");
+  const square = (x: number, y: number) => [[x, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x, y + 1]];
+  const uneven = JSON.parse(native);
+  uneven.planes = [
+    { id: "platform", height_m: 0.3, region: square(middle.x - 1, middle.y) },
+    { id: "pit", height_m: -0.3, region: square(middle.x, middle.y) },
+  ];
+  writeFileSync(join(scratch, "uneven.json"), JSON.stringify(uneven));
+  const planes = new Site(JSON.stringify(uneven));
+  const fine = Array.from({ length: 1200 }, (_, i) => [(i % 40) * 48, Math.floor(i / 40) * 36]);
+  const table = calib(["project", "uneven.json", "--camera", cameras[0], "--to", "floor"],
+    `u,v\n${fine.map(([u, v]) => `${u},${v}\n`).join("")}`);
+  const shown = new Set<string>();
+  for (const line of table.trim().split("\n").slice(1)) {
+    const [u, v, x, y, status, z, plane] = line.split(",");
+    const point: Calib.FloorPoint | undefined = planes.pixelToFloor(cameras[0], Number(u), Number(v));
+    assert.equal(point === undefined, x === "", line);
+    shown.add(point ? plane : status);
+    if (!point) continue;
+    assert.equal(point.plane ?? "", plane, line);
+    assert.ok(difference([point.x, point.y, point.z], [Number(x), Number(y), Number(z)]) < 1e-9, line);
+  }
+  for (const what of ["", "platform", "pit", "on-wall"]) assert.ok(shown.has(what), `nothing shows ${what}`);
 
   const moved = JSON.parse(native);
   moved.cameras = [moved.cameras[0], structuredClone(moved.cameras[0])];

@@ -36,9 +36,9 @@ pub(crate) type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
 
 impl Camera {
     /// The calibrated camera of an entry.
-    pub(crate) fn of_entry(py: Python<'_>, entry: &SiteCamera) -> PyResult<Self> {
-        let view = entry.view().map_err(|why| of_camera(py, &entry.id, why))?;
-        Ok(Self { id: entry.id.clone(), view, text: alone(entry) })
+    pub(crate) fn of_entry(py: Python<'_>, site: &Site, entry: &SiteCamera) -> PyResult<Self> {
+        let view = site.view_of(entry).map_err(|why| of_camera(py, &entry.id, why))?;
+        Ok(Self { id: entry.id.clone(), view, text: alone(site, entry) })
     }
 
     /// The camera for the pixels that a call speaks of.
@@ -51,16 +51,18 @@ impl Camera {
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
 /// A site of this camera alone, without what it was solved from.
-fn alone(entry: &SiteCamera) -> String {
+fn alone(site: &Site, entry: &SiteCamera) -> String {
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
     camera.efov_px.clone_from(&entry.efov_px);
+    camera.efov_plane.clone_from(&entry.efov_plane);
     camera.solution = entry.solution.as_ref().map(|solution| Solution {
         residuals: Vec::new(),
         warnings: Vec::new(),
         draw_next: None,
         ..solution.clone()
     });
-    Site { cameras: vec![camera], ..Site::new() }.to_json()
+    let (planes, scene) = (site.planes.clone(), site.scene);
+    Site { cameras: vec![camera], planes, scene, ..Site::new() }.to_json()
 }
 
 #[pymethods]
@@ -213,7 +215,7 @@ impl Camera {
     fn again(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {
         let site = Site::from_json(text).map_err(|error| of_site(py, "", &error))?;
         let entry = site.camera(id).ok_or_else(|| of_camera(py, id, "is not in the text"))?;
-        Self::of_entry(py, entry)?.with_stream(Some(stream))
+        Self::of_entry(py, &site, entry)?.with_stream(Some(stream))
     }
 
     fn __repr__(&self) -> String {

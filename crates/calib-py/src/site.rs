@@ -69,7 +69,7 @@ impl Site {
     ) -> PyResult<Camera> {
         let at = at.map(time).transpose()?;
         let entry = self.0.camera_at(id, at.as_deref()).map_err(|why| self.no_camera(py, id, &why))?;
-        Camera::of_entry(py, entry)?.with_stream(stream)
+        Camera::of_entry(py, &self.0, entry)?.with_stream(stream)
     }
 
     /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.

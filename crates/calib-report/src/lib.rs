@@ -13,12 +13,14 @@ mod plan_quality;
 mod plan_view;
 mod site_words;
 mod site_section;
+mod planes;
 mod page;
 
 pub use lens::{is_fitted, lens_of};
 pub use overlay::overlay;
 pub use page::{Picture, Pictures, Shown, page};
 pub use plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
+pub use planes::planes_text;
 pub use site_words::{WarningKind, kinds, together, worst_first};
 pub use svg::{Anchor, Stroke, Svg};
 pub use words::{centimetres, distance, few};

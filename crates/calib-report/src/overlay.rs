@@ -32,6 +32,7 @@ fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
     let efov = entry.solution.as_ref().map_or(&[][..], |solution| &solution.efov_m);
     let others = [
         ImageLayer::Grid(grid_step(efov)),
+        ImageLayer::Planes,
         ImageLayer::SolvedEfov,
         ImageLayer::Horizon,
         ImageLayer::Marks,
@@ -117,6 +118,7 @@ fn draw_label(svg: &mut Svg, meaning: Meaning, [u, v]: [f64; 2], text: &str) {
         Meaning::Grid => (0.0, 15.0, Anchor::Middle),
         Meaning::Horizon => (0.0, -7.0, Anchor::Middle),
         Meaning::Mark(_) => (0.0, 16.0, Anchor::Middle),
+        Meaning::Plane(_) => (0.0, 0.0, Anchor::Middle),
         Meaning::Annotation(_) => (7.0, -5.0, Anchor::Start),
         Meaning::ControlPoint { .. } => (7.0, -3.5, Anchor::Start),
         _ => (7.0, -4.2, Anchor::Start),
@@ -168,10 +170,12 @@ fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, 
     });
     let outliers = outliers || shared.clone().any(|of| of.is_aside);
     let field = entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty());
+    let regions = items.iter().any(|item| matches!(item.meaning, Meaning::Plane(_)));
     let rows: Vec<(&str, Rgb)> = used
         .iter()
         .map(|row| (row.title, KindLook::of(row.kind).colour))
         .chain(field.then_some(("Field of view (dashed) and 2 m above it", camera)))
+        .chain(regions.then_some(("Region of a plane (dotted)", Rgb::WHITE)))
         .chain(lens_grid.then_some(("Straight in the scene, bent by the lens", Rgb::LENS)))
         .chain(shared.next().is_some().then_some(("Link or mark: drawn (ring), solved (cross)", Rgb::WHITE)))
         .chain(outliers.then_some(("Set aside", Rgb::BAD)))

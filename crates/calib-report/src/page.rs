@@ -7,6 +7,7 @@ use calib_core::{Residual, ResidualOf, Site, SiteCamera, Solution, Stage, line_n
 use crate::lens::is_fitted;
 use crate::overlay::overlay;
 use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
+use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
 
@@ -48,6 +49,7 @@ pub fn page(site: &Site, pictures: Pictures<'_>) -> String {
     );
     summary(&mut html, &site.cameras);
     site_section(&mut html, site);
+    planes_section(&mut html, site);
     from_above(&mut html, site, pictures);
     for camera in &site.cameras {
         section(&mut html, site, camera, pictures);

@@ -50,6 +50,7 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     }
     // Many fields that overlap must not add up to mud.
     let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
+    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Planes]), 0.0, &on_plan);
     draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);
     draw_items(&mut svg, &quality.ellipses, 0.35, &on_plan);
     draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Marks]), 0.0, &on_plan);
@@ -76,6 +77,7 @@ fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
     let points: Vec<PlanPixel> = solutions()
         .flat_map(|solution| solution.efov_m.iter().copied().chain(solution.position_m.map(|p| p.on_floor())))
         .chain(elements.map(|element| element.at_m.on_floor()))
+        .chain(site.planes.iter().flat_map(|plane| plane.region.iter().copied()))
         .map(|point| unit.plan_from_floor(point))
         .filter(|point| point.is_finite())
         .collect();
@@ -113,6 +115,9 @@ fn draw_items(
                 let points = path(points);
                 svg.fill(&points, Look::of(item.meaning).colour, cover);
                 svg.line(&points, true, stroke);
+            }
+            Geometry::Label(at, text) if matches!(item.meaning, Meaning::Plane(_)) => {
+                svg.ink(on_plan(*at), text, Rgb::INK, Anchor::Middle);
             }
             _ => {}
         }

@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, HashMap};
 use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
-use calib_core::{Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap};
+use calib_core::{
+    Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap, Surface,
+};
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
@@ -37,6 +39,7 @@ struct Entry {
 #[derive(Debug)]
 pub struct Calibrations {
     pub(crate) list: Vec<Calibration>,
+    pub(crate) planes: Planes,
     /// Indices of every camera's.
     of_camera: HashMap<String, Vec<u32>>,
     camera: ByCamera,
@@ -49,6 +52,22 @@ pub struct Calibrations {
     lost: BTreeMap<String, u64>,
     /// Such rows of further cameras.
     lost_more: u64,
+}
+
+/// The planes of a site besides the floor, if any of them covers a part of the plan.
+#[derive(Debug)]
+pub(crate) struct Planes {
+    pub(crate) surfaces: Vec<Surface>,
+    /// Of each, in the same order.
+    pub(crate) ids: Vec<String>,
+}
+
+impl Planes {
+    fn of(site: &Site) -> Self {
+        let surfaces = site.covering_surfaces();
+        let ids = site.planes.iter().map(|plane| plane.id.clone()).take(surfaces.len()).collect();
+        Self { surfaces, ids }
+    }
 }
 
 /// Whoever names a column that is none of cameras has an id in every row.
@@ -85,7 +104,7 @@ pub(crate) enum Choice {
 }
 
 impl Calibration {
-    fn of(entry: &SiteCamera, wanted: &Wanted) -> Result<Self, TableError> {
+    fn of(site: &Site, entry: &SiteCamera, wanted: &Wanted) -> Result<Self, TableError> {
         let camera = entry.camera().ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
@@ -98,7 +117,7 @@ impl Calibration {
             projector: FloorProjector::new(&camera, wanted.height),
             stream,
             size: entry.size(),
-            efov: entry.floor_polygon(),
+            efov: site.efov_on_floor(entry),
             entry: Entry { camera: entry.id.clone(), from, to, period },
         })
     }
@@ -132,7 +151,7 @@ impl Calibrations {
         }
         let (mut list, mut refused) = (Vec::new(), None);
         for entry in site.cameras.iter().filter(is_wanted) {
-            match Calibration::of(entry, &wanted) {
+            match Calibration::of(site, entry, &wanted) {
                 Ok(calibration) => list.push(calibration),
                 Err(TableError::Unsolved(why)) => {
                     notes.extend(refused.replace(why));
@@ -160,8 +179,8 @@ impl Calibrations {
             return Err(TableError::Usage(what));
         }
         let Wanted { camera, at, wording, .. } = wanted;
-        let lost = BTreeMap::new();
-        Ok(Self { list, of_camera, camera, at, sha256, wording, notes, lost, lost_more: 0 })
+        let (lost, planes) = (BTreeMap::new(), Planes::of(site));
+        Ok(Self { list, planes, of_camera, camera, at, sha256, wording, notes, lost, lost_more: 0 })
     }
 
     /// What the output says of them, beside what the input said.

@@ -10,6 +10,7 @@ mod json_text;
 mod columns;
 mod calibrations;
 mod sigmas;
+mod on_planes;
 mod mapping;
 
 pub use calibrations::{ByCamera, Calibrations, Wanted};

@@ -6,8 +6,9 @@ use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions, Stri
 use arrow::datatypes::{Field, Schema};
 use calib_core::{BoxForm, Pixel, Status, StreamMap, WorldPoint};
 
-use crate::calibrations::{Calibration, Calibrations, Choice};
+use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, Place, names, numbers};
+use crate::on_planes::OnPlanes;
 use crate::sigmas::Sigmas;
 use crate::table_error::TableError;
 
@@ -15,7 +16,7 @@ use crate::table_error::TableError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum To {
-    /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`
+    /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`; of a site whose planes have regions also `z_m` and `plane`, the id of the plane a pixel shows first,
     Floor,
     /// Columns `x_m,y_m,z_m` to `u,v,status`
     Pixel,
@@ -81,7 +82,7 @@ impl Mapping {
         let schema = batch.schema();
         let mut fields: Vec<Arc<Field>> = schema.fields().iter().cloned().collect();
         let mut columns = batch.columns().to_vec();
-        for (name, column) in mapped.columns(self.to) {
+        for (name, column) in mapped.columns(self.to, &calibrations.planes) {
             let field = Arc::new(Field::new(name, column.data_type().clone(), true));
             match schema.index_of(name) {
                 Ok(_) if !self.replaces => return Err(self.taken(batch, name)),
@@ -152,27 +153,32 @@ struct Points {
 }
 
 /// What was mapped, column by column.
-struct Mapped {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    status: Vec<Status>,
-    sigmas: Option<Sigmas>,
+pub(crate) struct Mapped {
+    pub(crate) x: Vec<f64>,
+    pub(crate) y: Vec<f64>,
+    pub(crate) status: Vec<Status>,
+    pub(crate) sigmas: Option<Sigmas>,
+    /// Of a site with planes besides the floor.
+    pub(crate) on_planes: Option<OnPlanes>,
 }
 
 impl Points {
     fn mapped(&self, mapping: &Mapping, calibrations: &Calibrations, choice: &Choice) -> Mapped {
         let chosen = match choice {
-            Choice::All(index) => return self.map(mapping, &calibrations.list[*index as usize]),
+            Choice::All(index) => {
+                return self.map(mapping, &calibrations.list[*index as usize], &calibrations.planes);
+            }
             Choice::Rows(chosen) => chosen,
         };
-        let mut all = Mapped::nowhere(self.a.len(), mapping.sigma.is_some());
+        let on_planes = mapping.to == To::Floor && !calibrations.planes.ids.is_empty();
+        let mut all = Mapped::nowhere(self.a.len(), mapping.sigma.is_some(), on_planes);
         let mut of_each = vec![Vec::new(); calibrations.list.len() + 1];
         for (row, &index) in chosen.iter().enumerate() {
             of_each[index as usize].push(row);
         }
         let used = calibrations.list.iter().zip(&of_each).filter(|(_, rows)| !rows.is_empty());
         for (calibration, rows) in used {
-            all.put(rows, &self.some(rows).map(mapping, calibration));
+            all.put(rows, &self.some(rows).map(mapping, calibration, &calibrations.planes));
         }
         all
     }
@@ -186,29 +192,37 @@ impl Points {
     }
 
     /// All of them with one calibration.
-    fn map(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
+    fn map(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> Mapped {
         match mapping.to {
-            To::Floor => self.to_floor(mapping, calibration),
+            To::Floor => self.to_floor(mapping, calibration, planes),
             To::Pixel => self.to_pixels(calibration),
         }
     }
 
-    fn to_floor(&self, mapping: &Mapping, calibration: &Calibration) -> Mapped {
-        let mut mapped = Mapped::nowhere(self.a.len(), false);
+    fn to_floor(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> Mapped {
         let stream = calibration.stream;
         let in_still = |axis, values: &[f64]| -> Vec<f64> {
             values.iter().map(|&value| stream.in_still(axis, value)).collect()
         };
         let scaled = (stream != StreamMap::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
         let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
+        if !planes.ids.is_empty() {
+            return OnPlanes::map(calibration, planes, [u, v], mapping.height, mapping.sigma);
+        }
+        let mut mapped = Mapped::nowhere(self.a.len(), false, false);
         let Mapped { x, y, status, .. } = &mut mapped;
         calibration.projector.pixels_to_floor_within(&calibration.extent(), [u, v], [x, y], status);
-        mapped.sigmas = mapping.sigma.map(|sigma| Sigmas::of(calibration, [u, v], sigma, mapping.height));
+        let camera = calibration.projector.camera();
+        mapped.sigmas = mapping.sigma.map(|sigma| {
+            Sigmas::of(calibration, [u, v], sigma, |_, pixel, sigma| {
+                camera.plane_covariance(pixel, sigma, mapping.height)
+            })
+        });
         mapped
     }
 
     fn to_pixels(&self, calibration: &Calibration) -> Mapped {
-        let mut mapped = Mapped::nowhere(self.a.len(), false);
+        let mut mapped = Mapped::nowhere(self.a.len(), false, false);
         let extent = calibration.extent();
         for i in 0..self.a.len() {
             let point = WorldPoint { x: self.a[i], y: self.b[i], z: self.c[i] };
@@ -225,10 +239,11 @@ impl Points {
 
 impl Mapped {
     /// Rows that no calibration maps.
-    fn nowhere(rows: usize, with_sigmas: bool) -> Self {
+    pub(crate) fn nowhere(rows: usize, with_sigmas: bool, on_planes: bool) -> Self {
         let nothing = || vec![f64::NAN; rows];
         let sigmas = with_sigmas.then(|| Sigmas::unknown(rows));
-        Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas }
+        let on_planes = on_planes.then(|| OnPlanes::nowhere(rows));
+        Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas, on_planes }
     }
 
     /// Puts what was mapped of some rows in its places.
@@ -239,10 +254,13 @@ impl Mapped {
         if let (Some(all), Some(some)) = (&mut self.sigmas, &some.sigmas) {
             all.put(rows, some);
         }
+        if let (Some(all), Some(some)) = (&mut self.on_planes, &some.on_planes) {
+            all.put(rows, some);
+        }
     }
 
     /// The columns by their names.
-    fn columns(self, to: To) -> Vec<(&'static str, ArrayRef)> {
+    fn columns(self, to: To, planes: &Planes) -> Vec<(&'static str, ArrayRef)> {
         let [x, y] = match to {
             To::Floor => ["x_m", "y_m"],
             To::Pixel => ["u", "v"],
@@ -250,7 +268,8 @@ impl Mapped {
         let status = ("status", status_names(&self.status));
         let sigmas = self.sigmas.into_iter().flat_map(Sigmas::columns);
         let sigmas = sigmas.map(|(name, values)| (name, known(values)));
-        [(x, known(self.x)), (y, known(self.y)), status].into_iter().chain(sigmas).collect()
+        let on_planes = self.on_planes.into_iter().flat_map(|on| on.columns(planes));
+        [(x, known(self.x)), (y, known(self.y)), status].into_iter().chain(on_planes).chain(sigmas).collect()
     }
 }
 

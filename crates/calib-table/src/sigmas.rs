@@ -1,7 +1,7 @@
 //! The columns of standard deviations: the pixel's part, and the calibration's, which is common to all detections
 //! of a camera and must not be averaged away.
 
-use calib_core::Pixel;
+use calib_core::{FloorCovariance, Pixel};
 
 use crate::calibrations::Calibration;
 
@@ -17,13 +17,18 @@ impl Sigmas {
         Self(std::array::from_fn(|_| vec![f64::NAN; rows]))
     }
 
-    /// Of the points of a plane that pixels of the still show, each known to so many pixels of the stream.
-    pub(crate) fn of(calibration: &Calibration, [u, v]: [&[f64]; 2], sigma: f64, height: f64) -> Self {
-        let camera = calibration.projector.camera();
+    /// Of the points that pixels of the still show, each known to so many pixels of the stream; `covariance` is
+    /// that of the point of a row, for a pixel known to so many pixels of the still.
+    pub(crate) fn of(
+        calibration: &Calibration,
+        [u, v]: [&[f64]; 2],
+        sigma: f64,
+        covariance: impl Fn(usize, Pixel, f64) -> Option<FloorCovariance>,
+    ) -> Self {
         let sigma = sigma * calibration.stream.still_pixels();
         let mut sigmas = Self::unknown(u.len());
         for (row, (&u, &v)) in u.iter().zip(v).enumerate() {
-            let Some(found) = camera.plane_covariance(Pixel { u, v }, sigma, height) else { continue };
+            let Some(found) = covariance(row, Pixel { u, v }, sigma) else { continue };
             let known = found.calibration.map(ellipse);
             let parts = ellipse(found.pixel).into_iter().chain(known.unwrap_or([f64::NAN; 3]));
             put(&mut sigmas.0, row, parts);

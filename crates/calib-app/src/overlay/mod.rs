@@ -6,7 +6,7 @@ mod lines;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, DrawNext, Kind, Pixel, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Kind, Pixel, Plane, Site, SiteCamera, Solution};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
@@ -34,6 +34,10 @@ impl Scene for Shown<'_> {
 
     fn solution(&self, camera: usize) -> Option<&Solution> {
         self.0.solved.solution(camera)
+    }
+
+    fn plane(&self, id: Option<&str>) -> Plane {
+        self.0.solved.plane(&self.0.site, id)
     }
 }
 
@@ -129,6 +133,7 @@ impl Overlay<'_> {
     fn drawn(&self) -> Vec<ImageLayer> {
         let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
+            (field && free, ImageLayer::Planes),
             (field, ImageLayer::DrawnEfov),
             (field && free, ImageLayer::OtherEfovs),
             (free, ImageLayer::Marks),
@@ -178,6 +183,7 @@ impl Overlay<'_> {
             Meaning::Mark(_) if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
             // A prism that follows the hand must not hide what is drawn.
             Meaning::Prism(_) => pen.faint(),
+            Meaning::Plane(index) if self.session.plane == Some(index) => pen.coloured(on_image::ACCENT),
             _ => pen,
         }
     }
@@ -267,7 +273,8 @@ impl Overlay<'_> {
         }
         let trace = link.seen.iter().find_map(|seen| {
             let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
-            Trace::of(self.session.solved.placed(other)?, link, seen)
+            let plane = self.session.solved.plane(&self.session.site, link.plane.as_deref());
+            Trace::of(self.session.solved.placed(other)?, link, &plane, seen)
         });
         let Some(trace) = trace else { return };
         self.paint_items(painter, &seen(camera, Meaning::Epipolar, &trace.path));

@@ -1,6 +1,6 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
-use calib_core::{Camera, FloorPoint, SiteCamera, ellipse};
+use calib_core::{Camera, FloorPoint, Plane, SiteCamera, ellipse};
 use calib_editor::{Units, corners_of};
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -89,7 +89,7 @@ pub fn paint(
     let mapping = Mapping::new(View::of([x0, y0], [x1, y1], rect.shrink(8.0), true, false), rect);
     let step = units.step(1.0 / mapping.view.zoom, 1.0 / 12.0).max(units.metres());
     if let Some(picture) = picture {
-        lay(painter, &mapping, picture, &camera, &field, entry.size(), Color32::WHITE);
+        lay(painter, &mapping, picture, (&camera, &Plane::FLOOR), &field, entry.size(), Color32::WHITE);
     }
     paint_grid(painter, &mapping, step, Color32::from_white_alpha(60));
     let path = |points: &[FloorPoint]| -> Vec<egui::Pos2> {

@@ -11,12 +11,14 @@ pub mod annotations;
 pub mod asked;
 pub mod cameras;
 pub mod dock;
+pub mod lies_on;
 pub mod links;
 pub mod elements;
 pub mod distances;
 pub mod export;
 pub mod marks;
 pub mod palette;
+pub mod planes;
 pub mod result;
 pub mod placement;
 pub mod start;
@@ -134,7 +136,10 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| lens::show(app, ui));
                 section(ui, |ui| result::show(app, ui));
                 section(ui, |ui| warnings::show(app, ui));
-                section(ui, |ui| annotations::show(app, ui));
+                section(ui, |ui| {
+                    lies_on::show(app, ui);
+                    annotations::show(app, ui);
+                });
             }
             Mode::Plan => {
                 section(ui, |ui| {
@@ -143,11 +148,15 @@ fn right(app: &mut App, ui: &mut Ui) {
                 });
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
+                section(ui, |ui| planes::show(app, ui));
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
                 section(ui, |ui| marks::show(app, ui));
-                section(ui, |ui| links::show(app, ui));
+                section(ui, |ui| {
+                    links::show(app, ui);
+                    lies_on::show(app, ui);
+                });
                 section(ui, |ui| distances::show(app, ui));
                 section(ui, |ui| elements::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));

@@ -1,6 +1,6 @@
 //! The line below: what the next click does, where the cursor is, how the solve went.
 
-use calib_core::Pixel;
+use calib_core::{Pixel, SurfacePoint, SurfaceProjector};
 use calib_editor::{Pane, plan_scale};
 use egui::{Align, Layout, RichText, Ui};
 
@@ -138,17 +138,23 @@ fn place(app: &App, ui: &mut Ui) {
 
 fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     let palette = theme::palette(ui.ctx());
-    let Some(point) = pose.pixel_to_floor(at, 0.0) else {
-        ui.label(RichText::new("no metres above the horizon").color(palette.text2));
+    let session = app.editor.session();
+    let surfaces = session.solved.surfaces(&session.site);
+    let Some(SurfacePoint { surface, at: point }) = pose.pixel_to_surface(at, 0.0, &surfaces) else {
+        let is_wall = pose.pixel_to_floor(at, 0.0).is_some();
+        let place = if is_wall { "on the wall of a pit" } else { "above the horizon" };
+        ui.label(RichText::new(format!("no metres {place}")).color(palette.text2));
         return;
     };
-    let sigma = pose.floor_covariance(at, 1.0).and_then(|covariance| covariance.worst_sigma());
+    let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);
+    let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
     if let Some(sigma) = sigma {
         let sigma = app.editor.session().units.number(sigma, shown);
         ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(app.editor.session().units.point(point.into(), shown)));
-    ui.label(RichText::new("floor").color(palette.text2));
+    ui.label(strong(session.units.point(point.on_floor().into(), shown)));
+    let plane = surface.and_then(|index| session.site.planes.get(index));
+    ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
 }

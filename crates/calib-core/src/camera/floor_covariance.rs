@@ -24,6 +24,9 @@ pub struct FloorCovariance {
 }
 
 impl FloorCovariance {
+    /// Of a pixel without a point.
+    pub(crate) const NONE: Self = Self { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
+
     /// Both parts together; `None` where one of them is not known.
     #[must_use]
     pub fn total(&self) -> Option<[[f64; 2]; 2]> {

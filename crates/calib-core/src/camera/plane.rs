@@ -79,6 +79,16 @@ impl Camera {
         ray_to_plane(&self.pixel_to_ray(pixel)?, plane)
     }
 
+    /// Where the ray through a point of space meets a plane: what the point hides of it, or is hidden by.
+    ///
+    /// `None` when that ray does not meet it in front of the camera.
+    #[must_use]
+    pub fn point_to_plane(&self, at: WorldPoint, plane: &Plane) -> Option<WorldPoint> {
+        let origin = self.position;
+        let direction = [at.x - origin.x, at.y - origin.y, at.z - origin.z];
+        ray_to_plane(&Ray { origin, direction }, plane)
+    }
+
     /// The 3 x 3 matrix from homogeneous undistorted pixels to the plane at `height` metres, row by row.
     ///
     /// Its third coordinate is positive for pixels that show the plane (for planes below the camera),
@@ -112,6 +122,7 @@ impl Camera {
     }
 }
 
+/// The ray's direction may be of any length.
 pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
     /// A point further than this many times the drop is the horizon's rounding.
     const FARTHEST: f64 = 1e12;

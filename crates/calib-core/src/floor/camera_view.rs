@@ -10,6 +10,8 @@ use crate::floor::extent::Extent;
 use crate::floor::projector::FloorProjector;
 use crate::floor::status::Status;
 use crate::floor::stream::{Stream, StreamError, StreamMap};
+use crate::floor::surface_projector::SurfaceProjector;
+use crate::floor::surfaces::Surface;
 
 /// A calibrated camera with the stream that its pixels are of.
 ///
@@ -20,6 +22,8 @@ pub struct CameraView {
     floor: FloorProjector,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
+    /// Planes besides the floor; none where none of them covers a part of the plan.
+    surfaces: Vec<Surface>,
     stream: Stream,
     map: StreamMap,
 }
@@ -32,7 +36,14 @@ impl CameraView {
     #[must_use]
     pub fn new(camera: &Camera, size: [f64; 2], efov: Vec<FloorPoint>) -> Self {
         let (stream, map) = (Stream::default(), StreamMap::STILL);
-        Self { floor: FloorProjector::new(camera, 0.0), size, efov, stream, map }
+        Self { floor: FloorProjector::new(camera, 0.0), size, efov, surfaces: Vec::new(), stream, map }
+    }
+
+    /// The same camera where planes besides the floor cover a part of the plan: a pixel is of whichever of them and
+    /// the floor it shows first.
+    #[must_use]
+    pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
+        Self { surfaces, ..self }
     }
 
     /// The same camera for the pixels of another stream.
@@ -97,7 +108,8 @@ impl CameraView {
         }
     }
 
-    /// Pixels to points of the plane at `height`, in metres, and what became of each.
+    /// Pixels to points of the plane at `height`, in metres, and what became of each; where there are planes besides
+    /// the floor, to points so high above whichever each shows first.
     ///
     /// # Panics
     /// When the columns are not of one length.
@@ -107,14 +119,25 @@ impl CameraView {
         self.in_still(pixels, |range, still| {
             let mut found = [Status::Ok; CHUNK];
             let found = &mut found[..range.len()];
-            plane.pixels_to_floor_within(
-                &extent,
-                still,
-                [&mut x[range.clone()], &mut y[range.clone()]],
-                found,
-            );
+            let at = [&mut x[range.clone()], &mut y[range.clone()]];
+            if self.surfaces.is_empty() {
+                plane.pixels_to_floor_within(&extent, still, at, found);
+            } else {
+                self.to_surfaces(height, still, at, found);
+            }
             status[range].iter_mut().zip(found).for_each(|(code, &mut status)| *code = status as u8);
         });
+    }
+
+    /// At most [`CHUNK`] pixels of the still to what each shows first.
+    fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
+        let mut points = [None; CHUNK];
+        let points = &mut points[..status.len()];
+        let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+        projector.pixels_to_surfaces(&self.extent(), still, points, status);
+        for ((point, x), y) in points.iter().zip(x).zip(y) {
+            (*x, *y) = point.map_or((f64::NAN, f64::NAN), |point| (point.at.x, point.at.y));
+        }
     }
 
     /// As [`Self::to_floor`], without what became of each: a pixel without a point has NaN.
@@ -124,7 +147,12 @@ impl CameraView {
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
         self.in_still(pixels, |range, [u, v]| {
-            plane.pixels_to_floor(u, v, &mut x[range.clone()], &mut y[range]);
+            let (x, y) = (&mut x[range.clone()], &mut y[range]);
+            if self.surfaces.is_empty() {
+                plane.pixels_to_floor(u, v, x, y);
+            } else {
+                self.to_surfaces(height, [u, v], [x, y], &mut [Status::Ok; CHUNK][..u.len()]);
+            }
         });
     }
 
@@ -136,7 +164,19 @@ impl CameraView {
     pub fn covariances(&self, height: f64, pixels: [&[f64]; 2], sigma: f64, of: &mut [FloorCovariance]) {
         let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
         assert!(of.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, [u, v]| plane.floor_covariances(u, v, sigma, &mut of[range]));
+        self.in_still(pixels, |range, [u, v]| {
+            if self.surfaces.is_empty() {
+                plane.floor_covariances(u, v, sigma, &mut of[range]);
+                return;
+            }
+            let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+            for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
+                let pixel = Pixel { u, v };
+                let shown = self.camera().pixel_to_surface(pixel, height, &self.surfaces);
+                let found = shown.and_then(|shown| projector.covariance(pixel, sigma, shown.surface));
+                *of = found.unwrap_or(FloorCovariance::NONE);
+            }
+        });
     }
 
     /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.
@@ -252,6 +292,33 @@ mod tests {
                 prop_assert_eq!(straight.is_none(), a[i].is_nan());
                 let off = straight.map_or(0.0, |s| (map.in_still(0, a[i]) - s.u).hypot(map.in_still(1, b[i]) - s.v));
                 prop_assert!(off < 1e-6, "{off}");
+            }
+        }
+
+        #[test]
+        fn a_view_with_planes_maps_to_what_a_pixel_shows_first(
+            camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 300.0..1080.0_f64), 1..700),
+        ) {
+            let foot = camera.position.on_floor();
+            let corner = |dx: f64, dy: f64| FloorPoint { x: foot.x + dx, y: foot.y + dy };
+            let region = vec![corner(-40.0, -40.0), corner(40.0, -40.0), corner(40.0, 40.0), corner(-40.0, 40.0)];
+            let plane = crate::camera::Plane::level(0.7);
+            let deck = Surface { plane, covariance: [[4e-4, 0.0, 0.0], [0.0; 3], [0.0; 3]], region };
+            let view = CameraView::new(&camera, SIZE, default_efov(&camera, SIZE).polygon).with_surfaces(vec![deck]);
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
+            view.to_floor(0.0, [&u, &v], [&mut x, &mut y], &mut status);
+            let mut of = vec![FloorCovariance::NONE; u.len()];
+            view.covariances(0.0, [&u, &v], 0.0, &mut of);
+            for i in 0..u.len() {
+                let Some(deck) = camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, 0.7) else { continue };
+                if deck.distance(foot) > 39.0 {
+                    continue;
+                }
+                prop_assert!((deck.x - x[i]).hypot(deck.y - y[i]) < 1e-7, "{deck:?}");
+                // 2 cm of height move the point along its ray.
+                let along = 0.02 * deck.distance(foot) / (camera.position.z - 0.7);
+                prop_assert!((of[i].worst_sigma().unwrap() - along).abs() < 1e-6);
             }
         }
 

@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use crate::camera::{Camera, FloorPoint, Pixel, WorldPoint};
+use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint};
 use crate::floor::status::Status;
 
 /// What a camera covers: its image, and the polygon of its EFOV on the floor.
@@ -33,6 +33,14 @@ impl Extent<'_> {
         inside == [1]
     }
 
+    /// What became of a pixel that shows a point, by itself; see [`Self::classify`].
+    pub(crate) fn status_of(&self, eye: WorldPoint, pixel: Pixel, at: WorldPoint) -> Status {
+        let mut status = [Status::Ok];
+        let level = Plane::level(at.z);
+        self.classify(eye, &level, [&[pixel.u], &[pixel.v]], [&[at.x], &[at.y]], &mut status);
+        status[0]
+    }
+
     /// The pixel at which a camera of this extent shows a point of space, and what became of the point.
     #[must_use]
     pub fn to_pixel(&self, camera: &Camera, point: WorldPoint) -> (Option<Pixel>, Status) {
@@ -61,16 +69,19 @@ impl Extent<'_> {
         }
     }
 
-    /// The status of pixels by the image and by the EFOV: of a pixel mapped to a point of a plane, the floor
-    /// point is `foot + stretch (point - foot)`. For pixels without a point the status is meaningless.
+    /// The status of pixels by the image and by the EFOV: the floor lies on the ray from the camera at `eye`
+    /// through the point of a plane. For pixels without a point the status is meaningless.
     pub(crate) fn classify(
         &self,
-        foot: FloorPoint,
-        stretch: f64,
+        eye: WorldPoint,
+        plane: &Plane,
         [u, v]: [&[f64]; 2],
         [x, y]: [&[f64]; 2],
         status: &mut [Status],
     ) {
+        // A point above the camera is seen where the floor is not.
+        let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
+        let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
         Arch::new().dispatch(
             #[inline(always)]
             || {
@@ -79,15 +90,14 @@ impl Extent<'_> {
                     let (first, count) = (chunk * LANES, status.len());
                     let at = first..first + count;
                     let (u, v, x, y) = (&u[at.clone()], &v[at.clone()], &x[at.clone()], &y[at]);
-                    for i in 0..count {
-                        floor_x[i] = foot.x + stretch * (x[i] - foot.x);
-                        floor_y[i] = foot.y + stretch * (y[i] - foot.y);
-                    }
                     let mut inside = [0; LANES];
-                    // A plane above the camera is seen where the floor is not.
-                    if stretch > 0.0 {
-                        self.cross(&floor_x[..count], &floor_y[..count], &mut inside[..count]);
+                    for i in 0..count {
+                        let stretch =
+                            if is_level { level } else { stretch(plane.height_at([x[i], y[i]].into())) };
+                        floor_x[i] = eye.x + stretch * (x[i] - eye.x);
+                        floor_y[i] = eye.y + stretch * (y[i] - eye.y);
                     }
+                    self.cross(&floor_x[..count], &floor_y[..count], &mut inside[..count]);
                     for i in 0..count {
                         status[i] = match (self.shows(Pixel { u: u[i], v: v[i] }), inside[i]) {
                             (false, _) => Status::OutsideImage,

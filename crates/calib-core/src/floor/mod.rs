@@ -5,6 +5,7 @@
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
 //! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
 //! - `remap` undistorted images.
 
@@ -16,6 +17,7 @@ mod status;
 mod extent;
 mod surfaces;
 mod projector;
+mod surface_projector;
 mod stream;
 mod detection_box;
 mod camera_view;
@@ -35,4 +37,5 @@ pub use scene::{
 };
 pub use status::Status;
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
-pub use surfaces::{Surface, SurfacePoint};
+pub use surface_projector::SurfaceProjector;
+pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};

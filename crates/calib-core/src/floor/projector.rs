@@ -2,17 +2,19 @@
 
 use pulp::Arch;
 
-use crate::camera::{BrownConrady, Camera, Distortion, FloorCovariance, FloorPoint, Pixel};
+use crate::camera::{
+    BrownConrady, Camera, Distortion, FloorCovariance, FloorPoint, Pixel, Plane, WorldPoint,
+};
 use crate::floor::extent::Extent;
 use crate::floor::status::Status;
 
-/// A camera prepared for mapping many pixels to one horizontal plane, and points of it to pixels.
+/// A camera prepared for mapping many pixels to one plane, and points of it to pixels.
 ///
 /// Results that do not exist are NaN: a slice has no room for `Option`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorProjector {
     camera: Camera,
-    height: f64,
+    plane: Plane,
     /// Homogeneous floor coordinates from focal-normalised, undistorted ones (of the lens's focal).
     floor_from_lens: [[f64; 3]; 3],
     /// Homogeneous lens coordinates from floor coordinates.
@@ -28,12 +30,19 @@ impl FloorProjector {
     /// Prepares `camera` for the plane at `height` metres.
     #[must_use]
     pub fn new(camera: &Camera, height: f64) -> Self {
-        let h = camera.homography_floor_from_pixel(height);
+        Self::on(camera, &Plane::level(height))
+    }
+
+    /// Prepares `camera` for a plane of any slope.
+    #[must_use]
+    pub fn on(camera: &Camera, plane: &Plane) -> Self {
+        let h = camera.homography_plane_from_pixel(plane);
         let Pixel { u: cu, v: cv } = camera.lens.principal_point;
         let f = camera.lens.focal;
         let floor_from_lens = h.map(|[a, b, c]| [a * f, b * f, a * cu + b * cv + c]);
         let p = camera.projection_matrix();
-        let on_plane = p.map(|[a, b, c, d]| [a, b, c * height + d]);
+        let ([along_x, along_y], height) = (plane.slope, plane.height_at(FloorPoint::default()));
+        let on_plane = p.map(|[a, b, c, d]| [a + along_x * c, b + along_y * c, c * height + d]);
         let [x, y, w] = on_plane;
         let lens_from_floor = [
             std::array::from_fn(|j| (x[j] - cu * w[j]) / f),
@@ -41,7 +50,7 @@ impl FloorProjector {
             w,
         ];
         let most = camera.lens.distortion.max_radius().powi(2);
-        Self { camera: *camera, height, floor_from_lens, lens_from_floor, most }
+        Self { camera: *camera, plane: *plane, floor_from_lens, lens_from_floor, most }
     }
 
     /// The camera.
@@ -50,10 +59,16 @@ impl FloorProjector {
         &self.camera
     }
 
-    /// Height of the plane, in metres.
+    /// Height of the plane, in metres; of one that falls, at its anchor.
     #[must_use]
     pub const fn height(&self) -> f64 {
-        self.height
+        self.plane.height
+    }
+
+    /// The plane.
+    #[must_use]
+    pub const fn plane(&self) -> &Plane {
+        &self.plane
     }
 
     /// Maps raw pixels `(u, v)` to points `(x, y)` of the plane, in metres.
@@ -82,7 +97,7 @@ impl FloorProjector {
             // What has no faster way of its own goes pixel by pixel.
             _ => {
                 for i in 0..u.len() {
-                    let floor = self.camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, self.height);
+                    let floor = self.pixel_to_floor(Pixel { u: u[i], v: v[i] });
                     (x[i], y[i]) = floor.map_or((f64::NAN, f64::NAN), |p| (p.x, p.y));
                 }
             }
@@ -92,7 +107,7 @@ impl FloorProjector {
     /// Of the sign that the third coordinate has where the plane is seen: a plane above the camera is seen
     /// above the horizon, and one at its height nowhere.
     fn side(&self) -> f64 {
-        self.camera.position.z - self.height
+        self.camera.position.z - self.plane.height_at(self.camera.position.on_floor())
     }
 
     /// The division model, and with 0 no distortion: an undistorted point is the raw one (a, b) over q, and
@@ -202,10 +217,7 @@ impl FloorProjector {
     ) {
         assert!(status.len() == u.len(), "slices of one length");
         self.pixels_to_floor(u, v, x, y);
-        // The floor lies on the ray from the camera through the point of the plane.
-        let stretch = self.camera.position.z / (self.camera.position.z - self.height);
-        let foot = self.camera.position.on_floor();
-        extent.classify(foot, stretch, [u, v], [x, y], status);
+        extent.classify(self.camera.position, &self.plane, [u, v], [x, y], status);
         for i in 0..u.len() {
             if !(x[i].is_finite() && y[i].is_finite()) {
                 (x[i], y[i]) = (f64::NAN, f64::NAN);
@@ -230,11 +242,9 @@ impl FloorProjector {
     /// When the slices are not of one length.
     pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
         assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
-        const NONE: FloorCovariance =
-            FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
         for ((&u, &v), of) in u.iter().zip(v).zip(of) {
-            let found = self.camera.plane_covariance(Pixel { u, v }, pixel_sigma, self.height);
-            *of = found.unwrap_or(NONE);
+            let found = self.camera.covariance_on(Pixel { u, v }, pixel_sigma, &self.plane, &[[0.0; 3]; 3]);
+            *of = found.unwrap_or(FloorCovariance::NONE);
         }
     }
 
@@ -260,10 +270,10 @@ impl FloorProjector {
         }
     }
 
-    /// One pixel; see [`Camera::pixel_to_floor`].
+    /// One pixel; see [`Camera::pixel_to_plane`].
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
-        self.camera.pixel_to_floor(pixel, self.height)
+        self.camera.pixel_to_plane(pixel, &self.plane).map(WorldPoint::on_floor)
     }
 }
 

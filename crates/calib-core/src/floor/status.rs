@@ -20,11 +20,13 @@ pub enum Status {
     Missing,
     /// No calibration holds for it.
     NoCalibration,
+    /// The pixel shows the wall of a pit, between its plane and the floor: there is no point.
+    OnWall,
 }
 
 impl Status {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Ok,
         Self::AboveHorizon,
         Self::OutsideEfov,
@@ -33,6 +35,7 @@ impl Status {
         Self::BehindCamera,
         Self::Missing,
         Self::NoCalibration,
+        Self::OnWall,
     ];
 
     /// The one of this number.
@@ -53,6 +56,7 @@ impl Status {
             Self::BehindCamera => "behind-camera",
             Self::Missing => "missing",
             Self::NoCalibration => "no-calibration",
+            Self::OnWall => "on-wall",
         }
     }
 }

@@ -28,13 +28,50 @@ impl Surface {
         crossed.count() % 2 == 1
     }
 
+    /// How well height, fall and the direction of the fall are known.
+    #[must_use]
+    pub fn sigmas(&self) -> SurfaceSigmas {
+        let [[height, ..], [_, xx, xy], [_, _, yy]] = self.covariance;
+        let [x, y] = self.plane.slope;
+        let steepness = x.hypot(y);
+        let along = |a: f64, b: f64| (a * a * xx + 2.0 * a * b * xy + b * b * yy).max(0.0).sqrt();
+        let height = height.max(0.0).sqrt();
+        // The fall is the arc tangent of the steepness; nothing points where there is none.
+        if steepness == 0.0 {
+            return SurfaceSigmas { height, fall: xx.max(yy).max(0.0).sqrt(), toward: None };
+        }
+        let (x, y) = (x / steepness, y / steepness);
+        let fall = along(x, y) / (1.0 + steepness * steepness);
+        SurfaceSigmas { height, fall, toward: Some(along(-y, x) / steepness) }
+    }
+
+    /// The plane raised by `height` metres, if the camera looks at it from above.
+    pub(crate) fn below(&self, camera: &Camera, height: f64) -> Option<Plane> {
+        let raised = self.plane.raised(height);
+        (camera.position.z > raised.height_at(camera.position.on_floor())).then_some(raised)
+    }
+
     /// Where the ray of a pixel meets the plane raised by `height` metres from above, inside the region.
     fn met(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
-        let raised = self.plane.raised(height);
-        let is_above = camera.position.z > raised.height_at(camera.position.on_floor());
-        let at = camera.pixel_to_plane(pixel, &raised).filter(|_| is_above)?;
+        let at = camera.pixel_to_plane(pixel, &self.below(camera, height)?)?;
         self.holds_at(at.on_floor()).then_some(at)
     }
+}
+
+/// How well a plane is known, as standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceSigmas {
+    /// Of its height at its anchor, in metres.
+    pub height: f64,
+    /// Of the angle by which it falls, in radians.
+    pub fall: f64,
+    /// Of the direction that it falls toward, in radians; `None` of a level plane.
+    pub toward: Option<f64>,
+}
+
+/// Whether a surface lies below the floor there, so that the floor is not.
+pub(crate) fn is_pit(surfaces: &[Surface], at: FloorPoint) -> bool {
+    surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.holds_at(at))
 }
 
 /// A point of the site that a pixel shows.
@@ -46,6 +83,14 @@ pub struct SurfacePoint {
     pub at: WorldPoint,
 }
 
+impl SurfacePoint {
+    /// Of two points of one ray, the one that the ray from `eye` meets first: where a plane lies on
+    /// the floor or on another plane it is `other`, which is later in the list.
+    pub(crate) fn or_before(self, other: Self, eye: WorldPoint) -> Self {
+        if self.at.distance(eye) < other.at.distance(eye) { self } else { other }
+    }
+}
+
 impl Camera {
     /// The point that `pixel` shows `height` metres above the floor or a surface, whichever its ray meets first.
     ///
@@ -55,13 +100,9 @@ impl Camera {
         let met = surfaces.iter().enumerate().filter_map(|(index, surface)| {
             Some(SurfacePoint { surface: Some(index), at: surface.met(self, pixel, height)? })
         });
-        let is_pit = |at: FloorPoint| {
-            surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.holds_at(at))
-        };
-        let on_floor = self.pixel_to_floor(pixel, height).filter(|&at| !is_pit(at));
+        let on_floor = self.pixel_to_floor(pixel, height).filter(|&at| !is_pit(surfaces, at));
         let on_floor = on_floor.map(|at| SurfacePoint { surface: None, at: at.at_height(height) });
-        let away = |point: &SurfacePoint| point.at.distance(self.position);
-        met.chain(on_floor).min_by(|a, b| away(a).total_cmp(&away(b)))
+        on_floor.into_iter().chain(met).reduce(|before, next| before.or_before(next, self.position))
     }
 }
 
@@ -113,6 +154,24 @@ mod tests {
         // The far wall of the pit, half way down.
         let wall = camera().pixel_to_surface(pixel(WorldPoint::new(0.0, 7.0, -0.5)), 0.0, &surfaces);
         assert_eq!(wall, None);
+    }
+
+    #[test]
+    fn what_is_known_of_fall_and_direction_gives_the_slope_it_came_from() {
+        let plane = Plane::falling(0.4, 0.7, 0.1, FloorPoint::default());
+        let ((sin, cos), [along, across]) = (0.7_f64.sin_cos(), [9e-4, 1e-4]);
+        let (xx, yy) = (along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos);
+        let xy = (along - across) * sin * cos;
+        let covariance = [[4e-4, 0.0, 0.0], [0.0, xx, xy], [0.0, xy, yy]];
+        let surface = Surface { plane, covariance, region: Vec::new() };
+        let sigmas = surface.sigmas();
+        assert!((sigmas.height - 0.02).abs() < 1e-12);
+        // d atan(s) = ds / (1 + s^2), and the direction turns by the slope across over the slope along.
+        let steepness = 0.1_f64.tan();
+        assert!((sigmas.fall - 0.03 / (1.0 + steepness * steepness)).abs() < 1e-12);
+        assert!((sigmas.toward.unwrap() - 0.01 / steepness).abs() < 1e-12);
+        let level = Surface { plane: Plane::level(0.0), ..surface };
+        assert!(level.sigmas().toward.is_none());
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! Law: the only folder that knows names, degrees and the words of files; it states no formula.
 //!
-//! - `document`, `elements`, `scene`, `planes`, `solution`, `site_solution`, `conversions` the document, and its entries as the types
-//!   of the geometry;
+//! - `document`, `elements`, `scene`, `planes`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
+//!   entries as the types of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, as other languages ask for it;
@@ -19,6 +19,7 @@ mod planes;
 mod document;
 mod covariance_entry;
 mod conversions;
+mod efov;
 mod english;
 mod camera_result;
 mod site_error;

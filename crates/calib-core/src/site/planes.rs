@@ -100,6 +100,12 @@ impl PlaneEntry {
         Self { id: id.into(), name: None, height_m: None, tilt: None, region: Vec::new(), solution: None }
     }
 
+    /// What it is called where it is shown: its name, or its id.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        self.name.as_deref().unwrap_or(&self.id)
+    }
+
     /// The mean of the corners of its region; the origin without one.
     #[must_use]
     pub fn anchor(&self) -> FloorPoint {
@@ -170,11 +176,23 @@ impl Site {
         self.planes.iter().find(|plane| plane.id == id)
     }
 
-    /// The planes that cover a part of the plan, in the order of the file: what pixels are mapped to besides the
-    /// floor.
+    /// Where the plane of this id is; the floor without one.
+    #[must_use]
+    pub fn plane_or_floor(&self, id: Option<&str>) -> Plane {
+        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(self.usual_fall()).plane)
+    }
+
+    /// The planes in the order of the file; one without a region covers nothing of the plan.
     #[must_use]
     pub fn surfaces(&self) -> Vec<Surface> {
         self.planes.iter().map(|plane| plane.surface(self.usual_fall())).collect()
+    }
+
+    /// What pixels are mapped to besides the floor: [`Self::surfaces`], or none where no plane has a region.
+    #[must_use]
+    pub fn covering_surfaces(&self) -> Vec<Surface> {
+        let covers = self.planes.iter().any(|plane| !plane.region.is_empty());
+        if covers { self.surfaces() } else { Vec::new() }
     }
 
     /// What is known of every plane, in the order of the file.

@@ -37,18 +37,17 @@ impl Site {
     /// # Errors
     /// Why there is not one: see [`Site::camera_at`] and [`CameraView::with_stream`].
     pub fn view(&self, id: &str, time: Option<&str>, stream: Stream) -> Result<CameraView, NoView> {
-        let view = self.camera_at(id, time).map_err(NoView::Camera)?.view()?;
+        let view = self.view_of(self.camera_at(id, time).map_err(NoView::Camera)?)?;
         view.with_stream(stream).map_err(NoView::Stream)
     }
-}
 
-impl SiteCamera {
-    /// The calibrated camera with what it covers, for the pixels of its still.
+    /// A camera of this site with what it covers, for the pixels of its still.
     ///
     /// # Errors
     /// When it is not calibrated.
-    pub fn view(&self) -> Result<CameraView, NoView> {
-        let camera = self.camera().ok_or_else(|| NoView::Uncalibrated(self.error.clone()))?;
-        Ok(CameraView::new(&camera, self.size(), self.floor_polygon()))
+    pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, NoView> {
+        let camera = entry.camera().ok_or_else(|| NoView::Uncalibrated(entry.error.clone()))?;
+        let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
+        Ok(view.with_surfaces(self.covering_surfaces()))
     }
 }

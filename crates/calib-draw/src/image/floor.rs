@@ -1,17 +1,17 @@
-//! On the floor: the metre grid, the fields of view, the prism over the camera's own.
+//! On the floor, or on the plane of a field of view: the metre grid, the fields, the prism over the camera's own.
 
-use calib_core::{
-    Camera, FloorPoint, PRISM_HEIGHT, Pixel, Polyline, WorldPoint, floor_grid, prism, vertical,
-};
+use calib_core::{Camera, FloorPoint, PRISM_HEIGHT, Pixel, WorldPoint, floor_grid, prism, vertical};
 
+use crate::image::plane::{laid, outline};
 use crate::image::{ImageView, seen};
 use crate::item::Item;
 use crate::meaning::Meaning;
 
 pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
-    let mut items = Vec::new();
+    let (mut items, plane) = (Vec::new(), view.efov_plane(view.camera));
     for line in floor_grid(&solution.efov_m, step) {
+        let line = laid(&line, &plane);
         items.extend(seen(&camera, Meaning::Grid, &line));
         let size = view.entry().map(calib_core::SiteCamera::size);
         if let (Some(scale), Some(size)) = (view.letters, size) {
@@ -30,7 +30,7 @@ fn number(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) ->
     let inside = |p: &Pixel| p.u > 7.0 * margin && p.v > 3.0 * margin && p.u < w - margin && p.v < h - margin;
     let points = (0..=SAMPLES).map(|i| {
         let t = i as f64 / SAMPLES as f64;
-        WorldPoint::new(a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), 0.0)
+        WorldPoint::new(a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z))
     });
     let shown = points.filter_map(|point| {
         Some((point.distance(camera.position), camera.world_to_pixel(point).filter(inside)?))
@@ -70,9 +70,10 @@ pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
 pub(super) fn drawn_prism(view: &ImageView) -> Vec<Item<Pixel>> {
     let drawn = view.entry().and_then(|entry| entry.efov_px.as_ref());
     let (Some((camera, solution)), Some(drawn)) = (view.solved(), drawn) else { return Vec::new() };
-    let on_floor = drawn.iter().filter_map(|&corner| camera.pixel_to_floor(corner, 0.0));
-    let edges = on_floor.map(|at| vertical(at, PRISM_HEIGHT));
-    let lines = std::iter::once(closed(&solution.efov_m, PRISM_HEIGHT)).chain(edges);
+    let plane = view.efov_plane(view.camera);
+    let corners = drawn.iter().filter_map(|&corner| camera.pixel_to_plane(corner, &plane));
+    let edges = corners.map(|at| laid(&vertical(at.on_floor(), PRISM_HEIGHT), &plane));
+    let lines = std::iter::once(outline(&solution.efov_m, &plane, PRISM_HEIGHT)).chain(edges);
     lines.flat_map(|line| seen(&camera, Meaning::Prism(view.camera), &line)).collect()
 }
 
@@ -84,8 +85,8 @@ pub(super) fn solved_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let lines = prism(&solution.efov_m);
     let count = if solution.efov_m.len() > CORNERS { FACES } else { lines.len() };
     let meaning = |index| if index == 0 { Meaning::Efov(view.camera) } else { Meaning::Prism(view.camera) };
-    let lines = lines.iter().take(count).enumerate();
-    lines.flat_map(|(index, line)| seen(&camera, meaning(index), line)).collect()
+    let (lines, plane) = (lines.iter().take(count).enumerate(), view.efov_plane(view.camera));
+    lines.flat_map(|(index, line)| seen(&camera, meaning(index), &laid(line, &plane))).collect()
 }
 
 pub(super) fn other_efovs(view: &ImageView) -> Vec<Item<Pixel>> {
@@ -97,12 +98,8 @@ pub(super) fn other_efovs(view: &ImageView) -> Vec<Item<Pixel>> {
     let fields = fields.filter(|(_, solution)| solution.efov_m.len() >= 3);
     fields
         .flat_map(|(other, solution)| {
-            seen(&camera, Meaning::OtherEfov(other), &closed(&solution.efov_m, 0.0))
+            let line = outline(&solution.efov_m, &view.efov_plane(other), 0.0);
+            seen(&camera, Meaning::OtherEfov(other), &line)
         })
         .collect()
-}
-
-/// An outline at a height, back to its start.
-fn closed(polygon: &[FloorPoint], height: f64) -> Polyline {
-    polygon.iter().chain(polygon.first()).map(|point| point.at_height(height)).collect()
 }

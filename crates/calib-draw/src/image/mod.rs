@@ -3,6 +3,7 @@
 //! What lies off the image is kept, so that a canvas larger than the image shows it; what the camera or its
 //! lens cannot show is left out.
 
+mod plane;
 mod floor;
 mod horizon;
 mod lens_grid;
@@ -11,7 +12,7 @@ mod annotation;
 mod control_point;
 mod link;
 
-use calib_core::{Camera, Pixel, Site, SiteCamera, Solution, WorldPoint};
+use calib_core::{Camera, Pixel, Plane, Site, SiteCamera, Solution, WorldPoint};
 
 pub use annotation::{Signs, extension};
 pub use floor::{metres, reach};
@@ -27,8 +28,10 @@ use crate::scene::Scene;
 pub enum ImageLayer {
     /// What is straight in the scene, as the lens bends it.
     LensGrid,
-    /// The metre grid of the floor, with lines so many metres apart.
+    /// The metre grid of the floor, or of the plane that the EFOV lies on, with lines so many metres apart.
     Grid(f64),
+    /// The regions of the planes besides the floor, with their names.
+    Planes,
     /// The EFOV as the operator drew it.
     DrawnEfov,
     /// The prism over it.
@@ -87,6 +90,12 @@ impl<'a> ImageView<'a> {
         self.site().cameras.get(self.camera)
     }
 
+    /// The plane that the EFOV of a camera lies on; one that nobody drew lies on the floor.
+    fn efov_plane(&self, camera: usize) -> Plane {
+        let entry = self.site().cameras.get(camera).filter(|entry| entry.efov_px.is_some());
+        self.scene.plane(entry.and_then(|entry| entry.efov_plane.as_deref()))
+    }
+
     /// The camera with what was solved of it.
     fn solved(&self) -> Option<(Camera, &'a Solution)> {
         self.pose.zip(self.scene.solution(self.camera))
@@ -98,6 +107,7 @@ impl ImageLayer {
         match self {
             Self::LensGrid => lens_grid::lens_grid(view),
             Self::Grid(step) => floor::grid(view, step),
+            Self::Planes => plane::planes(view),
             Self::DrawnEfov => floor::drawn_efov(view),
             Self::DrawnPrism => floor::drawn_prism(view),
             Self::SolvedEfov => floor::solved_efov(view),

@@ -6,6 +6,7 @@ mod lines;
 mod cameras;
 mod places;
 mod elements;
+mod planes;
 mod whole;
 
 use crate::action::Action;
@@ -59,6 +60,7 @@ impl Editor {
             Action::SetControl(index, point) => self.set_control(index, *point),
             Action::SetLink(index, link) => self.set_link(index, *link),
             Action::SetMark { index, mark, name } => self.set_mark(index, *mark, name),
+            Action::Planes(planes) => self.on_planes(planes),
             Action::SetDistances(distances) => self.set_distances(distances),
             Action::Import(site, notes) => self.import(*site, &notes),
             Action::Refined(refined) => self.session.take_refined(&refined.0, &refined.1),

@@ -8,6 +8,7 @@ mod select;
 mod link;
 mod control;
 mod measure;
+mod region;
 
 use std::sync::Arc;
 
@@ -145,6 +146,7 @@ pub enum Icon {
     Link,
     Mark,
     Measure,
+    Region,
 }
 
 /// A row of the list of tools.
@@ -166,7 +168,7 @@ impl ToolRow {
     /// Whether it does something on the plan; where it does not, the handles there are moved.
     #[must_use]
     pub fn acts_on_plan(&self) -> bool {
-        matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure)
+        matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure | Icon::Region)
     }
 }
 
@@ -222,6 +224,13 @@ pub const TOOLS: &[ToolRow] = &[
         icon: Icon::Measure,
         kind: None,
         make: || Box::new(measure::Measure::default()),
+    },
+    ToolRow {
+        title: "Region of a plane",
+        key: Key::O,
+        icon: Icon::Region,
+        kind: None,
+        make: || Box::new(region::Region::default()),
     },
 ];
 

@@ -1,6 +1,6 @@
 //! Stage 2 by hand: a polygon on the floor is moved, turned and scaled by its handles.
 
-use calib_core::{FloorPoint, Pixel, Placement, STAGE_1_HEIGHT};
+use calib_core::{FloorPoint, Pixel, Placement, STAGE_1_HEIGHT, WorldPoint};
 
 use crate::session::{Session, corners_of};
 use crate::tools::Pointer;
@@ -56,8 +56,9 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
         return Vec::new();
     };
     let foot = pose.position.on_floor();
-    let corners: Vec<FloorPoint> =
-        corners_of(entry).iter().filter_map(|&pixel| pose.pixel_to_floor(pixel, 0.0)).collect();
+    let plane = session.solved.efov_plane(&session.site, entry);
+    let shown = corners_of(entry).into_iter().filter_map(|pixel| pose.pixel_to_plane(pixel, &plane));
+    let corners: Vec<FloorPoint> = shown.map(WorldPoint::on_floor).collect();
     let far = corners.iter().map(|corner| corner.distance(foot)).fold(pose.position.z, f64::max);
     let reach = far.min(30.0 * pose.position.z.abs().max(0.1));
     let ahead = [-pose.yaw.sin(), pose.yaw.cos()];

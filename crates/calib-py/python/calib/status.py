@@ -22,6 +22,8 @@ class Status(IntEnum):
     """There was nothing to map: a coordinate is absent or not finite."""
     NO_CALIBRATION = 7
     """No calibration holds for it."""
+    ON_WALL = 8
+    """The pixel shows the wall of a pit, between its plane and the floor: there is no point."""
 
     @property
     def text(self) -> str:

@@ -1,0 +1,97 @@
+//! Planes besides the floor at the desk: added, named, known, drawn, and laid under lines.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_core::{Kind, PlaneNumber};
+use calib_editor::planes::Planes;
+use calib_editor::{Action, Pane, Part};
+use desk::{Desk, demo};
+use egui::Key;
+use egui_kittest::kittest::Queryable as _;
+
+/// What lies below the foot of the window is clicked as a screen reader does.
+fn click(desk: &mut Desk, label: &str) {
+    desk.harness.get_by_label(label).click_accesskit();
+    desk.harness.run_steps(3);
+}
+
+/// Opens the choice beside a label.
+fn open(desk: &mut Desk, label: &str) {
+    desk.harness.get_all_by_label(label).last().unwrap().scroll_to_me();
+    desk.harness.run_steps(3);
+    desk.harness.get_all_by_label(label).last().unwrap().click_accesskit();
+    desk.harness.run_steps(3);
+}
+
+/// A line that lies on the floor, selected in the image of the first camera.
+fn select_parallel(desk: &mut Desk) -> usize {
+    let annotations = &desk.site().cameras[0].annotations;
+    let index = annotations.iter().position(|drawn| drawn.kind == Kind::Parallel).unwrap();
+    desk.app().act(Action::Select(Part::Line { annotation: index, segment: 0 }));
+    desk.harness.run_steps(2);
+    index
+}
+
+#[test]
+fn a_plane_is_added_and_a_line_laid_on_it_and_undo_takes_both_back() {
+    let mut desk = Desk::new(demo());
+    let before = desk.site().clone();
+    desk.key(Key::Num2);
+    click(&mut desk, "Add a plane");
+    assert_eq!(desk.site().planes.len(), 1);
+    desk.app().act(Action::Planes(Planes::Rename(0, "ramp".into())));
+    desk.key(Key::Num1);
+    let line = select_parallel(&mut desk);
+    open(&mut desk, "Lies on");
+    click(&mut desk, "ramp");
+    assert_eq!(desk.site().cameras[0].annotations[line].plane.as_deref(), Some("ramp"));
+    assert_eq!(desk.app().editor.session().history.depth(), 3);
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].annotations[line].plane, None);
+    desk.undo();
+    desk.undo();
+    assert!(*desk.site() == before, "the site differs");
+}
+
+#[test]
+fn removing_a_plane_lays_what_was_on_it_on_the_floor_in_one_step() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num2);
+    click(&mut desk, "Add a plane");
+    desk.key(Key::Num1);
+    let line = select_parallel(&mut desk);
+    let id = desk.site().planes[0].id.clone();
+    desk.app().act(Action::Planes(Planes::Lay(Some(id.clone()))));
+    let laid = desk.site().clone();
+    desk.key(Key::Num2);
+    click(&mut desk, &format!("Remove plane {id}"));
+    assert!(desk.site().planes.is_empty());
+    assert_eq!(desk.site().cameras[0].annotations[line].plane, None);
+    desk.undo();
+    assert!(*desk.site() == laid, "one step brings back the plane and what lay on it");
+}
+
+#[test]
+fn a_region_is_drawn_on_the_plan_and_a_height_entered() {
+    let mut desk = Desk::new(demo());
+    desk.key(Key::Num2);
+    click(&mut desk, "Add a plane");
+    click(&mut desk, "Draw");
+    for at in [[10.0, 5.0], [14.0, 5.0], [14.0, 9.0]] {
+        desk.click(Pane::Plan, at);
+    }
+    desk.key(Key::Enter);
+    let region = &desk.site().planes[0].region;
+    assert_eq!((region.len(), desk.site().planes.len()), (3, 1), "of the plane in hand");
+    assert!(region[1].distance([14.0, 5.0].into()) < 0.05);
+    let id = desk.site().planes[0].id.clone();
+    assert!(desk.words().iter().any(|word| word.contains("Region of 3 corners")));
+    // Its height comes to be known: the choice beside its label.
+    open(&mut desk, "Height above the floor");
+    click(&mut desk, "known");
+    assert_eq!(desk.site().planes[0].height_m, Some(PlaneNumber::Exact(0.0)));
+    let undo = format!("change the height of {id}");
+    assert_eq!(desk.app().editor.session().history.undo_name(), Some(undo.as_str()));
+}
