@@ -123,7 +123,7 @@ fn has_field(parts: &BTreeSet<Part>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Kind, Link, LinkKind, Pixel, SiteCamera};
+    use calib_core::{Kind, Link, LinkKind, LinkSeen, Pixel, SiteCamera};
 
     use super::*;
     use crate::edit::add_line;
@@ -134,8 +134,9 @@ mod tests {
         add_line(&mut camera, Kind::Vertical, line(10.0), false);
         add_line(&mut camera, Kind::Parallel, line(20.0), false);
         add_line(&mut camera, Kind::Upright, line(30.0), false);
-        camera.efov_px = Some(line(40.0));
-        let links = vec![Link::new(Some("k".into()), LinkKind::Point, Vec::new())];
+        camera.efov_px = Some([[10.0, 470.0], [600.0, 470.0], [300.0, 200.0]].map(Pixel::from).to_vec());
+        let seen = LinkSeen { px: Some(Pixel::new(300.0, 300.0)), ..LinkSeen::new("a") };
+        let links = vec![Link::new(Some("k".into()), LinkKind::Point, vec![seen])];
         Site { cameras: vec![camera], links, ..Site::new() }
     }
 
@@ -158,7 +159,7 @@ mod tests {
             (site.links[0].plane.as_deref(), site.cameras[0].efov_plane.as_deref()),
             (Some("ramp"), Some("ramp"))
         );
-        assert!(site.check().is_ok());
+        assert!(site.check().is_ok(), "{:?}", site.check());
     }
 
     #[test]
