@@ -126,7 +126,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
             {
                 let buttons = [
                     ("Show what helps   N", Command::TakeSuggestion),
-                    ("Something else   \u{21e7}N", Command::DismissSuggestion),
+                    ("Something else   Shift+N", Command::DismissSuggestion),
                 ];
                 for (text, command) in buttons {
                     if ui.button(text).clicked() {

@@ -196,7 +196,7 @@ impl BundleAdjustment<'_> {
         };
         match refinement.solve() {
             Some(refined) => {
-                summary.take(refined, (&self.cameras, &self.planes), [cluster, &landmarks, &distances])
+                summary.take(refined, (&self.cameras, &self.planes), [cluster, &landmarks, &distances]);
             }
             None => summary.unsolved.extend(cluster),
         }

@@ -42,15 +42,15 @@ impl<'a> SurfaceProjector<'a> {
         let pixels = u.chunks(CHUNK).zip(v.chunks(CHUNK));
         let mapped = points.chunks_mut(CHUNK).zip(status.chunks_mut(CHUNK));
         for ((u, v), (points, status)) in pixels.zip(mapped) {
-            self.to_floor(extent, [u, v], points, status);
+            self.map_floor(extent, [u, v], points, status);
             for (index, surface) in self.surfaces.iter().enumerate() {
-                self.to_surface((index, surface), extent, [u, v], points, status);
+                self.map_surface((index, surface), extent, [u, v], points, status);
             }
         }
     }
 
     /// The floor, where there is one.
-    fn to_floor(
+    fn map_floor(
         &self,
         extent: &Extent<'_>,
         [u, v]: [&[f64]; 2],
@@ -70,7 +70,7 @@ impl<'a> SurfaceProjector<'a> {
     }
 
     /// A surface, where it is met before what was met till now.
-    fn to_surface(
+    fn map_surface(
         &self,
         (index, surface): (usize, &Surface),
         extent: &Extent<'_>,

@@ -1,7 +1,7 @@
 //! What is believed of lenses before anything is drawn: normal priors on the coefficients of the Brown-Conrady
 //! model, with coordinates divided by half the diagonal of the image.
 //!
-//! Published calibrations of cameras from 45 to 100 degrees (KITTI, EuRoC, TUM RGB-D, MEVA, the samples of OpenCV)
+//! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of `OpenCV`)
 //! have k1 between -0.27 and 0.16, of barrels k2 within 0.1 of k1 squared, and |p1|, |p2| below 0.003. So where
 //! edges say little of k2 and k3, these stay small, and the uncertainty of the corners is that of lenses.
 

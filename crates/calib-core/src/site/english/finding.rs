@@ -119,9 +119,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens."
         }
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
-        F::BentEdges { .. } => {
-            "Look for a point beside its edge, and for an edge that is not straight in space."
-        }
+        F::BentEdges { .. } => "Look for a point off its edge, then for an edge that is bent in space.",
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
         F::UncertainCorners { .. } => "Draw straight edges that reach into the corners.",
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
