@@ -224,7 +224,7 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
         let fit = LensFit::new(&edges, &options).unwrap();
         let apart = map_distance(&fit.lens, &lens, size);
         let untouched = map_distance(&Lens::pinhole(principal_point), &lens, size);
-        assert!(apart < 0.25 * untouched, "{:?}: {apart} px, {untouched} without a lens", fit.fitted);
+        assert!(apart < 0.5 * untouched, "{:?}: {apart} px, {untouched} without a lens", fit.fitted);
         assert!(apart < 3.0 * fit.map_error[2], "{apart} px, \u{b1} {:?}", fit.map_error);
         let Distortion::BrownConrady(found) = fit.lens.distortion else { panic!("{:?}", fit.lens) };
         assert!(found.k1 < -0.1, "{found:?}");

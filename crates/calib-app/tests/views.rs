@@ -224,6 +224,8 @@ fn the_report_is_one_page_with_every_camera_and_its_picture() {
     let (mut site, mut images) = (demo(), Images::default());
     let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0];
     site.cameras[0].image = Some(images.store(jpeg.into(), "image/jpeg", Some("first.jpg")));
+    site.cameras[1].image = Some("nowhere.png".into());
+    site.cameras[2].image = None;
     let mut desk = Desk::with(site, images);
     let scratch = Scratch::new();
     let path = scratch.path("report.html");
@@ -237,7 +239,8 @@ fn the_report_is_one_page_with_every_camera_and_its_picture() {
         let section = &section[..section.find("</section>").unwrap()];
         assert!(section.contains("Residual, px"), "{}", camera.id);
         assert_eq!(section.contains("data:image/jpeg;base64,/9j/4A=="), index == 0, "{}", camera.id);
-        assert_eq!(section.contains("note bad"), index != 0, "what is not there is said: {}", camera.id);
+        assert_eq!(section.contains("note bad"), index == 1, "what is not there is said: {}", camera.id);
+        assert_eq!(section.contains("<figure>"), ![1, 2].contains(&index), "{}", camera.id);
     }
     assert!(html.contains("From above"));
 }

@@ -343,8 +343,8 @@ impl<'a> FittedModel<'a> {
     }
 }
 
-/// Of the nested models the one of the largest evidence that the edges do not contradict when the one whose cost
-/// it lowers most is left out.
+/// Of the nested models the one of the largest evidence: that the edges support, too, when the one whose cost it
+/// lowers most is left out, or do not contradict while that one speaks very strongly (Kass and Raftery 1995).
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
@@ -352,6 +352,8 @@ fn select_model<'a>(
 ) -> FittedModel<'a> {
     /// By how many variances the cost of the other edges may rise.
     const AGAINST: f64 = 4.0;
+    /// Twice the log of the evidence that is very strong.
+    const STRONG: f64 = 10.0;
     let mut lowest = undistorted.problem.evidence(&[]).unwrap_or(f64::INFINITY);
     let mut best = undistorted;
     for count in MODEL_SIZES {
@@ -361,8 +363,9 @@ fn select_model<'a>(
         }
         let Some((values, _)) = next.solve(&best.values) else { continue };
         let Some(score) = next.evidence(&values) else { continue };
-        let contradiction = -shared_gain(&best, &next, &values) / (next.sigma * next.sigma);
-        if score < lowest && contradiction < AGAINST {
+        let shared = shared_gain(&best, &next, &values) / (next.sigma * next.sigma);
+        let is_shared = shared > count as f64 * (redundancy as f64).ln();
+        if score < lowest && (is_shared || shared > -AGAINST && score < lowest - STRONG) {
             lowest = score;
             best = FittedModel::of(next, values);
             continue;
