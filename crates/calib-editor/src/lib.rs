@@ -31,6 +31,7 @@ mod family;
 mod epipolar;
 mod refine;
 mod session;
+mod proposals;
 mod together;
 mod pace;
 pub mod places;

@@ -7,7 +7,7 @@
 //!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
 //! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
 //!   `initialization` cameras placed along a spanning tree;
-//! - `common_tilt` the lean of the floor that views share, `shared_planes` the planes that they share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
+//! - `common_tilt` the lean of the floor that views share, `plane_parameters`, `shared_planes` the planes that they share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
 //!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
 //!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
 //!   `annotation_residuals`;
@@ -26,10 +26,11 @@ mod view_graph;
 mod attachment;
 mod initialization;
 mod common_tilt;
-mod shared_planes;
+mod plane_parameters;
 mod parameters;
 mod residuals;
 mod problem;
+mod shared_planes;
 mod annotation_residuals;
 mod marginals;
 mod converged;

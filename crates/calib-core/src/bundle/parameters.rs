@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::common_tilt::CommonTilt;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
-use crate::bundle::shared_planes::{PLANE_PARAMS, is_estimated};
+use crate::bundle::plane_parameters::{PLANE_PARAMS, is_estimated};
 use crate::camera::{Camera, Covariance};
 use crate::optimize::{BlockStructure, NuisanceLayout};
 use crate::single::PlanePrior;

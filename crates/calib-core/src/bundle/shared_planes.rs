@@ -6,14 +6,11 @@
 //! the plane there.
 
 use crate::bundle::common_tilt::{in_base, in_view};
+use crate::bundle::plane_parameters::{PLANE_PARAMS, parameters_of_plane};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};
-use crate::single::PlanePrior;
-
-/// Parameters of a plane: height, slope along x, slope along y.
-pub(crate) const PLANE_PARAMS: usize = 3;
 
 /// Least standard deviation of a parameter that is held beside others that are not: a hundredth of a millimetre.
 const HELD: f64 = 1e-5;
@@ -24,11 +21,6 @@ pub(crate) struct ByPlane {
     pub(crate) by_plane: [f64; PLANE_PARAMS],
     /// By x, y and yaw.
     pub(crate) by_pose: [f64; 3],
-}
-
-/// Height and slope of a plane.
-pub(crate) fn parameters_of_plane(plane: &Plane) -> [f64; PLANE_PARAMS] {
-    [plane.height, plane.slope[0], plane.slope[1]]
 }
 
 impl BundleProblem<'_> {
@@ -117,17 +109,6 @@ impl BundleProblem<'_> {
     }
 }
 
-/// Which planes are estimated: those that something is drawn on or stands on, and that are not held.
-pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item = usize>) -> Vec<bool> {
-    let mut estimated = vec![false; planes.len()];
-    for plane in on_planes {
-        if let (Some(estimated), Some(prior)) = (estimated.get_mut(plane), planes.get(plane)) {
-            *estimated = !prior.is_held();
-        }
-    }
-    estimated
-}
-
 /// The indices of the pose in [`Covariance`] that [`ByPlane::by_pose`] is by.
 pub(crate) const POSE_OF_PLANE: [usize; 3] = [Covariance::X, Covariance::Y, Covariance::YAW];
 
@@ -138,7 +119,7 @@ mod tests {
     use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
     use crate::camera::{Camera, FloorPoint, Lens, Pixel, WorldPoint};
     use crate::single::{
-        Annotation, Constraints, FixedParameters, Kind, Known, Priors, Problem, SceneErrors,
+        Annotation, Constraints, FixedParameters, Kind, Known, PlanePrior, Priors, Problem, SceneErrors,
     };
     use proptest::prelude::*;
 

@@ -14,7 +14,6 @@
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
 };
-use crate::single::annotation::Known;
 use crate::single::constraints::{Constraints, Direction, DrawnPlane, Length, Line, Source, Upright};
 use crate::single::directions::Directions;
 use crate::single::fixed_parameters::FixedParameters;
@@ -24,7 +23,6 @@ use crate::single::plane_frame::{Measured, PlaneFrame};
 use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, floor_length,
-    upright_residuals,
 };
 use crate::single::vanishing_point::line_through;
 
@@ -210,15 +208,15 @@ impl<'a> Problem<'a> {
 }
 
 /// What a drawing on a plane depends on.
-struct OnPlane {
+pub(super) struct OnPlane {
     /// None where the camera is not above the plane.
-    frame: Option<PlaneFrame>,
-    nuisances: PlaneNuisances,
+    pub(super) frame: Option<PlaneFrame>,
+    pub(super) nuisances: PlaneNuisances,
 }
 
 impl OnPlane {
     /// Of what lies on the plane: it does not depend on the verticals.
-    fn of_level(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
+    pub(super) fn of_level(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
         Some((self.frame.as_ref()?, PlaneNuisances { tilt: None, ..self.nuisances }))
     }
 }
@@ -247,7 +245,7 @@ impl<'a, E: Number> Problem<'a, E> {
 
     /// Standard deviation of a drawn coordinate of an annotation, in pixels.
     #[inline]
-    fn sigma_of(&self, source: Source) -> f64 {
+    pub(super) fn sigma_of(&self, source: Source) -> f64 {
         self.constraints.sigma_px.get(source.annotation).copied().flatten().unwrap_or(self.sigma)
     }
 
@@ -299,113 +297,6 @@ impl<'a, E: Number> Problem<'a, E> {
             sink(N::constant(state.nuisance[index] / sigma), by, None);
         });
         Some(())
-    }
-
-    /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
-    #[inline]
-    fn each_length<N: NumberOver<E>>(
-        &self,
-        state: &State,
-        at: &CameraTerms<N>,
-        planes: &[OnPlane],
-        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
-    ) -> Option<()> {
-        for length in self.lengths() {
-            let Some(plane) = length.plane else {
-                let (residual, nuisance) = self.length(state, at, &state.parameters, length)?;
-                sink(residual, nuisance, Some(length.source));
-                continue;
-            };
-            let (frame, nuisances) = planes[plane].of_level()?;
-            let at = CameraTerms::<N>::new(&frame.parameters, frame.tilt);
-            let (residual, nuisance) = self.length(state, &at, &frame.parameters, length)?;
-            let (mut gradient, jacobian) = frame.carried(&residual.gradient(), Measured::OnPlane, &nuisances);
-            // The log length of its group is in units of the height above the floor.
-            nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
-            sink(N::new(residual.value(), gradient), nuisance.with(&jacobian), Some(length.source));
-        }
-        Some(())
-    }
-
-    /// The residual of one length on the floor of a camera with these parameters, and its derivative by the log
-    /// length of its group.
-    #[inline]
-    fn length<N: NumberOver<E>>(
-        &self,
-        state: &State,
-        at: &CameraTerms<N>,
-        parameters: &Parameters,
-        length: &Length<E>,
-    ) -> Option<(N, NuisanceJacobian)> {
-        let scale = self.sigma_of(length.source).recip();
-        let (log_length, noise) = floor_length(at, &length.ends)?;
-        let noise = with_spread(noise, length.spread * scale);
-        let index = self.nuisances().length(length.group);
-        if let Some(Known { value, sigma: None, .. }) = self.constraints.length_groups[length.group] {
-            let residual = (log_length - in_heights::<N>(value, parameters)) / noise * scale;
-            return Some((residual, NuisanceJacobian::NONE));
-        }
-        let mut expected = N::constant(state.nuisance[index]);
-        if length.plane.is_some() {
-            expected =
-                expected + state.parameters[LOG_HEIGHT] - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT);
-        }
-        let residual = (log_length - expected) / noise * scale;
-        Some((residual, NuisanceJacobian::of(index, -scale / noise.value())))
-    }
-
-    /// The two residuals of every upright.
-    #[inline]
-    fn each_upright<N: NumberOver<E>>(
-        &self,
-        at: &CameraTerms<N>,
-        planes: &[OnPlane],
-        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
-    ) -> Option<()> {
-        let has_tilt = self.constraints.tilt_sigma().is_some();
-        let tilt = self.nuisances().tilt();
-        for upright in self.uprights() {
-            let sigma = self.sigma_of(upright.source);
-            let Some(plane) = upright.plane else {
-                for residual in upright_residuals(at, upright, sigma)? {
-                    let [.., right, ahead] = residual.gradient();
-                    let by_tilt = NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead);
-                    let by_tilt = if has_tilt { by_tilt } else { NuisanceJacobian::NONE };
-                    sink(residual, by_tilt, Some(upright.source));
-                }
-                continue;
-            };
-            let OnPlane { frame, nuisances } = &planes[plane];
-            let frame = frame.as_ref()?;
-            let at = CameraTerms::<N>::new(&frame.along_verticals, frame.tilt);
-            for residual in upright_residuals(&at, upright, sigma)? {
-                let (gradient, jacobian) = frame.carried(&residual.gradient(), Measured::Upright, nuisances);
-                sink(N::new(residual.value(), gradient), jacobian, Some(upright.source));
-            }
-        }
-        Some(())
-    }
-
-    /// `log (length / known) / relative sigma` of every group of lengths that is known about.
-    fn each_length_prior<N: NumberOver<E>>(
-        &self,
-        state: &State,
-        sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
-    ) {
-        for (group, value, relative) in self.lengths_known_about() {
-            let index = self.nuisances().length(group);
-            let residual = N::constant(state.nuisance[index]) - in_heights::<N>(value, &state.parameters);
-            sink(residual * relative.recip(), NuisanceJacobian::of(index, relative.recip()), None);
-        }
-    }
-
-    /// The groups of lengths that have a prior and a segment: index, metres and relative standard deviation.
-    fn lengths_known_about(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
-        let groups = self.constraints.length_groups.iter().enumerate();
-        let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
-        let with_sigma =
-            known.filter_map(|(group, known)| Some((group, known.value, known.sigma? / known.value)));
-        with_sigma.filter(|&(group, ..)| self.lengths().any(|length| length.group == group))
     }
 
     /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
@@ -463,18 +354,6 @@ impl<'a, E: Number> Problem<'a, E> {
         add(weak_log_focal, unknown(LOG_FOCAL));
         add(height, unknown(LOG_HEIGHT).exp());
     }
-}
-
-/// The log of a length in metres in units of the camera height.
-#[inline]
-fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
-    N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)
-}
-
-/// The noise of a log length with the spread of true lengths.
-#[inline]
-fn with_spread<N: Number>(noise: N, spread: f64) -> N {
-    if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }
 }
 
 impl LeastSquares for Problem<'_> {

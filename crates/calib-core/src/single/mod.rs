@@ -5,8 +5,8 @@
 //!
 //! - `annotation` what was drawn, in raw pixels, and the table of kinds; `usual_sizes` things of
 //!   known size; `scene_errors` how far the scene may be
-//!   from it; `constraints` the same, undistorted;
-//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `plumb_line` the distortion from straight edges: residuals, which edges
+//!   from it; `constraints` the same, undistorted, by `drawn_constraints`;
+//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `lens_problem`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
@@ -24,10 +24,12 @@ mod plane_prior;
 mod endpoint;
 mod repeats;
 mod constraints;
+mod drawn_constraints;
 mod straightness;
 mod edge_information;
 mod fitted;
 mod lens_prior;
+mod lens_problem;
 mod plumb_line;
 mod vanishing_point;
 mod orientation;
@@ -39,6 +41,7 @@ mod residual;
 mod plane_frame;
 mod directions;
 mod likelihood;
+mod sizes;
 mod leverage;
 mod prediction;
 mod minima;

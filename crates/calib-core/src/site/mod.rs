@@ -2,7 +2,7 @@
 //!
 //! Law: the only folder that knows names, degrees and the words of files; it states no formula.
 //!
-//! - `document`, `elements`, `scene`, `planes`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
+//! - `document`, `elements`, `scene`, `planes`, `surfaces`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
 //!   entries as the types of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
@@ -17,6 +17,7 @@ mod elements;
 mod scene;
 mod planes;
 mod document;
+mod surfaces;
 mod covariance_entry;
 mod conversions;
 mod efov;

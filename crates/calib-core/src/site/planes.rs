@@ -4,9 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{FloorPoint, Plane};
 use crate::floor::Surface;
-use crate::single::{Known, PlanePrior, SceneErrors};
+use crate::single::{Known, PlanePrior};
 use crate::site::bounded_list;
-use crate::site::document::Site;
 use crate::site::solution::document;
 
 /// A number of a plane: known, or known about.
@@ -148,7 +147,7 @@ impl PlaneEntry {
     }
 
     /// Where it is: as solving found it, or as it is known.
-    fn surface(&self, floor_tilt: f64) -> Surface {
+    pub(crate) fn surface(&self, floor_tilt: f64) -> Surface {
         let region = self.region.clone();
         let Some(PlaneSolution { height_m, slope, covariance: [hh, hx, hy, xx, xy, yy] }) = self.solution
         else {
@@ -166,43 +165,5 @@ impl PlaneSolution {
     pub const fn of(plane: &Plane, covariance: &[[f64; 3]; 3]) -> Self {
         let [[hh, hx, hy], [_, xx, xy], [.., yy]] = *covariance;
         Self { height_m: plane.height, slope: plane.slope, covariance: [hh, hx, hy, xx, xy, yy] }
-    }
-}
-
-impl Site {
-    /// The plane of this id.
-    #[must_use]
-    pub fn plane(&self, id: &str) -> Option<&PlaneEntry> {
-        self.planes.iter().find(|plane| plane.id == id)
-    }
-
-    /// Where the plane of this id is; the floor without one.
-    #[must_use]
-    pub fn plane_or_floor(&self, id: Option<&str>) -> Plane {
-        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(self.usual_fall()).plane)
-    }
-
-    /// The planes in the order of the file; one without a region covers nothing of the plan.
-    #[must_use]
-    pub fn surfaces(&self) -> Vec<Surface> {
-        self.planes.iter().map(|plane| plane.surface(self.usual_fall())).collect()
-    }
-
-    /// What pixels are mapped to besides the floor: [`Self::surfaces`], or none where no plane has a region.
-    #[must_use]
-    pub fn covering_surfaces(&self) -> Vec<Surface> {
-        let covers = self.planes.iter().any(|plane| !plane.region.is_empty());
-        if covers { self.surfaces() } else { Vec::new() }
-    }
-
-    /// What is known of every plane, in the order of the file.
-    #[must_use]
-    pub fn plane_priors(&self) -> Vec<PlanePrior> {
-        self.planes.iter().map(|plane| plane.prior(self.usual_fall())).collect()
-    }
-
-    /// How far a level plane may be off, in radians.
-    fn usual_fall(&self) -> f64 {
-        self.scene.map_or_else(SceneErrors::default, |scene| scene.errors()).floor_tilt
     }
 }

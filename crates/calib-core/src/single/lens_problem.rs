@@ -1,0 +1,203 @@
+//! Some coefficients of a lens, fitted to straight edges, as a least-squares problem: its residuals, what is
+//! believed of lenses, its evidence, and its minimum from several starts.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::camera::{Lens, Pixel};
+use crate::optimize::{LeastSquares, least_squares};
+use crate::single::constraints::Source;
+use crate::single::edge_information::uninformative;
+use crate::single::fitted::Fitted;
+use crate::single::lens_prior::{LensResidual, lens_prior};
+use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
+
+/// The fit of some coefficients to some polylines, as a least-squares problem.
+pub(super) struct LensProblem<'a> {
+    pub(super) edges: Vec<&'a Edge>,
+    /// How often each of them is drawn.
+    pub(super) times: Vec<f64>,
+    pub(super) fitted: Fitted,
+    pub(super) principal_point: Pixel,
+    /// Pixels by which coordinates are divided: the focal that the coefficients refer to.
+    pub(super) unit: f64,
+    /// Width and height of the image, in pixels.
+    pub(super) size: [f64; 2],
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub(super) sigma: f64,
+}
+
+impl LensProblem<'_> {
+    pub(super) fn lens(&self, values: &[f64]) -> Lens {
+        Lens {
+            principal_point: self.principal_point,
+            focal: self.unit,
+            distortion: self.fitted.distortion(values),
+        }
+    }
+
+    /// The cost of every edge by one of its polylines: the sum of its squared residuals.
+    pub(super) fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
+        let lens = self.lens(values);
+        self.edges.iter().map(move |edge| edge_cost(&lens, edge))
+    }
+
+    /// What is believed of the coefficients, in sigmas.
+    fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
+        lens_prior(&self.lens(values), self.size, &self.fitted.indices()[..values.len()])
+    }
+
+    /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
+    /// refitted, so it is eliminated. `None` where the lens folds back on itself before a corner of the image.
+    fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let lens = self.lens(values);
+        let indices = &self.fitted.indices()[..values.len()];
+        if !lens.shows_image(self.size) {
+            return None;
+        }
+        let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
+            .edges
+            .iter()
+            .zip(&self.times)
+            .map(|(edge, times)| {
+                let (mut distances, mut columns) = straightness_with_jacobian(&lens, &edge.points, indices)?;
+                let values = columns.iter_mut().flatten().chain(&mut distances);
+                values.for_each(|value| *value /= times.sqrt());
+                Some((distances, columns))
+            })
+            .collect::<Option<_>>()?;
+        let priors = self.priors(values);
+        let believed = priors.iter().map(|prior| self.sigma * prior.value);
+        let residuals: Vec<f64> =
+            edges.iter().flat_map(|(distances, _)| distances.iter().copied()).chain(believed).collect();
+        let count = residuals.len();
+        let column = |k: usize| {
+            let believed = priors.iter().map(move |prior| self.sigma * prior.by[indices[k]]);
+            edges.iter().flat_map(move |(_, columns)| columns[k].iter().copied()).chain(believed)
+        };
+        let jacobian = DMatrix::from_iterator(count, values.len(), (0..values.len()).flat_map(column));
+        Some((DVector::from_vec(residuals), jacobian))
+    }
+
+    /// Minus twice the log of the evidence for what is fitted, up to what all models have in common.
+    pub(super) fn evidence(&self, values: &[f64]) -> Option<f64> {
+        let per_variance = (self.sigma * self.sigma).recip();
+        let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
+        let determinant = (jacobian.tr_mul(&jacobian) * per_variance).determinant();
+        let of_priors: f64 = self.priors(values).iter().map(|prior| 2.0 * prior.sigma.ln()).sum();
+        Some(residuals.norm_squared() * per_variance + determinant.ln() + of_priors)
+    }
+
+    /// Edges that say next to nothing: of a lens that was fitted those without which the corner would be hardly
+    /// less certain, else those that a distortion would hardly bend.
+    pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
+        /// How much less certain.
+        const HARDLY: f64 = 1.05;
+        let lens = self.lens(values);
+        let hardly_bent = uninformative(&self.edges, &lens, self.size, self.sigma);
+        let Some(corner) = self.corner_variance(values, |_| true).filter(|_| !values.is_empty()) else {
+            return hardly_bent;
+        };
+        let says_nothing = |(source, _): &(Source, f64)| {
+            let without = self.corner_variance(values, |edge| edge.source != *source);
+            without.is_some_and(|variance| variance < HARDLY * HARDLY * corner)
+        };
+        hardly_bent.into_iter().filter(says_nothing).collect()
+    }
+
+    /// Variance of the undistorted corner of the image in square pixels, as far as some edges tell it.
+    fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
+        let [w, h] = self.size;
+        let corner = Pixel::from([w, h]);
+        let used = self.edges.iter().copied().zip(self.times.iter().copied());
+        let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
+        let some = LensProblem { edges, times, fitted: self.fitted.clone(), ..*self };
+        let covariance = some.covariance(values)?;
+        let lens = self.lens(values);
+        let by = lens.undistort_by_coefficients(corner, lens.undistort(corner)?);
+        let jacobian: Vec<[f64; 2]> = self.fitted.indices().iter().map(|&k| by[k].at).collect();
+        let pairs = (0..values.len()).flat_map(|i| (0..values.len()).map(move |j| (i, j)));
+        let along = |(i, j): (usize, usize)| {
+            covariance[(i, j)] * (jacobian[i][0] * jacobian[j][0] + jacobian[i][1] * jacobian[j][1])
+        };
+        Some(self.sigma * self.sigma * pairs.map(along).sum::<f64>())
+    }
+
+    /// Covariance of what is fitted, for points with a standard deviation of one pixel.
+    pub(super) fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
+        let (_, jacobian) = self.residuals_and_jacobian(values)?;
+        jacobian.tr_mul(&jacobian).try_inverse()
+    }
+
+    /// The lowest of the minima reached from several starts, the values of the next smaller model among them.
+    pub(super) fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
+        /// Most accepted steps to a minimum.
+        const MAX_STEPS: usize = 60;
+        /// Steps from every start, after which the candidates are ranked.
+        const FIRST_STEPS: usize = 6;
+        /// Candidates that are refined to a minimum.
+        const MAX_CANDIDATES: usize = 3;
+        /// Candidates whose coefficients are nearer than this are one.
+        const NEAR: f64 = 1e-4;
+        let count = self.fitted.len();
+        let padded = |values: &[f64]| -> Vec<f64> {
+            (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
+        };
+        let starts = STARTS.iter().map(|start| padded(start));
+        let mut candidates: Vec<(Vec<f64>, f64)> = starts
+            .chain([padded(smaller)])
+            .filter_map(|start| {
+                least_squares(self, start, FIRST_STEPS).map(|summary| (summary.state, summary.cost))
+            })
+            .collect();
+        candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
+        candidates.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
+        candidates.truncate(MAX_CANDIDATES);
+        candidates
+            .into_iter()
+            .filter_map(|(start, _)| {
+                least_squares(self, start, MAX_STEPS).map(|summary| (summary.state, summary.cost))
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Normal equations of a fit of a lens.
+pub(crate) struct Normal {
+    square: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl LeastSquares for LensProblem<'_> {
+    type State = Vec<f64>;
+    type Normal = Normal;
+
+    fn linearize(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
+        let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
+        let cost = residuals.norm_squared();
+        let normal = Normal { square: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residuals) };
+        cost.is_finite().then_some((cost, normal))
+    }
+
+    fn step(&self, values: &Vec<f64>, normal: &Normal, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
+        let mut damped = normal.square.clone();
+        for i in 0..values.len() {
+            damped[(i, i)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&(-&normal.gradient));
+        let predicted: f64 = (0..values.len())
+            .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
+            .sum();
+        let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
+        Some((next, predicted, step.amax()))
+    }
+}
+
+/// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
+const STARTS: [[f64; 2]; 7] =
+    [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
+
+/// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be
+/// undistorted.
+fn edge_cost(lens: &Lens, edge: &Edge) -> f64 {
+    straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
+}
