@@ -7,7 +7,9 @@ use std::process::Command;
 
 use arrow::array::{Array as _, AsArray as _, RecordBatch};
 use arrow::datatypes::DataType;
-use calib_core::{BrownConrady, Camera, Covariance, Distortion, Pixel, Site, SiteCamera, WorldPoint};
+use calib_core::{
+    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Pixel, Site, SiteCamera, WorldPoint,
+};
 use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -343,7 +345,9 @@ fn with_planes() -> (Site, Scratch) {
     // A camera that is known as well as exactly.
     let mut known = camera();
     known.covariance.0[Covariance::X][Covariance::X] = 1e-24;
-    let site = Site { cameras: vec![entry("a", &known)], planes, ..Site::new() };
+    let mut entry = entry("a", &known);
+    entry.solution.as_mut().unwrap().covariance = CovarianceEntry::of(&known);
+    let site = Site { cameras: vec![entry], planes, ..Site::new() };
     scratch.write("planes.json", site.to_json());
     (site, scratch)
 }
