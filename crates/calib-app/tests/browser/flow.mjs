@@ -83,7 +83,7 @@ async function calibrate(name, url, keep) {
   await desk.key("1");
   assert.equal(await desk.download(() => desk.page.keyboard.press("Control+s"), site), "site.json");
   const saved = JSON.parse(readFileSync(site, "utf8"));
-  assert(saved.cameras.every((camera) => camera.image.startsWith("data:image/png;base64,")), "self-contained");
+  assert(saved.cameras.every((camera) => /^data:image\/(png|jpeg);base64,/.test(camera.image)), "self-contained");
   const report = JSON.parse(execFileSync(process.env.CALIB, ["solve", site, "--no-refine", "--format", "json"], { maxBuffer: 1 << 28 }));
   const solved = (report.cameras ?? report)[saved.cameras[0].id];
   const keys = ["position_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px", "sigma", "rms_px", "chi2"];
