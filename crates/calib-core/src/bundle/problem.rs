@@ -311,9 +311,14 @@ impl<'a> BundleProblem<'a> {
         let (residual, by, by_z) = distance_residual(distance, &[a, b]);
         let ends = distance.between.map(|landmark| &self.landmarks[landmark].free);
         let by = [of_free(&by[0], ends[0]), of_free(&by[1], ends[1])];
-        let by_planes = [rise_a.map(|rise| rise * by_z), rise_b.map(|rise| -rise * by_z)];
+        let mut by_planes = [rise_a.map(|rise| rise * by_z), rise_b.map(|rise| -rise * by_z)];
+        // A residual has a block once: both ends on one plane are moved by it together.
+        let on_one = grounds[0].1 == grounds[1].1;
+        if on_one {
+            by_planes[0] = std::array::from_fn(|k| by_planes[0][k] + by_planes[1][k]);
+        }
         let plane = |end: usize| {
-            let block = grounds[end].1?;
+            let block = grounds[end].1.filter(|_| end == 0 || !on_one)?;
             Some(JacobianBlock { block, by: &by_planes[end] })
         };
         let own = |end: usize| self.landmark_jacobian(distance.between[end], &by[end]);
