@@ -4,7 +4,7 @@
 //! Jacobian.
 //!
 //! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
-//! - `elementary` sines and roots that are the same on every machine;
+//! - `elementary` sines and roots that are the same on every machine; `simd` loops with its vector instructions;
 //! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
 //! - `covariance` the covariance of a camera; `pinhole` the camera itself;
 //! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
@@ -13,6 +13,7 @@
 
 mod space;
 mod elementary;
+mod simd;
 mod polynomial;
 mod distortion;
 mod lens;
@@ -38,10 +39,11 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
-pub(crate) use distortion::{ByCoefficient, ByCoefficients, Matrix2, times};
+pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};
 pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
 pub(crate) use reprojection::{
     LineDistance, ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection,
 };
+pub(crate) use simd::dispatch;

@@ -1,8 +1,6 @@
 //! What a camera covers: its image, and the polygon of its EFOV on the floor.
 
-use pulp::Arch;
-
-use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint};
+use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint, dispatch};
 use crate::floor::status::Status;
 
 /// What a camera covers: its image, and the polygon of its EFOV on the floor.
@@ -82,7 +80,7 @@ impl Extent<'_> {
         // A point above the camera is seen where the floor is not.
         let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
         let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
             || {
                 let (mut floor_x, mut floor_y) = ([0.0; LANES], [0.0; LANES]);

@@ -1,9 +1,8 @@
 //! Slices of pixels to the floor and back: a camera prepared once, without allocating.
 
-use pulp::Arch;
-
 use crate::camera::{
-    BrownConrady, Camera, Distortion, FloorCovariance, FloorPoint, Pixel, Plane, WorldPoint,
+    BrownInverse, Camera, Distortion, FloorCovariance, FloorPoint, LANES, Lens, Pixel, Plane, WorldPoint,
+    dispatch,
 };
 use crate::floor::extent::Extent;
 use crate::floor::status::Status;
@@ -19,12 +18,9 @@ pub struct FloorProjector {
     floor_from_lens: [[f64; 3]; 3],
     /// Homogeneous lens coordinates from floor coordinates.
     lens_from_floor: [[f64; 3]; 3],
-    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
-    most: f64,
+    /// The lens, where it has no inverse in closed form and is inverted for many points at once.
+    inverse: Option<BrownInverse>,
 }
-
-/// Points that are mapped together, so that the compiler can use vector instructions.
-const LANES: usize = 8;
 
 impl FloorProjector {
     /// Prepares `camera` for the plane at `height` metres.
@@ -49,8 +45,11 @@ impl FloorProjector {
             std::array::from_fn(|j| (y[j] - cv * w[j]) / f),
             w,
         ];
-        let most = camera.lens.distortion.max_radius().powi(2);
-        Self { camera: *camera, plane: *plane, floor_from_lens, lens_from_floor, most }
+        let inverse = match &camera.lens.distortion {
+            Distortion::BrownConrady(brown) => Some(BrownInverse::new(brown, reach(&camera.lens))),
+            _ => None,
+        };
+        Self { camera: *camera, plane: *plane, floor_from_lens, lens_from_floor, inverse }
     }
 
     /// The camera.
@@ -79,10 +78,10 @@ impl FloorProjector {
     /// When the slices are not of one length.
     pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
-        match self.camera.lens.distortion {
-            Distortion::None => self.by_quotient(0.0, [u, v], [x, y]),
-            Distortion::Division { lambda } => self.by_quotient(lambda, [u, v], [x, y]),
-            Distortion::BrownConrady(brown) => {
+        match (self.camera.lens.distortion, &self.inverse) {
+            (Distortion::None, _) => self.by_quotient(0.0, [u, v], [x, y]),
+            (Distortion::Division { lambda }, _) => self.by_quotient(lambda, [u, v], [x, y]),
+            (_, Some(inverse)) => {
                 let (side, h) = (self.side(), self.floor_from_lens);
                 let to_floor = |a: f64, b: f64| {
                     let w = h[2][0] * a + h[2][1] * b + h[2][2];
@@ -92,7 +91,7 @@ impl FloorProjector {
                         (h[1][0] * a + h[1][1] * b + h[1][2]) * scale,
                     )
                 };
-                self.by_newton(&brown, to_floor, [u, v], [x, y]);
+                self.in_step(inverse, to_floor, [u, v], [x, y]);
             }
             // What has no faster way of its own goes pixel by pixel.
             _ => {
@@ -117,7 +116,7 @@ impl FloorProjector {
         let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
         // A pincushion turns back where q is 2.
         let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
             || {
                 for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
@@ -135,42 +134,30 @@ impl FloorProjector {
 
     /// Takes the lens out, and maps what is left, normalised, as `onward` says.
     #[inline(always)]
-    fn by_newton(
+    fn in_step(
         &self,
-        brown: &BrownConrady,
+        lens: &BrownInverse,
         onward: impl Fn(f64, f64) -> (f64, f64),
         [u, v]: [&[f64]; 2],
         [x, y]: [&mut [f64]; 2],
     ) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let inverse = self.camera.lens.focal.recip();
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
-            || {
-                let (us, u_rest) = u.as_chunks::<LANES>();
-                let (vs, v_rest) = v.as_chunks::<LANES>();
-                let (xs, x_rest) = x.as_chunks_mut::<LANES>();
-                let (ys, y_rest) = y.as_chunks_mut::<LANES>();
-                let chunk =
-                    |u: &[f64; LANES], v: &[f64; LANES], x: &mut [f64; LANES], y: &mut [f64; LANES]| {
-                        let mut a: [f64; LANES] = std::array::from_fn(|i| (u[i] - cu) * inverse);
-                        let mut b: [f64; LANES] = std::array::from_fn(|i| (v[i] - cv) * inverse);
-                        undistort_in_step(brown, self.most, &mut a, &mut b);
-                        for i in 0..LANES {
-                            (x[i], y[i]) = onward(a[i], b[i]);
-                        }
-                    };
-                for (((u, v), x), y) in us.iter().zip(vs).zip(xs).zip(ys) {
-                    chunk(u, v, x, y);
+            move || {
+                let pixels = u.chunks(LANES).zip(v.chunks(LANES));
+                for ((u, v), (x, y)) in pixels.zip(x.chunks_mut(LANES).zip(y.chunks_mut(LANES))) {
+                    // What is left over is filled up with the principal point.
+                    let mut a = lanes(u, cu).map(|u| (u - cu) * inverse);
+                    let mut b = lanes(v, cv).map(|v| (v - cv) * inverse);
+                    lens.undistort(&mut a, &mut b);
+                    for i in 0..LANES {
+                        (a[i], b[i]) = onward(a[i], b[i]);
+                    }
+                    store(&a, x);
+                    store(&b, y);
                 }
-                // What is left over is filled up with the principal point.
-                let fill = |rest: &[f64], with: f64| -> [f64; LANES] {
-                    std::array::from_fn(|i| rest.get(i).copied().unwrap_or(with))
-                };
-                let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-                chunk(&fill(u_rest, cu), &fill(v_rest, cv), &mut x, &mut y);
-                x_rest.copy_from_slice(&x[..x_rest.len()]);
-                y_rest.copy_from_slice(&y[..y_rest.len()]);
             },
         );
     }
@@ -185,13 +172,13 @@ impl FloorProjector {
         assert!(u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(), "slices of one length");
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.lens.focal;
-        match self.camera.lens.distortion {
-            Distortion::None => {
+        match (self.camera.lens.distortion, &self.inverse) {
+            (Distortion::None, _) => {
                 to_u.copy_from_slice(u);
                 to_v.copy_from_slice(v);
             }
-            Distortion::BrownConrady(brown) => {
-                self.by_newton(&brown, |a, b| (cu + f * a, cv + f * b), [u, v], [to_u, to_v]);
+            (_, Some(inverse)) => {
+                self.in_step(inverse, |a, b| (cu + f * a, cv + f * b), [u, v], [to_u, to_v]);
             }
             _ => {
                 for i in 0..u.len() {
@@ -277,53 +264,26 @@ impl FloorProjector {
     }
 }
 
-/// Undistorts [`LANES`] points at once by Newton's method until the last one has converged; one that has
-/// is not changed again, so that no result depends on the other points.
-///
-/// Those that do not converge to a point inside the lens are solved one by one, or become NaN.
+/// As many values as there are, and a filling.
 #[inline(always)]
-fn undistort_in_step(brown: &BrownConrady, most: f64, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
-    /// In focal-normalised coordinates, squared: Newton's next step is its square.
-    const TOLERANCE: f64 = 1e-14;
-    const ROUNDS: usize = 12;
-    let (bent_x, bent_y) = (*x, *y);
-    let mut step = [f64::INFINITY; LANES];
-    // Two terms of the series of the inverse: right to 1e-3 at the corner of a usual lens.
-    for i in 0..LANES {
-        let square = bent_x[i] * bent_x[i] + bent_y[i] * bent_y[i];
-        let radial = 1.0 + square * (-brown.k1 + square * (3.0 * brown.k1 * brown.k1 - brown.k2));
-        x[i] = bent_x[i] * radial;
-        y[i] = bent_y[i] * radial;
+fn lanes(values: &[f64], filling: f64) -> [f64; LANES] {
+    let filled = || std::array::from_fn(|i| values.get(i).copied().unwrap_or(filling));
+    values.first_chunk().copied().unwrap_or_else(filled)
+}
+
+#[inline(always)]
+fn store(values: &[f64; LANES], to: &mut [f64]) {
+    match to.first_chunk_mut() {
+        Some(all) => *all = *values,
+        None => to.copy_from_slice(&values[..to.len()]),
     }
-    for _ in 0..ROUNDS {
-        for i in 0..LANES {
-            let point = [x[i], y[i]];
-            let bent = brown.distort_anywhere(point);
-            let [a, b, d] = brown.jacobian(point);
-            let scale = (a * d - b * b).recip();
-            let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
-            let (dx, dy) = ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale);
-            let rests = step[i] < TOLERANCE;
-            x[i] -= if rests { 0.0 } else { dx };
-            y[i] -= if rests { 0.0 } else { dy };
-            step[i] = if rests { step[i] } else { dx * dx + dy * dy };
-        }
-        // The step just taken leaves an error of its square: 1e-14 becomes 1e-28 at the worst.
-        // NaN counts as converged here and is looked at below.
-        if step.iter().fold(0.0_f64, |worst, &s| worst.max(s)) < TOLERANCE {
-            break;
-        }
-    }
-    let is_solved = |i: usize, x: f64, y: f64| step[i] < TOLERANCE && x * x + y * y <= most * (1.0 - 1e-6);
-    if (0..LANES).all(|i| is_solved(i, x[i], y[i])) {
-        return;
-    }
-    for i in 0..LANES {
-        if !is_solved(i, x[i], y[i]) {
-            let solved = Distortion::BrownConrady(*brown).undistort([bent_x[i], bent_y[i]]);
-            [x[i], y[i]] = solved.unwrap_or([f64::NAN; 2]);
-        }
-    }
+}
+
+/// How far from the principal point an image reaches, in focals, if that is near its centre: what a point takes to be
+/// mapped depends on it, and nothing else.
+fn reach(lens: &Lens) -> f64 {
+    let Pixel { u, v } = lens.principal_point;
+    (1.2 * u.hypot(v) / lens.focal).clamp(0.3, 3.0)
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and
 //! applied to any number of images of that camera.
 
-use pulp::Arch;
+use wide::{i16x8, u8x16, u16x8};
 
-use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel};
+use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel, dispatch};
 
 /// Which part of the undistorted plane the new image shows. The size of the image stays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,7 +105,7 @@ impl Undistortion {
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
         for (y, out) in out.chunks_exact_mut(self.width * 3).enumerate() {
             self.map_row(y, [&mut u, &mut v], &mut row.index, &mut row.fraction);
-            apply_rows(raw, self.width * 3, &row.index, &row.fraction, out);
+            apply_rows::<3>(raw, self.width * 3, &row.index, &row.fraction, out);
         }
         true
     }
@@ -158,68 +158,60 @@ impl Remap {
         if raw.len() != self.rows.index.len() * 3 || out.len() != raw.len() {
             return false;
         }
-        apply_rows(raw, self.width * 3, &self.rows.index, &self.rows.fraction, out);
+        apply_rows::<3>(raw, self.width * 3, &self.rows.index, &self.rows.fraction, out);
         true
     }
 }
 
-/// Fills pixels of the new image, as many as there are in the map.
-fn apply_rows(raw: &[u8], stride: usize, index: &[u32], fraction: &[u16], out: &mut [u8]) {
-    let shown = |index: u32, fraction: u16| {
-        if index == BLANK { 0 } else { bilinear(raw, index as usize, stride, fraction) }
+/// Fills pixels of the new image, as many as there are in the map; `C` bytes each.
+fn apply_rows<const C: usize>(raw: &[u8], stride: usize, index: &[u32], fraction: &[u16], out: &mut [u8]) {
+    dispatch(
+        #[inline(always)]
+        || {
+            for ((&index, &fraction), pixel) in index.iter().zip(fraction).zip(out.as_chunks_mut::<C>().0) {
+                *pixel = if index == BLANK {
+                    [0; C]
+                } else {
+                    let at = index as usize * C;
+                    bilinear(pair(raw, at), pair(raw, at + stride), fraction)
+                };
+            }
+        },
+    );
+}
+
+/// Weighted mean of four pixels: two beside each other, and the two below them. First the rows are mixed, to 11
+/// bits, then the columns.
+#[inline(always)]
+fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C] {
+    let (fx, fy) = (u16x8::splat(fraction & 0xFF), u16x8::splat(fraction >> 8));
+    // 32 a + (b - a) f: where the difference is negative, the sum wraps back.
+    let mix = |a: u16x8, b: u16x8, f: u16x8| -> u16x8 { (a << STEP_BITS) + (b - a) * f };
+    let rows: u16x8 = (mix(top, bottom, fy) + u16x8::splat(2)) >> 2;
+    let lanes = rows.to_array();
+    let right = std::array::from_fn(|i| lanes.get(i + C).copied().unwrap_or_default());
+    let mixed: u16x8 = (mix(rows, u16x8::new(right), fx) + u16x8::splat(0x80)) >> 8;
+    let mixed = i16x8::new(mixed.to_array().map(|colour| colour as i16));
+    let bytes = u8x16::narrow_i16x8(mixed, mixed).to_array();
+    std::array::from_fn(|i| bytes[i])
+}
+
+/// Two neighbouring pixels, and what follows them.
+#[inline(always)]
+fn pair(raw: &[u8], at: usize) -> u16x8 {
+    let bytes: [u8; 8] = match raw.get(at..at + 8) {
+        Some(bytes) => std::array::from_fn(|i| bytes[i]),
+        None => last_pair(raw, at),
     };
-    // Four pixels fill three words.
-    let (indices, index_rest) = index.as_chunks::<4>();
-    let (fractions, fraction_rest) = fraction.as_chunks::<4>();
-    let (pixels, pixel_rest) = out.as_chunks_mut::<12>();
-    for ((index, fraction), pixel) in indices.iter().zip(fractions).zip(pixels) {
-        let [a, b, c, d]: [u32; 4] = std::array::from_fn(|i| shown(index[i], fraction[i]));
-        let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
-        for (bytes, word) in pixel.as_chunks_mut::<4>().0.iter_mut().zip(words) {
-            *bytes = word.to_le_bytes();
-        }
-    }
-    let rest = index_rest.iter().zip(fraction_rest).zip(pixel_rest.as_chunks_mut::<3>().0);
-    for ((&index, &fraction), pixel) in rest {
-        let [red, green, blue, _] = shown(index, fraction).to_le_bytes();
-        *pixel = [red, green, blue];
-    }
+    let word = u128::from(u64::from_le_bytes(bytes));
+    u16x8::from_u8x16_low(u8x16::new(word.to_le_bytes()))
 }
 
-/// Weighted mean of the four pixels at `at` (in bytes), to its right and below; red in the low byte.
-///
-/// Colours lie in 16-bit lanes of two words, even and odd bytes: `r g b R G B` (the right pixel in
-/// capitals) is `r b G` and `g R B`. First the rows are mixed, to 11 bits, then the columns.
-#[inline(always)]
-fn bilinear(raw: &[u8], at: usize, stride: usize, fraction: u16) -> u32 {
-    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
-    const ROUND: u64 = 0x0002_0002_0002_0002;
-    const ELEVEN_BITS: u64 = 0x07FF_07FF_07FF_07FF;
-    let (top, bottom) = (pair(raw, at), pair(raw, at + stride));
-    let (fx, fy) = (u64::from(fraction & 0xFF), u64::from(fraction >> 8));
-    // 32 a + (b - a) f, in all lanes at once: what lanes borrow from each other they give back.
-    let mix = |a: u64, b: u64, f: u64| (a << STEP_BITS).wrapping_add(b.wrapping_sub(a).wrapping_mul(f));
-    let rows = |top: u64, bottom: u64| (mix(top & EVEN, bottom & EVEN, fy) + ROUND) >> 2 & ELEVEN_BITS;
-    let (even, odd) = (rows(top, bottom), rows(top >> 8, bottom >> 8));
-    let red_and_blue = mix(even & 0x07FF_07FF, odd >> 16, fx).wrapping_add(0x0080_0080);
-    let green = mix(odd & 0x7FF, even >> 32 & 0x7FF, fx).wrapping_add(0x80);
-    (red_and_blue >> 8) as u32 & 0x00FF_00FF | green as u32 & 0xFF00
-}
-
-/// Two neighbouring pixels as the low six bytes of a word.
-#[inline(always)]
-fn pair(raw: &[u8], at: usize) -> u64 {
-    if let Some(Ok(bytes)) = raw.get(at..at + 8).map(<[u8; 8]>::try_from) {
-        return u64::from_le_bytes(bytes);
-    }
-    last_pair(raw, at)
-}
-
-/// As [`pair`] at the very end of the image: the last two bytes of the word lie beyond it.
+/// As [`pair`] at the very end of the image: what follows lies beyond it.
 #[cold]
 #[inline(never)]
-fn last_pair(raw: &[u8], at: usize) -> u64 {
-    raw.get(at..at + 6).unwrap_or_default().iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte))
+fn last_pair(raw: &[u8], at: usize) -> [u8; 8] {
+    std::array::from_fn(|i| raw.get(at + i).copied().unwrap_or_default())
 }
 
 /// Raw pixels of a row of normalised points `(first + i step, y)`; NaN beyond the lens.
@@ -234,9 +226,9 @@ fn brown_row(
     let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(|k| k as f32);
     let (first, step, y, most) = (first as f32, step as f32, y as f32, most as f32);
     let [focal, cu, cv] = to_pixels.map(|value| value as f32);
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
-        || {
+        move || {
             for (column, (u, v)) in u.iter_mut().zip(v).enumerate() {
                 let x = first + step * column as i32 as f32;
                 let square = x * x + y * y;
@@ -256,9 +248,9 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
     let (last_x, last_y) = (width as i32 - 1, height as i32 - 1);
     let (most_x, most_y) = ((last_x * 32) as f32, (last_y * 32) as f32);
     let width = width as u32;
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
-        || {
+        move || {
             for (((index, fraction), &u), &v) in index.iter_mut().zip(fraction).zip(u).zip(v) {
                 // Half a pixel beyond the outer centres still shows the edge's colour.
                 let (x, y) = ((u - 0.5) * STEPS, (v - 0.5) * STEPS);
@@ -266,7 +258,7 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
                 let (x, y) = (rounded(x, most_x), rounded(y, most_y));
                 // The last column and row are shown from the pixel before with full weight.
                 let (column, line) = ((x >> STEP_BITS).min(last_x - 1), (y >> STEP_BITS).min(last_y - 1));
-                let packed = (line as u32 * width + column as u32) * 3;
+                let packed = line as u32 * width + column as u32;
                 *index = if inside { packed } else { BLANK };
                 *fraction = ((x - (column << STEP_BITS)) | (y - (line << STEP_BITS)) << 8) as u16;
             }

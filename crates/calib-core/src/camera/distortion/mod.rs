@@ -6,6 +6,7 @@
 
 mod model;
 mod brown_conrady;
+mod brown_inverse;
 mod division;
 mod kannala_brandt;
 
@@ -15,6 +16,7 @@ use crate::camera::distortion::model::Model;
 
 pub use brown_conrady::BrownConrady;
 
+pub(crate) use brown_inverse::{BrownInverse, LANES};
 pub(crate) use model::{ByCoefficient, ByCoefficients, Matrix2, times};
 
 /// Distortion of coordinates divided by the focal, in the terms of OpenCV.
