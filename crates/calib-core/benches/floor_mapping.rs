@@ -4,7 +4,10 @@ mod measure;
 
 use std::hint::black_box;
 
-use calib_core::{BrownConrady, Camera, Covariance, Distortion, FloorProjector, Lens, Pixel, WorldPoint};
+use calib_core::{
+    BrownConrady, Camera, CameraView, Covariance, Distortion, FloorCovariance, FloorProjector, Lens, Pixel,
+    WorldPoint,
+};
 use measure::{median, report};
 use rand::{Rng as _, SeedableRng as _};
 
@@ -34,10 +37,44 @@ fn pixels_to_floor(distortion: Distortion) -> f64 {
     1e9 * all / COUNT as f64
 }
 
+/// Nanoseconds a point of space.
+fn points_to_pixels(distortion: Distortion) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+    let mut values = |range: std::ops::Range<f64>| -> Vec<f64> {
+        (0..COUNT).map(|_| random.random_range(range.clone())).collect()
+    };
+    let [x, y, z] = [values(-3.0..3.0), values(4.0..12.0), values(0.0..2.0)];
+    let (mut u, mut v, mut status) = (vec![0.0; COUNT], vec![0.0; COUNT], vec![0; COUNT]);
+    let view = CameraView::new(&camera(distortion), [1920.0, 1080.0], Vec::new());
+    let points = [&x[..], &y, &z];
+    let all = median(9, || view.to_pixels(black_box(points), [&mut u, &mut v], &mut status));
+    1e9 * all / COUNT as f64
+}
+
+/// Nanoseconds a pixel: how sure its point of the floor is, with the lens and all of the camera uncertain.
+fn floor_covariances(distortion: Distortion) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+    let count = COUNT / 10;
+    let u: Vec<f64> = (0..count).map(|_| random.random_range(0.0..1920.0)).collect();
+    let v: Vec<f64> = (0..count).map(|_| random.random_range(400.0..1080.0)).collect();
+    let mut camera = camera(distortion);
+    for i in 0..Covariance::SIZE {
+        camera.covariance.0[i][i] = 1e-4;
+    }
+    let mut of = vec![FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }; count];
+    let projector = FloorProjector::new(&camera, 0.0);
+    let all = median(9, || projector.floor_covariances(black_box(&u), black_box(&v), 1.0, &mut of));
+    1e9 * all / count as f64
+}
+
 fn main() {
     let bent = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
     report(&[
         ("pixel_to_floor_ns", &|| pixels_to_floor(Distortion::None)),
+        ("world_to_pixel_ns", &|| points_to_pixels(Distortion::None)),
+        ("distorted_world_to_pixel_ns", &|| points_to_pixels(Distortion::BrownConrady(bent))),
+        ("floor_covariance_ns", &|| floor_covariances(Distortion::None)),
+        ("distorted_floor_covariance_ns", &|| floor_covariances(Distortion::BrownConrady(bent))),
         ("distorted_pixel_to_floor_ns", &|| pixels_to_floor(Distortion::BrownConrady(bent))),
     ]);
 }

@@ -138,8 +138,8 @@ pub use camera::{
 };
 pub use floor::{
     BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT,
-    PixelOrigin, Placement, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError, StreamFit,
-    StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
+    PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError,
+    StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
     efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
     position_ellipse, prism, vertical, with_placement_covariance,
 };

@@ -40,9 +40,9 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};
-pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
+pub(crate) use pinhole::{NEAREST, dot};
 pub(crate) use reprojection::{
     LineDistance, ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection,
 };

@@ -37,7 +37,7 @@ pub struct Ray {
 }
 
 /// Points nearer to the camera's plane than this share of a metre are not in front of it.
-const NEAREST: f64 = 1e-9;
+pub(crate) const NEAREST: f64 = 1e-9;
 
 /// Rows right, down, forward of a camera in world axes: turns world vectors into camera vectors
 /// (x right, y down, z forward, as OpenCV has them).

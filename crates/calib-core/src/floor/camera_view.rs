@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Pixel, WorldPoint};
 use crate::floor::extent::Extent;
+use crate::floor::point_projector::PointProjector;
 use crate::floor::projector::FloorProjector;
 use crate::floor::status::Status;
 use crate::floor::stream::{Stream, StreamError, StreamMap};
@@ -201,17 +202,22 @@ impl CameraView {
     pub fn to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2], status: &mut [u8]) {
         assert!(x.len() == y.len() && x.len() == z.len() && x.len() == status.len(), "columns of one length");
         assert!(x.len() == u.len() && x.len() == v.len(), "columns of one length");
-        let extent = self.extent();
-        for i in 0..x.len() {
-            let (pixel, found) = extent.to_pixel(self.camera(), WorldPoint { x: x[i], y: y[i], z: z[i] });
-            (u[i], v[i]) = self.in_stream(pixel.map(<[f64; 2]>::from));
-            status[i] = found as u8;
+        let (projector, extent) = (PointProjector::new(self.camera()), self.extent());
+        for first in (0..x.len()).step_by(CHUNK) {
+            let range = first..x.len().min(first + CHUNK);
+            let (u, v, status) = (&mut u[range.clone()], &mut v[range.clone()], &mut status[range.clone()]);
+            projector.points_to_pixels([x, y, z].map(|values| &values[range.clone()]), [&mut *u, &mut *v]);
+            for (i, ((u, v), status)) in u.iter_mut().zip(v).zip(status).enumerate() {
+                let pixel = Pixel { u: *u, v: *v };
+                *status = if pixel.is_finite() {
+                    extent.status_of_pixel(pixel)
+                } else {
+                    let at = first + i;
+                    extent.to_pixel(self.camera(), WorldPoint { x: x[at], y: y[at], z: z[at] }).1
+                } as u8;
+                (*u, *v) = (self.map.in_stream(0, *u), self.map.in_stream(1, *v));
+            }
         }
-    }
-
-    fn in_stream(&self, pixel: Option<[f64; 2]>) -> (f64, f64) {
-        let Some([u, v]) = pixel else { return (f64::NAN, f64::NAN) };
-        (self.map.in_stream(0, u), self.map.in_stream(1, v))
     }
 
     /// Unit vectors from the camera, in the axes of the site, that pixels show.

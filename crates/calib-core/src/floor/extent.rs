@@ -48,9 +48,14 @@ impl Extent<'_> {
         let Some(straight) = camera.world_to_undistorted(point) else { return (None, Status::BehindCamera) };
         match camera.distort(straight) {
             None => (None, Status::OutsideLens),
-            Some(pixel) if self.shows(pixel) => (Some(pixel), Status::Ok),
-            Some(pixel) => (Some(pixel), Status::OutsideImage),
+            Some(pixel) => (Some(pixel), self.status_of_pixel(pixel)),
         }
+    }
+
+    /// What becomes of a point that is shown at a pixel.
+    #[inline]
+    pub(crate) fn status_of_pixel(&self, pixel: Pixel) -> Status {
+        if self.shows(pixel) { Status::Ok } else { Status::OutsideImage }
     }
 
     /// Flips `inside` at every edge of the EFOV that lies to the right of a point.

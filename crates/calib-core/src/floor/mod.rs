@@ -4,7 +4,8 @@
 //!
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
-//! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each;
+//! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
+//!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
 //! - `remap` undistorted images.
@@ -17,6 +18,7 @@ mod status;
 mod extent;
 mod surfaces;
 mod projector;
+mod point_projector;
 mod surface_projector;
 mod stream;
 mod detection_box;
@@ -28,6 +30,7 @@ pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
 pub use placement::{Placement, STAGE_1_HEIGHT};
+pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};

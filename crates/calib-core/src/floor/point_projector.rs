@@ -1,0 +1,128 @@
+//! Slices of points of space to pixels: a camera prepared once, without allocating.
+
+use crate::camera::{
+    BrownConrady, Camera, Distortion, NEAREST, Pixel, UndistortedPixel, WorldPoint, dispatch,
+};
+
+/// A camera prepared for mapping many points of space to pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointProjector {
+    camera: Camera,
+    /// Rows right, down, forward; the first two over the focal of the lens, times that of the camera.
+    axes: [[f64; 3]; 3],
+    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    most: f64,
+}
+
+impl PointProjector {
+    /// Prepares a camera.
+    #[must_use]
+    pub fn new(camera: &Camera) -> Self {
+        let ([right, down, forward], ratio) = (camera.rotation(), camera.focal / camera.lens.focal);
+        let axes = [right.map(|axis| ratio * axis), down.map(|axis| ratio * axis), forward];
+        Self { camera: *camera, axes, most: camera.lens.distortion.max_radius().powi(2) }
+    }
+
+    /// Maps points of space, in metres, to raw pixels `(u, v)`: [`Camera::world_to_pixel`].
+    ///
+    /// A point behind the camera or outside the lens becomes NaN.
+    ///
+    /// # Panics
+    /// When the slices are not of one length.
+    pub fn points_to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2]) {
+        let of_one_length = [x.len(), y.len(), z.len(), v.len()].iter().all(|&length| length == u.len());
+        assert!(of_one_length, "slices of one length");
+        match self.camera.lens.distortion {
+            Distortion::None => self.by_formula(None, [x, y, z], [u, v]),
+            Distortion::BrownConrady(brown) => self.by_formula(Some(&brown), [x, y, z], [u, v]),
+            // What has no faster way of its own goes point by point.
+            _ => {
+                for i in 0..u.len() {
+                    let shown = self.world_to_pixel(WorldPoint { x: x[i], y: y[i], z: z[i] });
+                    (u[i], v[i]) = shown.map_or((f64::NAN, f64::NAN), |pixel| (pixel.u, pixel.v));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn by_formula(&self, brown: Option<&BrownConrady>, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2]) {
+        let (eye, axes, most) = (self.camera.position, self.axes, self.most);
+        let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        let (brown, straight) = (brown.copied().unwrap_or_default(), brown.is_none());
+        dispatch(
+            #[inline(always)]
+            move || {
+                let pixels = u.iter_mut().zip(v);
+                for (((u, v), &x), (&y, &z)) in pixels.zip(x).zip(y.iter().zip(z)) {
+                    let (x, y, z) = (x - eye.x, y - eye.y, z - eye.z);
+                    let along = |axis: [f64; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
+                    let [right, down, depth] = axes.map(along);
+                    let scale = if depth > NEAREST { depth.recip() } else { f64::NAN };
+                    let (a, b) = (right * scale, down * scale);
+                    let shown = a * a + b * b <= most;
+                    let bent = if straight { [a, b] } else { brown.distort_anywhere([a, b]) };
+                    *u = if shown { cu + f * bent[0] } else { f64::NAN };
+                    *v = if shown { cv + f * bent[1] } else { f64::NAN };
+                }
+            },
+        );
+    }
+
+    /// One point.
+    fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
+        let from_eye = [
+            point.x - self.camera.position.x,
+            point.y - self.camera.position.y,
+            point.z - self.camera.position.z,
+        ];
+        let [x, y, z] =
+            self.axes.map(|axis| axis[0] * from_eye[0] + axis[1] * from_eye[1] + axis[2] * from_eye[2]);
+        let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        let straight = UndistortedPixel { u: cu + f * x / z, v: cv + f * y / z };
+        if z > NEAREST { self.camera.lens.distort(straight) } else { None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Lens, any_camera, any_distortion};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_slice_maps_as_its_points_do(
+            camera in any_camera(), other in any_distortion(), is_other: bool,
+            at in proptest::collection::vec((-40.0..40.0_f64, -40.0..40.0_f64, -3.0..9.0_f64), 1..40),
+        ) {
+            let lens = Lens { distortion: if is_other { other } else { camera.lens.distortion }, ..camera.lens };
+            let camera = Camera { lens, ..camera };
+            let [x, y, z]: [Vec<f64>; 3] =
+                [0, 1, 2].map(|k| at.iter().map(|&(x, y, z)| [x, y, z][k]).collect());
+            let (mut u, mut v) = (vec![0.0; at.len()], vec![0.0; at.len()]);
+            PointProjector::new(&camera).points_to_pixels([&x, &y, &z], [&mut u, &mut v]);
+            for i in 0..at.len() {
+                let point = WorldPoint { x: x[i], y: y[i], z: z[i] };
+                // At the rim of the lens, and beside the camera, a rounding decides.
+                let depth = camera.in_camera(point)[2];
+                match camera.world_to_pixel(point) {
+                    Some(pixel) if depth > 1e-3 => {
+                        let off = (pixel.u - u[i]).hypot(pixel.v - v[i]);
+                        let rim = camera.world_to_undistorted(point).is_some_and(|s| {
+                            let straight = (s.u - lens.principal_point.u).hypot(s.v - lens.principal_point.v);
+                            straight > (1.0 - 1e-9) * lens.focal * lens.distortion.max_radius()
+                        });
+                        prop_assert!(rim || off < 1e-9 * (1.0 + pixel.u.hypot(pixel.v)), "{pixel:?} {} {}", u[i], v[i]);
+                    }
+                    Some(_) => {}
+                    None => prop_assert!(u[i].is_nan() == v[i].is_nan()),
+                }
+            }
+            let mut alone = ([0.0], [0.0]);
+            let first = [&x[..1], &y[..1], &z[..1]];
+            PointProjector::new(&camera).points_to_pixels(first, [&mut alone.0, &mut alone.1]);
+            prop_assert_eq!(alone.0[0].to_bits(), u[0].to_bits());
+        }
+    }
+}
