@@ -35,6 +35,8 @@ fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
         ("calib-cli", "crates/calib-cli/THIRD-PARTY.txt"),
         ("calib-app", "crates/calib-app/assets/THIRD-PARTY.txt"),
         ("calib-js", "crates/calib-js/THIRD-PARTY.txt"),
+        ("calib-py", "crates/calib-py/THIRD-PARTY.txt"),
+        ("calib-c", "crates/calib-c/THIRD-PARTY.txt"),
     ] {
         let notices = std::fs::read_to_string(root().join(path)).unwrap();
         let missing = missing(package, &notices);
@@ -47,4 +49,13 @@ fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
 fn calib_licenses_prints_them() {
     let told = Scratch::new().calib(&["licenses"]).expect_code(0).stdout;
     assert!(told.contains("MIT or Apache-2.0") && told.contains("\n  resvg "), "{}", &told[..200]);
+}
+
+#[test]
+fn the_wheel_carries_the_licences_of_the_project() {
+    for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
+        let [own, wheels] =
+            ["", "crates/calib-py/"].map(|folder| std::fs::read_to_string(root().join(folder).join(licence)).unwrap());
+        assert_eq!(own, wheels, "{licence}");
+    }
 }

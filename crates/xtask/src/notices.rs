@@ -9,10 +9,12 @@ use crate::tools;
 use crate::workspace::root;
 
 /// A program's crate, and where its notices are.
-const PROGRAMS: [(&str, &str); 3] = [
+const PROGRAMS: [(&str, &str); 5] = [
     ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY.txt"),
     ("crates/calib-cli/Cargo.toml", "crates/calib-cli/THIRD-PARTY.txt"),
     ("crates/calib-js/Cargo.toml", "crates/calib-js/THIRD-PARTY.txt"),
+    ("crates/calib-py/Cargo.toml", "crates/calib-py/THIRD-PARTY.txt"),
+    ("crates/calib-c/Cargo.toml", "crates/calib-c/THIRD-PARTY.txt"),
 ];
 
 const ABOUT: tools::Tool = tools::Tool {

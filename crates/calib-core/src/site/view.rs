@@ -14,6 +14,8 @@ pub enum NoView {
     Camera(NoCamera),
     /// It is not calibrated, or could not be, and why.
     Uncalibrated(Option<FailureEntry>),
+    /// Its lens is known, and nothing else.
+    LensOnly,
     /// The stream does not go with its still.
     Stream(StreamError),
 }
@@ -24,6 +26,9 @@ impl fmt::Display for NoView {
             Self::Camera(why) => why.fmt(f),
             Self::Uncalibrated(None) => f.write_str("is not calibrated: solve the site first"),
             Self::Uncalibrated(Some(why)) => write!(f, "could not be calibrated: {why}"),
+            Self::LensOnly => f.write_str(
+                "is calibrated as far as its lens: draw lines that tell its focal and its lean, and solve the site again",
+            ),
             Self::Stream(why) => why.fmt(f),
         }
     }
@@ -46,7 +51,10 @@ impl Site {
     /// # Errors
     /// When it is not calibrated.
     pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, NoView> {
-        let camera = entry.camera().ok_or_else(|| NoView::Uncalibrated(entry.error.clone()))?;
+        let camera = entry.camera().ok_or_else(|| match (&entry.error, &entry.solution) {
+            (None, Some(_)) => NoView::LensOnly,
+            (error, _) => NoView::Uncalibrated(error.clone()),
+        })?;
         let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
         Ok(view.with_surfaces(self.covering_surfaces()))
     }
