@@ -54,8 +54,8 @@ fn calib_licenses_prints_them() {
 #[test]
 fn the_wheel_carries_the_licences_of_the_project() {
     for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
-        let [own, wheels] =
-            ["", "crates/calib-py/"].map(|folder| std::fs::read_to_string(root().join(folder).join(licence)).unwrap());
+        let [own, wheels] = ["", "crates/calib-py/"]
+            .map(|folder| std::fs::read_to_string(root().join(folder).join(licence)).unwrap());
         assert_eq!(own, wheels, "{licence}");
     }
 }

@@ -1,7 +1,7 @@
 //! Images without the bend of their lens.
 
 use calib_core::{Crop, Remap};
-use numpy::{PyArray3, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
+use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
 use crate::array;
@@ -59,7 +59,8 @@ impl Undistorter {
     /// Takes the bend out of an image.
     ///
     /// Args:
-    ///     image: uint8 array of the shape (height, width, 3), of the calibrated size; in any order of colours.
+    ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), of the
+    ///         calibrated size; in any order of colours.
     ///     out: array of the same kind to write to, in place of a new one.
     ///
     /// Returns:
@@ -72,10 +73,10 @@ impl Undistorter {
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let image = self.image(image)?;
-        let shape = [self.size.1, self.size.0, 3];
+        let shape = image.shape();
         let straight = match out {
-            Some(out) => array::output::<u8>(out, &shape, "uint8")?,
-            None => array::zeros::<u8>(py, &shape),
+            Some(out) => array::output::<u8>(out, shape, "uint8")?,
+            None => array::zeros::<u8>(py, shape),
         };
         {
             let raw = image.try_readonly().map_err(|why| self.refused(py, why))?;
@@ -93,26 +94,23 @@ impl Undistorter {
     }
 
     /// The image row by row.
-    fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let py = image.py();
         let (width, height) = self.size;
-        let Ok(given) = image.cast::<PyArray3<u8>>() else {
-            let expected = format!("expected a uint8 array of the shape ({height}, {width}, 3)");
-            return Err(self.refused(py, expected));
-        };
-        if given.shape() != [height, width, 3] {
-            let found = given.shape();
-            return Err(self.refused(
-                py,
-                format_args!(
-                    "found the shape {found:?}, expected ({height}, {width}, 3): the size that was calibrated"
-                ),
-            ));
+        let expected =
+            format!("expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4)");
+        let Ok(given) = image.cast::<PyArrayDyn<u8>>() else { return Err(self.refused(py, expected)) };
+        match *given.shape() {
+            [h, w] | [h, w, 1 | 3 | 4] if [h, w] == [height, width] => {}
+            ref found => {
+                let why = format_args!("found the shape {found:?}, {expected}: the size that was calibrated");
+                return Err(self.refused(py, why));
+            }
         }
         if given.is_c_contiguous() {
             return Ok(given.clone());
         }
         let plain = py.import("numpy")?.call_method1("ascontiguousarray", (given,))?;
-        Ok(plain.cast_into::<PyArray3<u8>>()?)
+        Ok(plain.cast_into::<PyArrayDyn<u8>>()?)
     }
 }

@@ -117,8 +117,11 @@ def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:
     assert straight(image, out) is out and np.array_equal(out, straight(image[::1]))
     assert np.array_equal(straight(np.asfortranarray(image)), out) and (out.sum(axis=2) > 0).mean() > 0.99
     assert straight.size == (1920, 1080) and straight.focal > camera.undistorter("all-pixels").focal
-    for wrong in [image[:540], image[..., 0], image.astype("f4"), "image"]:
-        with pytest.raises(calib.CalibError, match="1080, 1920, 3"):
+    assert np.array_equal(straight(image[..., 1]), out[..., 1])
+    clear = np.concatenate([image, np.full((1080, 1920, 1), 255, dtype="u1")], axis=2)
+    assert np.array_equal(straight(clear)[..., :3], out)
+    for wrong in [image[:540], image[..., :2], image.astype("f4"), "image"]:
+        with pytest.raises(calib.CalibError, match="1080, 1920, 3 or 4"):
             straight(wrong)  # type: ignore[arg-type]
 
 

@@ -42,7 +42,7 @@ pub struct Remap {
     rows: MapRows,
 }
 
-/// For every pixel of the new image the byte index of the raw pixel up and left of the point it
+/// For every pixel of the new image the index of the raw pixel up and left of the point it
 /// shows, and the weights in x and y.
 #[derive(Clone, Debug, PartialEq)]
 struct MapRows {
@@ -54,6 +54,32 @@ struct MapRows {
 impl MapRows {
     fn new(pixels: usize) -> Self {
         Self { index: vec![0; pixels], fraction: vec![0; pixels] }
+    }
+}
+
+/// How many bytes a pixel has.
+#[derive(Clone, Copy, Debug)]
+enum Channels {
+    Grey = 1,
+    Rgb = 3,
+    Rgba = 4,
+}
+
+impl Channels {
+    /// Those of an image of so many pixels, and of what it becomes.
+    fn of(raw: &[u8], out: &[u8], pixels: usize) -> Option<Self> {
+        let is = |channels: &Self| raw.len() == pixels * *channels as usize && out.len() == raw.len();
+        [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(is)
+    }
+
+    /// Fills pixels of the new image, as many as there are in the map.
+    fn apply(self, raw: &[u8], width: usize, map: &MapRows, out: &mut [u8]) {
+        let stride = width * self as usize;
+        match self {
+            Self::Grey => apply_rows::<1>(raw, stride, map, out),
+            Self::Rgb => apply_rows::<3>(raw, stride, map, out),
+            Self::Rgba => apply_rows::<4>(raw, stride, map, out),
+        }
     }
 }
 
@@ -85,27 +111,26 @@ impl Undistortion {
         Pixel { u: (u - self.offset[0]) / self.scale, v: (v - self.offset[1]) / self.scale }
     }
 
-    /// Maps an image of 8-bit RGB, row by row. Pixels that the raw image does not show become black.
+    /// Maps an image of 8 bits a channel, row by row: grey, RGB or RGBA, in any order of colours. Pixels that the
+    /// raw image does not show become black, or clear.
     ///
-    /// `None` when the slice is not of `width * height * 3` bytes.
+    /// `None` when the slice is not of `width * height` bytes, or three or four times as many.
     #[must_use]
     pub fn apply(&self, raw: &[u8]) -> Option<Vec<u8>> {
-        let mut out = vec![0; self.width * self.height * 3];
+        let mut out = vec![0; raw.len()];
         self.apply_into(raw, &mut out).then_some(out)
     }
 
     /// As [`Self::apply`], into a buffer of the same size; `false` when a slice has another one.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        if raw.len() != self.width * self.height * 3 || out.len() != raw.len() {
-            return false;
-        }
+        let Some(channels) = Channels::of(raw, out, self.width * self.height) else { return false };
         // One row of the map at a time stays in the fast cache.
         let mut row = MapRows::new(self.width);
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
-        for (y, out) in out.chunks_exact_mut(self.width * 3).enumerate() {
+        for (y, out) in out.chunks_exact_mut(self.width * channels as usize).enumerate() {
             self.map_row(y, [&mut u, &mut v], &mut row.index, &mut row.fraction);
-            apply_rows::<3>(raw, self.width * 3, &row.index, &row.fraction, out);
+            channels.apply(raw, self.width, &row, out);
         }
         true
     }
@@ -155,20 +180,19 @@ impl Remap {
     /// As [`Undistortion::apply_into`].
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        if raw.len() != self.rows.index.len() * 3 || out.len() != raw.len() {
-            return false;
-        }
-        apply_rows::<3>(raw, self.width * 3, &self.rows.index, &self.rows.fraction, out);
+        let Some(channels) = Channels::of(raw, out, self.rows.index.len()) else { return false };
+        channels.apply(raw, self.width, &self.rows, out);
         true
     }
 }
 
 /// Fills pixels of the new image, as many as there are in the map; `C` bytes each.
-fn apply_rows<const C: usize>(raw: &[u8], stride: usize, index: &[u32], fraction: &[u16], out: &mut [u8]) {
+fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mut [u8]) {
     dispatch(
         #[inline(always)]
         || {
-            for ((&index, &fraction), pixel) in index.iter().zip(fraction).zip(out.as_chunks_mut::<C>().0) {
+            let map = map.index.iter().zip(&map.fraction);
+            for ((&index, &fraction), pixel) in map.zip(out.as_chunks_mut::<C>().0) {
                 *pixel = if index == BLANK {
                     [0; C]
                 } else {
@@ -361,6 +385,22 @@ mod tests {
             assert_eq!(blank > 0, crop == Crop::AllPixels || crop == Crop::SameFocal && blank > 0);
             assert!(crop != Crop::AllValid || blank == 0);
         }
+    }
+
+    #[test]
+    fn grey_and_clear_images_are_mapped_as_the_channels_of_a_coloured_one() {
+        let (width, height) = (320, 180);
+        let view = Undistortion::new(&barrel(), width, height, Crop::SameFocal).unwrap();
+        let raw = ramp(width, height);
+        let coloured = view.apply(&raw).unwrap();
+        let pixels = || raw.as_chunks::<3>().0.iter();
+        let grey = view.apply(&pixels().map(|pixel| pixel[1]).collect::<Vec<u8>>()).unwrap();
+        let clear = view.apply(&pixels().flat_map(|&[r, g, b]| [r, g, b, 255]).collect::<Vec<u8>>()).unwrap();
+        for (i, pixel) in coloured.as_chunks::<3>().0.iter().enumerate() {
+            assert_eq!(grey[i], pixel[1]);
+            assert_eq!(&clear[4 * i..4 * i + 3], pixel);
+        }
+        assert!(clear.iter().skip(3).step_by(4).all(|&alpha| alpha == 0 || alpha == 255));
     }
 
     #[test]
