@@ -11,7 +11,18 @@ use crate::{archives, py};
 /// Benchmarks that stand beside the code: package, program, and the keys of its JSON object. They are not
 /// linked here, so that every other command of this one is built without a window.
 const PROGRAMS: [(&str, &str, &[&str]); 5] = [
-    ("calib-core", "floor_mapping", &["pixel_to_floor_ns", "distorted_pixel_to_floor_ns"]),
+    (
+        "calib-core",
+        "floor_mapping",
+        &[
+            "pixel_to_floor_ns",
+            "distorted_pixel_to_floor_ns",
+            "world_to_pixel_ns",
+            "distorted_world_to_pixel_ns",
+            "floor_covariance_ns",
+            "distorted_floor_covariance_ns",
+        ],
+    ),
     ("calib-core", "undistortion", &["undistort_1080p_ms", "undistort_1080p_cached_ms"]),
     ("calib-core", "single_fit", &["solve_option1_us", "solve_option2_us"]),
     ("calib-core", "bundle_adjustment", &["refine_100_cameras_ms", "refine_1000_cameras_ms"]),

@@ -17,6 +17,7 @@ mod scene;
 mod status;
 mod extent;
 mod surfaces;
+mod covariance_lanes;
 mod projector;
 mod point_projector;
 mod surface_projector;

@@ -4,6 +4,7 @@ use crate::camera::{
     BrownInverse, Camera, Distortion, FloorCovariance, FloorPoint, LANES, Lens, Pixel, Plane, WorldPoint,
     dispatch,
 };
+use crate::floor::covariance_lanes::CovarianceLanes;
 use crate::floor::extent::Extent;
 use crate::floor::status::Status;
 
@@ -229,6 +230,27 @@ impl FloorProjector {
     /// When the slices are not of one length.
     pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
         assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
+        let lens = match (self.camera.lens.distortion, &self.inverse) {
+            (Distortion::None, _) => Some(None),
+            (Distortion::BrownConrady(brown), Some(inverse)) => Some(Some((inverse, brown))),
+            _ => None,
+        };
+        if let Some(lens) = lens {
+            let covariances = CovarianceLanes::new(&self.camera, &self.plane, lens);
+            let (variance, Pixel { u: cu, v: cv }) =
+                (pixel_sigma * pixel_sigma, self.camera.lens.principal_point);
+            dispatch(
+                #[inline(always)]
+                move || {
+                    for ((u, v), of) in u.chunks(LANES).zip(v.chunks(LANES)).zip(of.chunks_mut(LANES)) {
+                        let found = covariances.of(&lanes(u, cu), &lanes(v, cv), variance);
+                        of.copy_from_slice(&found[..of.len()]);
+                    }
+                },
+            );
+            return;
+        }
+        // What has no faster way of its own goes pixel by pixel.
         for ((&u, &v), of) in u.iter().zip(v).zip(of) {
             let found = self.camera.covariance_on(Pixel { u, v }, pixel_sigma, &self.plane, &[[0.0; 3]; 3]);
             *of = found.unwrap_or(FloorCovariance::NONE);

@@ -63,6 +63,17 @@ impl BrownConrady {
         ]
     }
 
+    /// Derivative of the formula by every coefficient, the undistorted point staying.
+    #[inline]
+    #[expect(clippy::unused_self, reason = "the formula is linear in its coefficients")]
+    pub(crate) fn distorted_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+        let square = x * x + y * y;
+        let (fourth, sixth, cross) = (square * square, square * square * square, 2.0 * x * y);
+        let radial = [square, fourth, sixth].map(|power| [x * power, y * power]);
+        let decentring = [[cross, square + 2.0 * y * y], [square + 2.0 * x * x, cross]];
+        [radial[0], radial[1], radial[2], decentring[0], decentring[1]]
+    }
+
     /// Derivative of the formula, which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
     #[inline]
     pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
@@ -195,12 +206,8 @@ impl Model for BrownConrady {
         [[a, b], [b, d]]
     }
 
-    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
-        let square = x * x + y * y;
-        let radial = |m: i32| [x * square.powi(m), y * square.powi(m)];
-        let cross = 2.0 * x * y;
-        let decentring = [[cross, square + 2.0 * y * y], [square + 2.0 * x * x, cross]];
-        [radial(1), radial(2), radial(3), decentring[0], decentring[1]]
+    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+        self.distorted_by_coefficients(straight)
     }
 
     fn undistort_jacobian(&self, _: [f64; 2], straight: [f64; 2]) -> Matrix2 {
