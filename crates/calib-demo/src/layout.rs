@@ -166,7 +166,7 @@ impl Layout {
         self.site.cameras[0].placement = Some(calib_core::PlacementEntry {
             move_m: camera.position.on_floor(),
             turn_deg: (camera.yaw + PI).rem_euclid(TAU).to_degrees() - 180.0,
-            scale: camera.position.z / calib_core::STAGE_1_HEIGHT,
+            scale: Some(camera.position.z / calib_core::STAGE_1_HEIGHT),
             fixed: false,
         });
     }

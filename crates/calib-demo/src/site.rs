@@ -188,7 +188,7 @@ fn placed(hand: &mut Hand) -> PlacementEntry {
     PlacementEntry {
         move_m: FloorPoint { x: off(MOVE, 1e3, truth.by.x), y: off(MOVE, 1e3, truth.by.y) },
         turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
-        scale: off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT),
+        scale: Some(off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
     }
 }

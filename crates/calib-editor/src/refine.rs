@@ -30,6 +30,6 @@ pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
     entry.move_m.x = round(entry.move_m.x, 1e6);
     entry.move_m.y = round(entry.move_m.y, 1e6);
     entry.turn_deg = round(entry.turn_deg, 1e6);
-    entry.scale = round(entry.scale, 1e8);
+    entry.scale = entry.scale.map(|scale| round(scale, 1e8));
     entry
 }

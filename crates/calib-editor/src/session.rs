@@ -187,7 +187,12 @@ impl Session {
             }
             let corners = corners_of(camera);
             let Some(kept) = keep_polygon(settled, now, &corners) else { continue };
-            let kept = PlacementEntry { fixed: own.fixed, ..rounded(kept) };
+            let kept = rounded(kept);
+            let kept = PlacementEntry {
+                fixed: own.fixed,
+                scale: kept.scale.filter(|_| own.scale.is_some()),
+                ..kept
+            };
             if camera.placement.as_ref() != Some(&kept) {
                 self.site.cameras[index].placement = Some(kept);
                 self.note = Some("The polygon stays where it lies on the plan.".into());
@@ -353,15 +358,22 @@ impl Session {
     /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.
     #[must_use]
     pub fn placement(&self, index: usize) -> Option<Placement> {
-        let entered = self.site.cameras.get(index)?.placement.as_ref().map(PlacementEntry::placement);
-        entered.or_else(|| self.solved.pose(index).map(Placement::of))
+        let now = self.solved.pose(index).map(Placement::of);
+        let Some(entry) = &self.site.cameras.get(index)?.placement else { return now };
+        let scale = entry.scale.or_else(|| Some(now?.scale)).unwrap_or(1.0);
+        Some(Placement { scale, ..entry.placement() })
     }
 
-    /// Places a camera; what else the entry says stays.
+    /// Places a camera; what else the entry says stays. Who only moves or turns it says nothing of its height.
     pub fn place(&mut self, index: usize, placement: Placement) {
+        let is_scaled =
+            self.placement(index).is_none_or(|now| (placement.scale / now.scale - 1.0).abs() > 1e-9);
         if let Some(camera) = self.site.cameras.get_mut(index) {
-            let fixed = camera.placement.as_ref().is_some_and(|entry| entry.fixed);
-            camera.placement = Some(PlacementEntry { fixed, ..rounded(placement) });
+            let own = camera.placement.as_ref();
+            let says_scale = is_scaled || own.is_some_and(|entry| entry.scale.is_some());
+            let (fixed, entry) = (own.is_some_and(|entry| entry.fixed), rounded(placement));
+            camera.placement =
+                Some(PlacementEntry { fixed, scale: entry.scale.filter(|_| says_scale), ..entry });
         }
     }
 

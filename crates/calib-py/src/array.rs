@@ -11,6 +11,9 @@ use crate::error::refused;
 /// An array of doubles.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
 
+/// Two arrays of one shape.
+pub(crate) type Pair<'py> = (Doubles<'py>, Doubles<'py>);
+
 /// A plain number of Python, for which no array need be made.
 pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if value.is_instance_of::<PyFloat>() || value.is_exact_instance_of::<PyInt>() {
@@ -131,4 +134,24 @@ pub(crate) fn write<'py, T: numpy::Element>(
     array: &Bound<'py, PyArrayDyn<T>>,
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
     array.try_readwrite().map_err(|why| refused(array.py(), None, "out", why))
+}
+
+/// Pairs of numbers, mapped one by one.
+pub(crate) fn each<'py>(
+    py: Python<'py>,
+    values: [&Bound<'py, PyAny>; 2],
+    names: [&str; 2],
+    map: impl Fn(f64, f64) -> [f64; 2],
+) -> PyResult<Pair<'py>> {
+    let [first, second] = columns(values, names)?;
+    let (a, b) = (zeros::<f64>(py, first.shape()), zeros::<f64>(py, first.shape()));
+    {
+        let (first, second) = (read(&first, names[0])?, read(&second, names[1])?);
+        let (mut a, mut b) = (write(&a)?, write(&b)?);
+        let given = first.as_slice()?.iter().zip(second.as_slice()?);
+        for ((&x, &y), (a, b)) in given.zip(a.as_slice_mut()?.iter_mut().zip(b.as_slice_mut()?)) {
+            [*a, *b] = map(x, y);
+        }
+    }
+    Ok((a, b))
 }

@@ -67,7 +67,7 @@ fn alone(site: &Site, entry: &SiteCamera) -> String {
 
 #[pymethods]
 impl Camera {
-    /// Prepares the undistortion of images of the still's size, to be used for many.
+    /// Prepares the undistortion of images of the stream that pixels are of, to be used for many.
     ///
     /// Args:
     ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
@@ -76,8 +76,13 @@ impl Camera {
     fn undistorter(&self, py: Python<'_>, view: &str) -> PyResult<Undistorter> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
         let crop = named(py, Some(&self.id), "view", view, crop_of_name, expected)?;
-        let (camera, size) = (self.view.camera(), self.view.size());
-        py.detach(|| Undistorter::new(&self.id, camera, size, crop))
+        let Some((lens, size)) = self.view.lens_in_stream() else {
+            let what = "a stretched stream has no one focal: undistort images in the proportion of the still";
+            return Err(refused(py, Some(&self.id), "fit", what));
+        };
+        let camera = self.view.camera();
+        let ratio = camera.focal / camera.lens.focal;
+        py.detach(|| Undistorter::new(&self.id, &lens, ratio, size, crop))
             .ok_or_else(|| refused(py, Some(&self.id), "size", "expected images of 2 x 2 to 1.4 gigapixels"))
     }
 
@@ -172,6 +177,27 @@ impl Camera {
         (u, v)
     }
 
+    /// K, shape (3, 3): points of the camera's axes to undistorted pixels of the still from its corner.
+    #[getter]
+    fn camera_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (camera, Pixel { u, v }) = (self.view.camera(), self.view.camera().lens.principal_point);
+        matrix(py, &[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]])
+    }
+
+    /// The distortion: {"model": ..., "k1": ...}, with the focal that its coefficients are for; None without one.
+    #[getter]
+    fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let lens = self.view.camera().lens;
+        let Some(model) = lens.distortion.model() else { return Ok(None) };
+        let found = PyDict::new(py);
+        found.set_item("model", model.row().name)?;
+        for (name, value) in lens.distortion.names().iter().zip(lens.distortion.coefficients()) {
+            found.set_item(name.name(), value)?;
+        }
+        found.set_item("focal_px", lens.focal)?;
+        Ok(Some(found))
+    }
+
     /// P = K R [I | -C], shape (3, 4): points of space to undistorted pixels of the still from its corner.
     #[getter]
     fn projection_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -221,7 +247,16 @@ impl Camera {
     fn __repr__(&self) -> String {
         let [width, height] = self.view.size();
         let (x, y, z) = self.position();
-        format!("<Camera {:?}, {width} x {height} pixels, at ({x:.2}, {y:.2}, {z:.2}) m>", self.id)
+        let stream = match (self.stream_size(), self.fit()) {
+            (None, _) => String::new(),
+            (Some((width, height)), None) => format!(", for a stream of {width} x {height}"),
+            (Some((width, height)), Some(fit)) => format!(", for a stream of {width} x {height} ({fit})"),
+        };
+        let origin = if self.origin() == "corner" { "" } else { ", from the centre of the first pixel" };
+        format!(
+            "<Camera {:?}, {width} x {height} pixels, at ({x:.2}, {y:.2}, {z:.2}) m{stream}{origin}>",
+            self.id
+        )
     }
 }
 

@@ -151,14 +151,14 @@ impl Camera {
     ///     boxes: array of the shape (..., 4), in pixels.
     ///     height: of the plane, in metres.
     ///     form: "xywh" (upper left corner, width, height), "xyxy" (upper left and lower right corner) or "cxcywh"
-    ///         (centre, width, height).
+    ///         (centre, width, height); it has to be said. A box with its corners the wrong way round is missing.
     ///     out, origin, stream_size, fit, crop: as for `to_floor`.
     ///
     /// Returns:
     ///     (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
     #[pyo3(
-        signature = (boxes, height=0.0, *, form="xywh", out=None, **stream),
-        text_signature = "($self, boxes, height=0.0, *, form='xywh', out=None, origin=None, stream_size=None, fit=None, crop=None)"
+        signature = (boxes, height=0.0, *, form, out=None, **stream),
+        text_signature = "($self, boxes, height=0.0, *, form, out=None, origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn boxes_to_floor<'py>(
         &self,

@@ -1,12 +1,14 @@
 //! A site: its cameras, its findings, and its calibration.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use calib_core::{MAX_BYTES, Method, NoCamera, Options};
+use calib_core::{FloorPoint, MAX_BYTES, Method, NoCamera, Options, PlanScale};
 use calib_input::FileError;
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 
+use crate::array::{self, Pair};
 use crate::camera::Camera;
 use crate::error::{of_camera, of_site, refused};
 use crate::finding::{self, Finding};
@@ -30,6 +32,11 @@ impl Site {
             Ok(text) => text.to_str()?.to_owned(),
             Err(_) => json(source)?,
         };
+        if !source.is_instance_of::<PyDict>() && !text.trim_start().starts_with('{') {
+            let found = source.repr()?.to_string_lossy().chars().take(60).collect::<String>();
+            let what = format!("found {found}, expected a dict or JSON text; `Site.open` reads a file");
+            return Err(refused(source.py(), None, "source", what));
+        }
         Self::parse(source.py(), &text, "")
     }
 
@@ -41,7 +48,7 @@ impl Site {
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = format!("{}: ", path.display());
         let bytes = calib_input::read(&path, MAX_BYTES as u64).map_err(|error| match error {
-            FileError::System(error) => error.into(),
+            FileError::System(error) => of_system(&error, &path),
             other => refused(py, None, "path", format_args!("{name}{other}")),
         })?;
         let text = String::from_utf8(bytes)
@@ -88,6 +95,33 @@ impl Site {
     #[getter]
     fn findings(&self) -> Vec<Finding> {
         finding::findings(&self.0)
+    }
+
+    /// Points of the floor to pixels of the plan.
+    ///
+    /// Args:
+    ///     x, y: numbers or arrays, in metres.
+    ///
+    /// Returns:
+    ///     (px, py): arrays of their shape, in pixels of the plan from its upper left corner, y down.
+    fn floor_to_plan<'py>(&self, x: &Bound<'py, PyAny>, y: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
+        let scale = self.plan(x.py())?;
+        let to_plan = |x, y| scale.plan_from_floor(FloorPoint { x, y }).into();
+        array::each(x.py(), [x, y], ["x", "y"], to_plan)
+    }
+
+    /// Pixels of the plan to points of the floor.
+    ///
+    /// Args:
+    ///     px, py: numbers or arrays, in pixels of the plan from its upper left corner, y down.
+    ///
+    /// Returns:
+    ///     (x, y): arrays of their shape, in metres.
+    #[pyo3(signature = (px, py))]
+    fn plan_to_floor<'py>(&self, px: &Bound<'py, PyAny>, py: &Bound<'py, PyAny>) -> PyResult<Pair<'py>> {
+        let scale = self.plan(px.py())?;
+        let to_floor = |px, py| scale.floor_from_plan([px, py].into()).into();
+        array::each(px.py(), [px, py], ["px", "py"], to_floor)
     }
 
     /// Calibrates the site from what is drawn and entered in it.
@@ -152,6 +186,13 @@ impl Site {
 }
 
 impl Site {
+    fn plan(&self, py: Python<'_>) -> PyResult<PlanScale> {
+        let plan = self.0.plan.as_ref().map(calib_core::Plan::scale);
+        plan.ok_or_else(|| {
+            refused(py, None, "plan", "the site has none: give it \"plan\" with \"metres_per_px\"")
+        })
+    }
+
     fn parse(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
         py.detach(|| calib_core::Site::from_json(text)).map(Self).map_err(|error| of_site(py, file, &error))
     }
@@ -165,6 +206,18 @@ impl Site {
     }
 }
 
+/// The error of the system, with its number and the file, as Python's own are.
+fn of_system(error: &std::io::Error, path: &Path) -> PyErr {
+    match error.raw_os_error() {
+        Some(number) => {
+            let words = error.to_string();
+            let words = words.split(" (os error").next().unwrap_or(&words).to_owned();
+            PyOSError::new_err((number, words, path.to_owned()))
+        }
+        None => PyOSError::new_err(format!("{}: {error}", path.display())),
+    }
+}
+
 /// A document of Python as text; arrays in it are lists.
 fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     let py = source.py();
@@ -172,7 +225,8 @@ fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     let options = PyDict::new(py);
     options.set_item("default", lists)?;
     let text = py.import("json")?.call_method("dumps", (source,), Some(&options)).map_err(|why| {
-        let what = format!("expected a dict or JSON text of a site: {}", why.value(py));
+        let what =
+            format!("expected a dict or JSON text of a site (`Site.open` reads a file): {}", why.value(py));
         refused(py, None, "source", what)
     })?;
     text.extract()

@@ -36,10 +36,13 @@ impl Pixels {
         for (keyword, value) in keywords {
             let keyword: String = keyword.extract()?;
             match keyword.as_str() {
-                "origin" => pixels.origin = value.extract()?,
-                "stream_size" => pixels.stream_size = value.extract()?,
-                "fit" => pixels.fit = value.extract()?,
-                "crop" => pixels.crop = value.extract()?,
+                "origin" => pixels.origin = said(&keyword, &value, "\"corner\" or \"centre\"")?,
+                "stream_size" => {
+                    let size: Option<[f64; 2]> = said(&keyword, &value, "(width, height)")?;
+                    pixels.stream_size = size.map(Into::into);
+                }
+                "fit" => pixels.fit = said(&keyword, &value, "\"stretch\" or \"letterbox\"")?,
+                "crop" => pixels.crop = said(&keyword, &value, "(left, top, width, height)")?,
                 _ => {
                     let what = format!("unexpected keyword {keyword:?}: pixels have {KEYWORDS}");
                     return Err(PyTypeError::new_err(what));
@@ -82,6 +85,18 @@ impl Pixels {
 /// The stream that keywords speak of.
 pub(crate) fn stream_of(keywords: &Bound<'_, PyDict>) -> PyResult<Stream> {
     Pixels::read(keywords)?.over(keywords.py(), None, Stream::default())
+}
+
+/// What a keyword says.
+fn said<'py, T: for<'a> FromPyObject<'a, 'py>>(
+    keyword: &str,
+    value: &Bound<'py, PyAny>,
+    expected: &str,
+) -> PyResult<T> {
+    value.extract().or_else(|_| {
+        let what = format!("found {}, expected {expected}", value.repr()?.to_string_lossy());
+        Err(refused(value.py(), None, keyword, what))
+    })
 }
 
 /// The option of a name.

@@ -215,7 +215,10 @@ impl Site {
                 py,
                 None,
                 "table",
-                format_args!("expected a table with __arrow_c_stream__: {}", why.value(py)),
+                format_args!(
+                    "expected a table of Polars, PyArrow or DuckDB, or of pandas with PyArrow installed: {}",
+                    why.value(py)
+                ),
             )
         };
         let reader = table.extract::<PyRecordBatchReader>().map_err(unreadable)?.into_reader()?;

@@ -1,6 +1,6 @@
 //! Images without the bend of their lens.
 
-use calib_core::{Crop, Remap};
+use calib_core::{Crop, Lens, Remap};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
@@ -39,16 +39,17 @@ pub(crate) fn crop_of_name(name: &str) -> Option<Crop> {
 }
 
 impl Undistorter {
-    /// Of a camera whose images are of this size; `None` where they are too small or too large.
-    pub(crate) fn new(id: &str, camera: &calib_core::Camera, size: [f64; 2], crop: Crop) -> Option<Self> {
+    /// Of a lens whose images are of this size, of a camera whose focal is so many times its own; `None` where they
+    /// are too small or too large.
+    pub(crate) fn new(id: &str, lens: &Lens, ratio: f64, size: [f64; 2], crop: Crop) -> Option<Self> {
         let [width, height] = size.map(|side| side as usize);
-        let undistortion = calib_core::Undistortion::new(&camera.lens, width, height, crop)?;
+        let undistortion = calib_core::Undistortion::new(lens, width, height, crop)?;
         let centre = undistortion.principal_point();
         Some(Self {
             camera: id.to_owned(),
             remap: undistortion.remap(),
             size: (width, height),
-            focal: undistortion.focal(camera.focal),
+            focal: undistortion.focal(ratio * lens.focal),
             principal_point: (centre.u, centre.v),
         })
     }
@@ -60,7 +61,7 @@ impl Undistorter {
     ///
     /// Args:
     ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), of the
-    ///         calibrated size; in any order of colours.
+    ///         size of the stream; in any order of colours.
     ///     out: array of the same kind to write to, in place of a new one.
     ///
     /// Returns:
@@ -97,14 +98,21 @@ impl Undistorter {
     fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let py = image.py();
         let (width, height) = self.size;
-        let expected =
-            format!("expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4)");
-        let Ok(given) = image.cast::<PyArrayDyn<u8>>() else { return Err(self.refused(py, expected)) };
+        let expected = format!(
+            "expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4), as its camera's stream is"
+        );
+        let Ok(given) = image.cast::<PyArrayDyn<u8>>() else {
+            let found = match image.getattr("dtype") {
+                Ok(kind) => format!("an array of {kind}"),
+                Err(_) if image.is_none() => "None: was the file read?".to_owned(),
+                Err(_) => format!("a {}", image.get_type().name()?),
+            };
+            return Err(self.refused(py, format_args!("found {found}, {expected}")));
+        };
         match *given.shape() {
             [h, w] | [h, w, 1 | 3 | 4] if [h, w] == [height, width] => {}
             ref found => {
-                let why = format_args!("found the shape {found:?}, {expected}: the size that was calibrated");
-                return Err(self.refused(py, why));
+                return Err(self.refused(py, format_args!("found the shape {found:?}, {expected}")));
             }
         }
         if given.is_c_contiguous() {

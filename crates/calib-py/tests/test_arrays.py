@@ -84,13 +84,14 @@ def test_what_is_no_number_is_refused_by_name(camera: calib.Camera, wrong: objec
 def test_boxes_of_every_form_stand_in_one_place(camera: calib.Camera) -> None:
     x, y, w, h = U, V - 200, np.full(60, 40.0), np.full(60, 200.0)
     expected = camera.to_floor(x + 0.5 * w, y + h)
-    assert_same(camera.boxes_to_floor(np.stack([x, y, w, h], axis=1)), expected)
+    assert_same(camera.boxes_to_floor(np.stack([x, y, w, h], axis=1), form="xywh"), expected)
     corners = np.stack([x, y, x + w, y + h], axis=1)
     for found, wanted in zip(camera.boxes_to_floor(corners, form="xyxy"), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-9)
-    assert camera.boxes_to_floor(np.zeros((0, 4)))[0].shape == camera.boxes_to_floor([])[0].shape == (0,)
+    assert camera.boxes_to_floor(np.zeros((0, 4)), form="xyxy")[0].shape == (0,)
+    assert camera.boxes_to_floor([], form="xyxy")[0].shape == (0,)
     with pytest.raises(calib.CalibError, match=r"\(\.\.\., 4\)"):
-        camera.boxes_to_floor(np.zeros((4, 5)))
+        camera.boxes_to_floor(np.zeros((4, 5)), form="xyxy")
     with pytest.raises(calib.CalibError, match="xyxy"):
         camera.boxes_to_floor(corners, form="yxyx")  # type: ignore[arg-type]
 

@@ -131,3 +131,52 @@ def test_help_says_shapes_and_units() -> None:
         assert "metres" in text or "unit vectors" in text
         assert "array" in text.lower()
     assert "stream_size=None" in str(calib.Camera.to_floor.__text_signature__)
+
+
+def test_the_plan_and_the_floor_are_one(folder: Path) -> None:
+    shop = calib.Site.open(folder / "demo" / "solved.json")
+    x, y = np.array([[1.0, 4.0], [7.5, -2.0]]), np.array([[2.0, 3.0], [0.0, 1.0]])
+    px, py = shop.floor_to_plan(x, y)
+    assert px.shape == (2, 2) and px[0, 1] > px[0, 0] and py[0, 1] < py[0, 0]
+    np.testing.assert_allclose(shop.plan_to_floor(px, py), (x, y), atol=1e-9)
+
+
+def test_images_of_a_stream_are_undistorted_as_they_come(site: calib.Site) -> None:
+    camera = site.camera("camera-2", stream_size=(960, 540))
+    straight = camera.undistorter("all-valid")
+    whole = site.camera("camera-2").undistorter("all-valid")
+    assert straight.size == (960, 540) and abs(straight.focal / whole.focal - 0.5) < 1e-3
+    assert camera.camera_matrix[0, 0] == camera.focal_px and camera.distortion is not None
+    with pytest.raises(calib.CalibError, match="stretched"):
+        camera.with_stream(stream_size=(640, 640), fit="stretch").undistorter()
+
+
+def test_a_careless_call_is_told_what_it_gave_and_what_to_give(site: calib.Site, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="nowhere.json") as missing:
+        calib.Site.open(tmp_path / "nowhere.json")
+    assert missing.value.filename == tmp_path / "nowhere.json" and missing.value.errno == 2
+    for path in ["solved.json", tmp_path / "solved.json"]:
+        with pytest.raises(calib.CalibError, match="Site.open"):
+            calib.Site(path)  # type: ignore[arg-type]
+    assert site.camera("camera-2", stream_size=[960, 540]).stream_size == (960, 540)  # type: ignore[arg-type]
+    with pytest.raises(calib.CalibError, match="width, height"):
+        site.camera("camera-2", stream_size=960)  # type: ignore[arg-type]
+    straight = site.camera("camera-2").undistorter()
+    with pytest.raises(calib.CalibError, match="was the file read"):
+        straight(None)  # type: ignore[arg-type]
+    with pytest.raises(calib.CalibError, match="float32"):
+        straight(np.zeros((1080, 1920, 3), dtype="f4"))  # type: ignore[arg-type]
+
+
+def test_a_camera_without_a_scale_says_so() -> None:
+    line = calib.vertical([[(641.5, 465.0), (594.5, 105.3)], [(1325.2, 484.9), (1368.5, 105.5)]])
+    tiles = calib.parallel([[(624.5, 759.5), (642.3, 421.9)], [(1325.8, 745.8), (1086.0, 411.5)]], id="tiles")
+
+    def codes(**options: object) -> list[str]:
+        entry = calib.camera_entry("door", (1920, 1080), [line, tiles], **options)
+        return [finding.code for finding in calib.Site(calib.site_document([entry])).calibrate().findings]
+
+    assert "scale-assumed" in codes()
+    assert "scale-assumed" in codes(placement={"move_m": [1, 2], "turn_deg": 10})
+    assert "scale-assumed" not in codes(placement={"move_m": [1, 2], "turn_deg": 10, "scale": 1.0})
+    assert "scale-assumed" not in codes(height_m={"value": 2.9, "sigma": 0.02})

@@ -28,7 +28,7 @@ def test_polars_and_pandas_frames(site: calib.Site) -> None:
     columns = {"x": [100.0, 300.0], "y": [200, 300], "w": [40, 50], "h": [300, 400]}
     options = {"camera": "camera-0", "stream_size": (960, 540), "origin": "centre"}
     boxes = np.array(list(columns.values()), dtype=float).T
-    expected = site.camera("camera-0", stream_size=(960, 540), origin="centre").boxes_to_floor(boxes)[0]
+    expected = site.camera("camera-0", stream_size=(960, 540), origin="centre").boxes_to_floor(boxes, form="xywh")[0]
     expected = np.where(np.isnan(expected), None, expected).tolist()
     pl = pytest.importorskip("polars")
     found = pl.DataFrame(site.project(pl.DataFrame(columns), **options))

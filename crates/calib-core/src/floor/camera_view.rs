@@ -5,12 +5,12 @@
 
 use std::ops::Range;
 
-use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Lens, Pixel, WorldPoint};
 use crate::floor::extent::Extent;
 use crate::floor::point_projector::PointProjector;
 use crate::floor::projector::FloorProjector;
 use crate::floor::status::Status;
-use crate::floor::stream::{Stream, StreamError, StreamMap};
+use crate::floor::stream::{PixelOrigin, Stream, StreamError, StreamMap};
 use crate::floor::surface_projector::SurfaceProjector;
 use crate::floor::surfaces::Surface;
 
@@ -71,6 +71,23 @@ impl CameraView {
     #[must_use]
     pub const fn stream(&self) -> &Stream {
         &self.stream
+    }
+
+    /// The lens as the images of the stream show it, their pixels counted from the corner, and the width and height
+    /// of these; `None` where the stream is stretched, so that it has no one focal.
+    #[must_use]
+    pub fn lens_in_stream(&self) -> Option<(Lens, [f64; 2])> {
+        let corner = Stream { origin: PixelOrigin::Corner, ..self.stream };
+        let (map, lens) = (corner.map(self.size).ok()?, self.camera().lens);
+        let [right, down] = [0, 1].map(|axis| map.in_stream(axis, 1.0) - map.in_stream(axis, 0.0));
+        // Scalers round to whole pixels.
+        let is_stretched = (right / down - 1.0).abs() > 2e-3;
+        let Pixel { u, v } = lens.principal_point;
+        let principal_point = Pixel { u: map.in_stream(0, u), v: map.in_stream(1, v) };
+        let shown = self.stream.crop.map_or(self.size, |[_, _, width, height]| [width, height]);
+        let size = self.stream.size.map_or(shown, |size| size.map(f64::from));
+        let focal = 0.5 * (right + down) * lens.focal;
+        (!is_stretched).then_some((Lens { principal_point, focal, ..lens }, size))
     }
 
     /// Corners of the EFOV on the floor, in metres.
@@ -255,7 +272,7 @@ mod tests {
     use super::*;
     use crate::camera::any_camera;
     use crate::floor::efov::default_efov;
-    use crate::floor::stream::{PixelOrigin, StreamFit};
+    use crate::floor::stream::StreamFit;
     use proptest::prelude::*;
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
@@ -293,7 +310,13 @@ mod tests {
             view.to_floor_points(height, [&u, &v], [&mut a, &mut b]);
             prop_assert_eq!(bits(&a, &b), mapped(&view, &u, &v).0);
             view.undistort([&u, &v], [&mut a, &mut b]);
+            // Counted from the centre of the first pixel.
+            let (lens, shown) = view.lens_in_stream().unwrap();
+            prop_assert_eq!(shown, [640.0, 640.0]);
             for i in 0..u.len() {
+                let by_lens = lens.undistort(Pixel::new(u[i] + 0.5, v[i] + 0.5));
+                let off = by_lens.map_or(0.0, |p| (p.u - 0.5 - a[i]).hypot(p.v - 0.5 - b[i]));
+                prop_assert!(a[i].is_nan() || off < 1e-6 * (1.0 + a[i].hypot(b[i])), "{off}");
                 let straight = camera.undistort(Pixel::new(in_still[0][i], in_still[1][i]));
                 prop_assert_eq!(straight.is_none(), a[i].is_nan());
                 let off = straight.map_or(0.0, |s| (map.in_still(0, a[i]) - s.u).hypot(map.in_still(1, b[i]) - s.v));

@@ -17,15 +17,17 @@ pub enum BoxForm {
 named! { BoxForm { CornerSize = "xywh", Corners = "xyxy", CentreSize = "cxcywh" } }
 
 impl BoxForm {
-    /// The middle of the lower edge: the foot of what stands in the box.
+    /// The middle of the lower edge: the foot of what stands in the box. NaN for what is no box, whose width or
+    /// height is negative.
     #[inline]
     #[must_use]
     pub fn foot(self, [a, b, c, d]: [f64; 4]) -> [f64; 2] {
-        match self {
-            Self::CornerSize => [a + 0.5 * c, b + d],
-            Self::Corners => [0.5 * (a + c), d],
-            Self::CentreSize => [a, b + 0.5 * d],
-        }
+        let ([width, height], foot) = match self {
+            Self::CornerSize => ([c, d], [a + 0.5 * c, b + d]),
+            Self::Corners => ([c - a, d - b], [0.5 * (a + c), d]),
+            Self::CentreSize => ([c, d], [a, b + 0.5 * d]),
+        };
+        if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 }
 
@@ -41,5 +43,13 @@ mod tests {
             BoxForm::CentreSize.foot([120.0, 260.0, 40.0, 120.0]),
         ];
         assert_eq!(feet, [[120.0, 320.0]; 3]);
+    }
+
+    #[test]
+    fn what_is_no_box_stands_nowhere() {
+        let is_nowhere = |[u, v]: [f64; 2]| u.is_nan() && v.is_nan();
+        assert!(is_nowhere(BoxForm::Corners.foot([140.0, 320.0, 100.0, 200.0])));
+        assert!(is_nowhere(BoxForm::CornerSize.foot([100.0, 200.0, -1.0, 120.0])));
+        assert!(is_nowhere(BoxForm::CentreSize.foot([100.0, 200.0, 10.0, f64::NAN])));
     }
 }

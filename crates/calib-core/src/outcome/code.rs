@@ -71,6 +71,8 @@ codes! {
         DistortionNotInvertible = "distortion-not-invertible",
         /// Nothing gives the scale of the site.
         ScaleUnknown = "scale-unknown",
+        /// Nothing gives the scale of the camera: its height is taken to be the 3 m of the paper.
+        ScaleAssumed = "scale-assumed",
         /// Placement and a height, length or upright disagree beyond 3 sigma.
         ScaleConflict = "scale-conflict",
         /// Nothing ties the camera to the rest of the site.

@@ -185,6 +185,11 @@ pub enum Finding {
         /// Its reprojection error, in pixels.
         worst_px: f64,
     },
+    /// Nothing gives the scale of the camera.
+    ScaleAssumed {
+        /// The height that it is taken to have, in metres.
+        height: f64,
+    },
     /// The height by drawings or as entered, and the height by placement, disagree.
     ScaleConflict {
         /// As entered or estimated from drawings, in metres.
@@ -295,6 +300,7 @@ impl Finding {
             | Self::TooManyCameras { .. }
             | Self::Unused { .. }
             | Self::UnusedEvidence { .. } => Code::UnusedAnnotation,
+            Self::ScaleAssumed { .. } => Code::ScaleAssumed,
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
@@ -342,7 +348,7 @@ impl Finding {
                 points.first().map_or(Subject::Placement, |&point| Subject::OwnControlPoint(point))
             }
             Self::FarControlPoints { worst, .. } => Subject::OwnControlPoint(*worst),
-            Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
+            Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
             Self::EfovAboveHorizon { .. } => Subject::Efov,
             Self::ControlPointOutlier { camera, point } => {
                 Subject::ControlPoint { camera: *camera, point: *point }

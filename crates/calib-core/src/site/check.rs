@@ -181,7 +181,9 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
         let at = at.key("placement");
         Bounds::COORDINATE.check_all(&at.key("move_m"), &<[f64; 2]>::from(placement.move_m))?;
         Bounds::DEGREES.check(&at.key("turn_deg"), placement.turn_deg)?;
-        Bounds { high: 1e6, ..Bounds::POSITIVE }.check(&at.key("scale"), placement.scale)?;
+        if let Some(scale) = placement.scale {
+            Bounds { high: 1e6, ..Bounds::POSITIVE }.check(&at.key("scale"), scale)?;
+        }
     }
     let points = at.key("control_points");
     count(&points, camera.control_points.len(), MAX_ITEMS)?;

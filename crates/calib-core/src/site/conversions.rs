@@ -57,7 +57,7 @@ impl PlacementEntry {
     /// The placement in metres and radians.
     #[must_use]
     pub fn placement(&self) -> Placement {
-        Placement { by: self.move_m, turn: self.turn_deg.to_radians(), scale: self.scale }
+        Placement { by: self.move_m, turn: self.turn_deg.to_radians(), scale: self.scale.unwrap_or(1.0) }
     }
 }
 
@@ -66,7 +66,7 @@ impl From<Placement> for PlacementEntry {
         Self {
             move_m: placement.by,
             turn_deg: placement.turn.to_degrees(),
-            scale: placement.scale,
+            scale: Some(placement.scale),
             fixed: false,
         }
     }

@@ -174,9 +174,9 @@ document! {
         /// Becomes yaw, in degrees, counter-clockwise.
         #[serde(default)]
         turn_deg: f64,
-        /// Multiplies the height of 3 m.
-        #[serde(default = "one")]
-        scale: f64,
+        /// Multiplies the height of 3 m; absent, the placement says nothing of the height.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scale: Option<f64>,
         /// Holds x0, y0, yaw and z0 in a joint solve.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
@@ -214,10 +214,6 @@ document! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_m: Option<f64>,
     }
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 impl Site {

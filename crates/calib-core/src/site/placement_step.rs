@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::camera::{Camera, Covariance};
+use crate::camera::{Camera, Covariance, WorldPoint};
 use crate::floor::{ControlPoint, from_control_points, with_placement_covariance};
 use crate::outcome::{Code, Finding, Residual, ResidualOf};
 use crate::single::{floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
@@ -37,9 +37,18 @@ impl Site {
         if !fixed && !points.is_empty() {
             findings.push(Finding::TooFewControlPoints { count: points.len() });
         }
+        let scale = entry.placement.as_ref().and_then(|placement| placement.scale);
+        let height_is_known = fixed_height.is_some() || first.covariance.sigma(Covariance::Z).is_some();
+        if scale.is_none() && !height_is_known && !fixed {
+            findings.push(Finding::ScaleAssumed { height: first.position.z });
+        }
         match &entry.placement {
             Some(placement) => {
                 let by_hand = placement.placement().apply(&first);
+                if placement.scale.is_none() && !fixed {
+                    let position = WorldPoint { z: first.position.z, ..by_hand.position };
+                    return (Camera { position, ..by_hand }, Stage::Placed);
+                }
                 (join_heights(&first, by_hand, placement.fixed, fixed_height, findings), Stage::Placed)
             }
             None => (first, Stage::Partial),

@@ -60,6 +60,9 @@ impl English<'_> {
             F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
+            F::ScaleAssumed { height } => {
+                format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
+            }
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
@@ -134,6 +137,9 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::HiddenControlPoints { .. } => "Check their coordinates and pixels.",
         F::FarControlPoints { .. } => {
             "Check the worst one's coordinates and pixel, or switch it off and look again."
+        }
+        F::ScaleAssumed { .. } => {
+            "Enter its height, a known length or a distance, or scale its field of view on the plan."
         }
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon."

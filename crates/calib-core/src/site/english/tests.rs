@@ -44,18 +44,19 @@ fn number(finding: &Finding) -> usize {
         F::EfovAboveHorizon { .. } => 22,
         F::DistortionNotInvertible => 23,
         F::ControlPointOutlier { .. } => 24,
-        F::ElementOutlier { .. } => 29,
-        F::DistanceOutlier { .. } => 30,
-        F::NotConnected { .. } => 31,
-        F::Sliding { .. } => 32,
-        F::ScaleUnknown { .. } => 33,
-        F::TooManyCameras { .. } => 34,
-        F::Unused { .. } => 35,
-        F::UnusedEvidence { .. } => 36,
+        F::ElementOutlier { .. } => 30,
+        F::DistanceOutlier { .. } => 31,
+        F::NotConnected { .. } => 32,
+        F::Sliding { .. } => 33,
+        F::ScaleUnknown { .. } => 34,
+        F::TooManyCameras { .. } => 35,
+        F::Unused { .. } => 36,
+        F::UnusedEvidence { .. } => 37,
         F::Unchecked { .. } => 25,
         F::FewResiduals { .. } => 26,
         F::UncertaintyUnknown => 27,
         F::BelowFloor { .. } => 28,
+        F::ScaleAssumed { .. } => 29,
     }
 }
 
@@ -100,6 +101,7 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::FewResiduals { dof: 3, factor: 1.6 }, Subject::Orientation),
         (F::UncertaintyUnknown, Subject::Orientation),
         (F::BelowFloor { height: -2.0 }, Subject::Parameter(Parameter::Height)),
+        (F::ScaleAssumed { height: 3.0 }, Subject::Parameter(Parameter::Height)),
     ]
 }
 
