@@ -148,7 +148,11 @@ fn placement_is_as_good_as_a_hand_can_do() {
         let placed = entry.placement.unwrap();
         assert!(placed.move_m.distance(camera.position.on_floor()) < 0.11, "{}", entry.id);
         assert!((placed.turn_deg - camera.yaw.to_degrees()).abs() < 0.42, "{}", entry.id);
-        assert!((placed.scale.unwrap() * STAGE_1_HEIGHT / camera.position.z - 1.0).abs() < 0.01, "{}", entry.id);
+        assert!(
+            (placed.scale.unwrap() * STAGE_1_HEIGHT / camera.position.z - 1.0).abs() < 0.01,
+            "{}",
+            entry.id
+        );
     }
 }
 

@@ -89,7 +89,7 @@ impl Camera {
 
     /// Boxes, four numbers each, to the points on which their contents stand: the middle of the lower edge.
     ///
-    /// `form` is "xywh" (if it is not given), "xyxy" or "cxcywh".
+    /// `form` is "xywh", "xyxy" or "cxcywh".
     ///
     /// # Errors
     /// Throws when the numbers do not make boxes, and for another form.
@@ -97,10 +97,10 @@ impl Camera {
     pub fn boxes_to_floor(
         &self,
         boxes: &[f64],
-        form: Option<String>,
+        form: &str,
         height: Option<f64>,
     ) -> Result<FloorColumns, JsError> {
-        let form = BoxForm::of_name(form.as_deref().unwrap_or(BoxForm::default().name()))
+        let form = BoxForm::of_name(form)
             .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
         let (boxes, []) = boxes.as_chunks::<4>() else {
             return Err(JsError::new("boxes: four numbers each are expected"));

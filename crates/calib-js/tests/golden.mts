@@ -62,7 +62,7 @@ export function golden(calib: typeof Calib, folder: string): string {
   assert.throws(() => site.camera("camera-0", { origin: "center" as "centre" }), /centre/);
   assert.throws(() => site.camera("camera-0", { size: 3 } as Calib.CameraOptions), /streamSize/);
   assert.throws(() => camera.toFloor(Float64Array.of(1), Float64Array.of()), /one length/);
-  assert.throws(() => camera.boxesToFloor(Float64Array.of(1, 2, 3)), /four/);
+  assert.throws(() => camera.boxesToFloor(Float64Array.of(1, 2, 3), "xywh"), /four/);
   camera.free();
   site.free();
   return `${count * lines.length} points of ${lines.length} cameras to the bits of the core`;

@@ -61,7 +61,7 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     let mut results = Map::new();
     for (package, program, keys) in PROGRAMS {
         if keys.iter().any(|key| key.contains(filter)) {
-            let measured = measure(package, program, filter)?;
+            let measured = measure(package, program, filter, None)?;
             results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter)));
         }
     }
@@ -84,10 +84,17 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs one program; what it prints is a JSON object.
-fn measure(package: &str, program: &str, filter: &str) -> anyhow::Result<Map<String, Value>> {
+/// Runs one program, built for at most this level of vector instructions; what it prints is a JSON object.
+pub(crate) fn measure(
+    package: &str,
+    program: &str,
+    filter: &str,
+    level: Option<&str>,
+) -> anyhow::Result<Map<String, Value>> {
     let arguments = ["bench", "--quiet", "--package", package, "--bench", program, "--", filter];
-    let output = Command::new("cargo").args(arguments).stderr(Stdio::inherit()).output()?;
+    let mut cargo = Command::new("cargo");
+    cargo.args(arguments).envs(level.map(|level| ("CALIB_SIMD", level)));
+    let output = cargo.stderr(Stdio::inherit()).output()?;
     if !output.status.success() {
         bail!("cargo {} failed", arguments.join(" "));
     }

@@ -1,5 +1,5 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `accuracy`, `notices`, `web`, `js`, `py`, `c`,
-//! `golden`, `serve`.
+//! Development commands: `cargo xtask test [--install]`, `bench`, `peers`, `accuracy`, `notices`, `web`, `js`, `py`,
+//! `c`, `golden`, `serve`.
 
 // A module uses only those above it.
 mod workspace;
@@ -14,6 +14,7 @@ mod golden;
 mod py;
 mod c;
 mod bench;
+mod peers;
 mod serve;
 #[cfg(feature = "web")]
 mod pictures;
@@ -52,6 +53,8 @@ enum Command {
         #[arg(default_value = "")]
         filter: String,
     },
+    /// Measure the maps beside `OpenCV`'s, with AVX2 and with all there is: a table
+    Peers,
     /// Write the notices of everything that is linked into the programs
     Notices,
     /// Build the app for the browser: static files, and one page that needs no host
@@ -149,6 +152,7 @@ fn main() -> anyhow::Result<()> {
             }
             bench::run(&filter)
         }
+        Command::Peers => peers::run(),
         Command::Notices => notices::run(),
         #[cfg(feature = "web")]
         Command::Web { out, built } => web::run(&workspace::root().join(out), built.as_deref()),

@@ -1,6 +1,6 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
-use calib_core::{Coefficient, Known, LensEntry, Solution};
+use calib_core::{Code, Coefficient, Known, LensEntry, Solution};
 use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
@@ -103,7 +103,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             let unit = which.unit(app.editor.session().units);
             let [to, from] = [1.0 / unit.1, unit.1];
             let shown = (to * value, sigma.map(|sigma| to * sigma));
-            if let Some(new) = row(ui, which, shown, unit.0, known.map(|known| scaled(known, to))) {
+            let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+            let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
+            if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
                 change = Some((which, new.map(|known| scaled(known, from))));
             }
             if which == Number::Focal {
@@ -126,7 +128,7 @@ fn scaled(known: Known, by: f64) -> Known {
 /// One number: value, sigma, unit, lock. What it is to become, if the lock was clicked or a field changed.
 fn row(
     ui: &mut Ui,
-    which: Number,
+    (which, title): (Number, &str),
     (value, sigma): (f64, Option<f64>),
     unit: &str,
     known: Option<Known>,
@@ -134,7 +136,7 @@ fn row(
     let shown = sigma.map_or(2, digits).min(3);
     let mut change = None;
     ui.horizontal(|ui| {
-        cells(ui, which.title(), &number(value, shown), sigma.map(|s| number(s, shown)), unit);
+        cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
         let (icon, colour) = match known {
             Some(known) if known.fixed => (Icon::Locked, Some(theme::palette(ui.ctx()).accent)),
             Some(_) => (Icon::Locked, Some(theme::palette(ui.ctx()).warn)),
