@@ -3,6 +3,7 @@
 //! `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` meets it at
 //! `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
 
+use crate::camera::elementary::{atan, hypot, sin_cos, tan};
 use crate::camera::pinhole::{Camera, Ray};
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 
@@ -31,14 +32,14 @@ impl Plane {
     /// radians.
     #[must_use]
     pub fn falling(height: f64, toward: f64, fall: f64, anchor: FloorPoint) -> Self {
-        let (sin, cos) = toward.sin_cos();
-        Self { height, slope: [-fall.tan() * cos, -fall.tan() * sin], anchor }
+        let ((sin, cos), rise) = (sin_cos(toward), -tan(fall));
+        Self { height, slope: [rise * cos, rise * sin], anchor }
     }
 
     /// The angle of its fall, in radians; 0 of a horizontal plane.
     #[must_use]
     pub fn fall(&self) -> f64 {
-        self.slope[0].hypot(self.slope[1]).atan()
+        atan(hypot(self.slope[0], self.slope[1]))
     }
 
     /// The direction it falls toward, counter-clockwise from +x, in radians; 0 of a horizontal plane.
