@@ -39,6 +39,7 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{ByCoefficient, ByCoefficients, Matrix2, times};
+pub(crate) use floor_covariance::FloorSlopes;
 pub(crate) use pinhole::dot;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
