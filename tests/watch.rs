@@ -56,7 +56,6 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
         (0, degrees(1.0, 0.0, 0.0)),
         (1, degrees(0.0, 0.0, -1.0)),
         (2, zoomed()),
-        (4, degrees(0.0, -1.0, 0.0)),
         (4, zoomed()),
     ];
     let mut missed = Vec::new();
@@ -105,7 +104,7 @@ fn cameras_that_stand_still_are_left_in_peace() {
 }
 
 #[test]
-#[ignore = "takes a minute: 5,000 days of cameras"]
+#[ignore = "takes minutes: 5,000 days of cameras"]
 fn false_alarms_are_one_in_a_thousand_days_of_cameras_at_most() {
     let days = quiet_days(0..1000);
     let alarms = days.iter().filter(|(clear, _)| *clear > Watch::ALARM).count();

@@ -256,13 +256,14 @@ fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<Found> {
     }
 }
 
-/// How clear a disagreement must be: one walk in twenty may accuse one of all the cameras that are right, and
-/// `P(Z > z) < exp(-z^2 / 2) / 2`.
+/// How clear a disagreement must be: one walk in twenty may accuse one of all the cameras that are right, of one of its
+/// errors, of which seven that hang together are as many as three; and `P(Z > z) < exp(-z^2 / 2) / 2`.
 fn clear_enough(equations: &Equations, cameras: usize) -> f64 {
     const FALSE: f64 = 0.05;
+    const TRIALS: f64 = 3.0;
     let is_seen = |camera: &usize| equations.information[(camera * ERRORS, camera * ERRORS)] > 0.0;
-    let seen = (0..cameras).filter(is_seen).count();
-    (2.0 * (seen as f64 / (2.0 * FALSE)).ln()).max(0.0).sqrt()
+    let seen = (0..cameras).filter(is_seen).count() as f64;
+    (2.0 * (TRIALS * seen / (2.0 * FALSE)).ln()).max(0.0).sqrt()
 }
 
 /// One camera against what it claims; `free` are those of which nothing is claimed.
