@@ -7,6 +7,7 @@ mod archive;
 mod args;
 mod check;
 mod demo;
+mod detections;
 mod export;
 mod files;
 mod import;
@@ -27,6 +28,8 @@ mod stop;
 mod stream;
 mod table_parquet;
 mod undistort;
+mod walk;
+mod watch;
 mod words;
 
 use std::io::Write as _;
@@ -59,6 +62,10 @@ enum Command {
     Render(render::Args),
     /// Quality gate: exit 4 when a camera is unsolved, or camera or site are worse than asked
     Check(check::Args),
+    /// Find cameras that moved by the people that they see: since when, by how much; exit 4 when one did
+    Watch(watch::Args),
+    /// Acceptance by a walker whom several cameras see: floor error by zone, cameras that disagree; exit 4 when it fails
+    Walk(walk::Args),
     /// Write one self-contained HTML page to hand over: every overlay, number and warning
     Report(report::Args),
     /// Write the calibration as other programs have it; exit 5 when the format cannot hold it
@@ -84,6 +91,8 @@ fn main() -> ExitCode {
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),
+        Command::Watch(args) => watch::run(&args),
+        Command::Walk(args) => walk::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Import(args) => import::run(&args),

@@ -21,6 +21,7 @@
 //! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
 //!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
 //! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
+//! - `health`: whether calibrations still hold, by the people that cameras see;
 //! - `site`: the site document, its checks, and the pipeline from document to results.
 //!
 //! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
@@ -124,6 +125,7 @@ mod floor;
 mod outcome;
 mod single;
 mod bundle;
+mod health;
 #[cfg(feature = "serde")]
 mod site;
 
@@ -142,6 +144,10 @@ pub use floor::{
     StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
     efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
     position_ellipse, prism, vertical, with_placement_covariance,
+};
+pub use health::{
+    CameraHealth, Change, Disagreement, HeightThen, Memory, Movement, Sighting, Verdict, Walk, WalkMoment,
+    WalkResult, Watch, Zone, Zones,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,

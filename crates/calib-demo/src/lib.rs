@@ -44,9 +44,11 @@ mod element;
 mod unplanned;
 mod site;
 mod walk;
+mod crowd;
 #[cfg(test)]
 mod checks;
 
+pub use crowd::{Crowd, Moved, SECOND};
 pub use picture::render;
 pub use site::{DemoSite, KnownLens, demo_site, demo_site_with, demo_site_without_plan};
 pub use walk::{Seen, Walk, walk};

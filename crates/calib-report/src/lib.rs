@@ -7,6 +7,7 @@
 mod style;
 mod words;
 mod svg;
+mod frame;
 mod lens;
 mod overlay;
 mod plan_quality;
@@ -15,6 +16,8 @@ mod site_words;
 mod site_section;
 mod planes;
 mod page;
+mod watch_page;
+mod walk_page;
 
 pub use lens::{is_fitted, lens_of};
 pub use overlay::overlay;
@@ -23,4 +26,6 @@ pub use plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
 pub use planes::planes_text;
 pub use site_words::{WarningKind, kinds, together, worst_first};
 pub use svg::{Anchor, Stroke, Svg};
+pub use walk_page::{WalkPage, direction, zone_name};
+pub use watch_page::{WatchedCamera, watch_page, watch_text};
 pub use words::{centimetres, distance, few};

@@ -4,16 +4,13 @@ use std::fmt::Write as _;
 
 use calib_core::{Residual, ResidualOf, Site, SiteCamera, Solution, Stage, line_name};
 
+use crate::frame::{CLOSED, opened};
 use crate::lens::is_fitted;
 use crate::overlay::overlay;
 use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
-
-/// The page brings all that it shows, and runs nothing.
-const POLICY: &str =
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// A picture that the page shows.
 #[derive(Clone, Debug)]
@@ -40,13 +37,7 @@ pub type Pictures<'a> = &'a mut dyn FnMut(Shown<'_>) -> Result<Picture, String>;
 /// `pictures` says stands in its place.
 #[must_use]
 pub fn page(site: &Site, pictures: Pictures<'_>) -> String {
-    let title = escape(site.name.as_deref().unwrap_or("Camera calibration"));
-    let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
-         <title>{title}</title><style>{}</style></head><body><main><h1>{title}</h1>\n",
-        include_str!("report.css")
-    );
+    let mut html = opened(site.name.as_deref().unwrap_or("Camera calibration"));
     summary(&mut html, &site.cameras);
     site_section(&mut html, site);
     planes_section(&mut html, site);
@@ -54,7 +45,7 @@ pub fn page(site: &Site, pictures: Pictures<'_>) -> String {
     for camera in &site.cameras {
         section(&mut html, site, camera, pictures);
     }
-    html.push_str("</main></body></html>\n");
+    html.push_str(CLOSED);
     html
 }
 

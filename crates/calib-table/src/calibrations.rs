@@ -11,6 +11,7 @@ use calib_core::{
 use serde_json::json;
 
 use crate::columns::{AtColumn, BadCells, Place, column, names};
+use crate::sightings::TableCamera;
 use crate::table_error::TableError;
 use crate::wording::Wording;
 
@@ -208,7 +209,26 @@ impl Calibrations {
         place: Place<'_>,
         bad: &BadCells,
     ) -> Result<Choice, TableError> {
-        let times = self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()?;
+        let times = self.times(batch, place, bad)?;
+        self.choose_at(batch, times.as_deref())
+    }
+
+    /// The times of all rows, where there is a column of them.
+    pub(crate) fn times(
+        &self,
+        batch: &RecordBatch,
+        place: Place<'_>,
+        bad: &BadCells,
+    ) -> Result<Option<Vec<Option<i64>>>, TableError> {
+        self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()
+    }
+
+    /// Which calibration every row of a batch has, whose rows are of these times.
+    pub(crate) fn choose_at(
+        &mut self,
+        batch: &RecordBatch,
+        times: Option<&[Option<i64>]>,
+    ) -> Result<Choice, TableError> {
         if let (ByCamera::Only(_), None) = (&self.camera, &times) {
             return Ok(Choice::All(0));
         }
@@ -254,6 +274,21 @@ impl Calibrations {
             rows.push(found.copied().unwrap_or(none));
         }
         Ok(Choice::Rows(rows))
+    }
+
+    /// The calibrated cameras, every period by itself, in the order of their indices.
+    pub fn cameras(&self) -> impl Iterator<Item = TableCamera<'_>> {
+        self.list.iter().map(|calibration| TableCamera {
+            id: &calibration.entry.camera,
+            valid_from: calibration.entry.from.as_deref(),
+            camera: *calibration.projector.camera(),
+            size: calibration.size,
+        })
+    }
+
+    /// The corners of what each of them covers of the floor, in metres.
+    pub fn efovs(&self) -> impl Iterator<Item = &[FloorPoint]> {
+        self.list.iter().map(|calibration| calibration.efov.as_slice())
     }
 
     /// What is to be said of the cameras, before rows are mapped.

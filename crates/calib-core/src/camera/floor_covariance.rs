@@ -103,6 +103,23 @@ impl Camera {
     pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
         Some(PlaneJacobian::new(self, pixel, Plane::FLOOR)?.by_estimated())
     }
+
+    /// Derivatives of the floor point of a pixel by all that it depends on, estimated or not.
+    ///
+    /// `None` where there is no floor point.
+    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<FloorSlopes> {
+        let on_floor = PlaneJacobian::new(self, pixel, Plane::FLOOR)?;
+        Some(FloorSlopes { by_pixel: on_floor.by_pixel(), by_camera: on_floor.by_unknowns() })
+    }
+}
+
+/// Derivatives of a floor point, x and y.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FloorSlopes {
+    /// By u and v of the raw pixel.
+    pub(crate) by_pixel: [[f64; 2]; 2],
+    /// By every parameter of [`Covariance`].
+    pub(crate) by_camera: [[f64; 2]; Covariance::SIZE],
 }
 
 /// The ray of a pixel to a plane, with what its derivatives need.

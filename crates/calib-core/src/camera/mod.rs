@@ -41,6 +41,7 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};
 pub(crate) use elementary::sin_cos;
+pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
 pub(crate) use pinhole::{NEAREST, dot};

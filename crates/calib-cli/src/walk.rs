@@ -1,0 +1,153 @@
+//! `calib walk`: acceptance by a walker whom several cameras see.
+
+use calib_core::{Disagreement, FloorPoint, Walk, WalkResult, Zones};
+use calib_report::{WalkPage, direction, zone_name};
+
+use crate::args::SiteArgs;
+use crate::detections::DetectionArgs;
+use crate::files;
+use crate::solve::Format;
+use crate::stop::Stop;
+
+/// Arguments of `calib walk`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    site: SiteArgs,
+    #[command(flatten)]
+    detections: DetectionArgs,
+    /// Write a page to hand over and sign
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<String>,
+    /// Overwrite the page
+    #[arg(long)]
+    force: bool,
+    /// Largest floor error of a zone, in metres, beyond its ±
+    #[arg(long, value_name = "M", default_value_t = 0.5)]
+    max_error_m: f64,
+    /// Length of a side of the zones, in metres
+    #[arg(long, value_name = "M", default_value_t = 2.0)]
+    zone_m: f64,
+    /// Least share of the zones that cameras cover where somebody must have walked
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    min_walked: f64,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Moments that several cameras must have seen: fewer tell nothing.
+const MOMENTS: usize = 20;
+
+/// Reads the walk, and judges.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    if !(args.zone_m > 0.0 && args.max_error_m > 0.0) {
+        return Err(Stop::Usage("--zone-m, --max-error-m: expected lengths above 0".into()));
+    }
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let file = args.site.read()?;
+    let mut detections = args.detections.open(&file)?;
+    let cameras: Vec<_> = detections.calibrations.cameras().map(|c| (c.camera, c.size)).collect();
+    let mut walk = Walk::new(&cameras);
+    detections.each(0, |seen, _| {
+        seen.iter().for_each(|sighting| walk.see(sighting));
+        Ok(())
+    })?;
+    let result = walk.result();
+    let efovs: Vec<Vec<FloorPoint>> = detections.calibrations.efovs().map(<[_]>::to_vec).collect();
+    let zones = Zones::new(&result.moments, &efovs, args.zone_m);
+    let names = detections.names();
+    let faults = faults(args, &names, &result, &zones);
+    let title = file.site.name.as_deref().unwrap_or("Cameras");
+    let page = WalkPage { title, names: &names, result: &result, zones: &zones, faults: &faults };
+    if let Some(output) = &args.output {
+        files::write(output, page.html().as_bytes(), args.force)?;
+    }
+    match args.format {
+        _ if args.output.as_deref() == Some("-") => {}
+        Format::Json => files::print(&format!("{:#}\n", as_json(&page)))?,
+        Format::Text => files::print(&crate::words::visible(&page.text()))?,
+    }
+    if faults.is_empty() { Ok(()) } else { Err(Stop::Unsolved(format!("failed: {}", faults.join("; ")))) }
+}
+
+/// What keeps the walk from passing.
+fn faults(args: &Args, names: &[String], result: &WalkResult, zones: &Zones) -> Vec<String> {
+    let mut faults = Vec::new();
+    let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();
+    if together < MOMENTS {
+        faults.push(format!(
+            "{together} moments at which two cameras saw the walker, and {MOMENTS} are needed: walk where views overlap"
+        ));
+    }
+    let accused = result.disagreements.iter();
+    faults.extend(accused.map(|one| format!("{} {}", names[one.camera], direction(one))));
+    let is_wrong = |error: Option<f64>, sigma: Option<f64>| {
+        error.zip(sigma).is_some_and(|(error, sigma)| error - 2.0 * sigma > args.max_error_m)
+    };
+    let wrong = zones.list.iter().filter(|zone| is_wrong(zone.error, zone.error_sigma));
+    let wrong: Vec<String> = wrong.map(zone_name).collect();
+    if !wrong.is_empty() {
+        let list = calib_report::few(wrong.iter().map(String::as_str));
+        faults.push(format!("floor error over {} m in the zones {list}", args.max_error_m));
+    }
+    let walked = zones.list.iter().filter(|zone| zone.moments > 0).count() as f64;
+    let share = walked / zones.list.len().max(1) as f64;
+    if share < args.min_walked {
+        faults.push(format!(
+            "{:.0} % of the zones were walked, {:.0} % asked",
+            100.0 * share,
+            100.0 * args.min_walked
+        ));
+    }
+    faults
+}
+
+fn as_json(page: &WalkPage<'_>) -> serde_json::Value {
+    let WalkPage { names, result, zones, faults, .. } = page;
+    let found = |camera: usize| result.disagreements.iter().find(|one| one.camera == camera);
+    let camera = |index: usize| {
+        let verdict = match (found(index), result.together[index]) {
+            (Some(_), _) => "disagrees",
+            (None, 0) => "not-tested",
+            (None, _) => "agrees",
+        };
+        let mut value = serde_json::json!({
+            "id": names[index], "verdict": verdict,
+            "moments": result.seen[index], "together": result.together[index],
+        });
+        if let Some(one) = found(index) {
+            value["fault"] = fault_json(one);
+        }
+        value
+    };
+    let zone = |zone: &calib_core::Zone| {
+        let covered_by: Vec<&String> = zone.covered_by.iter().map(|&camera| &names[camera]).collect();
+        serde_json::json!({
+            "zone": zone_name(zone), "corner_m": [zone.corner.x, zone.corner.y], "moments": zone.moments,
+            "together": zone.together, "error_m": zone.error, "error_sigma_m": zone.error_sigma,
+            "covered_by": covered_by,
+        })
+    };
+    let nobody = zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name);
+    serde_json::json!({
+        "ok": faults.is_empty(), "faults": faults, "zone_m": zones.side,
+        "cameras": (0..names.len()).map(camera).collect::<Vec<_>>(),
+        "zones": zones.list.iter().map(zone).collect::<Vec<_>>(),
+        "not_walked": nobody.collect::<Vec<_>>(),
+    })
+}
+
+fn fault_json(one: &Disagreement) -> serde_json::Value {
+    let [x, y, z, yaw, pitch, roll, focal] = one.errors;
+    serde_json::json!({
+        "sigmas_clear": one.sigmas_clear, "shift_m": one.shift, "shift_sigma_m": one.shift_sigma,
+        "says": direction(one),
+        "likeliest": {
+            "x_m": x, "y_m": y, "z_m": z, "yaw_deg": yaw.to_degrees(), "pitch_deg": pitch.to_degrees(),
+            "roll_deg": roll.to_degrees(), "focal_px": focal,
+        },
+    })
+}

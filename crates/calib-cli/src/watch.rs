@@ -1,0 +1,215 @@
+//! `calib watch`: cameras that moved, found by the people that they see.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use calib_core::{Camera, CameraHealth, Change, Memory, Movement, Verdict, Watch};
+use calib_report::WatchedCamera;
+use serde::{Deserialize, Serialize};
+
+use crate::args::SiteArgs;
+use crate::detections::{DetectionArgs, Detections, instant};
+use crate::files;
+use crate::solve::Format;
+use crate::stop::Stop;
+
+/// Arguments of `calib watch`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    site: SiteArgs,
+    #[command(flatten)]
+    detections: DetectionArgs,
+    /// Write a page with a plot of every camera
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<String>,
+    /// Overwrite the page
+    #[arg(long)]
+    force: bool,
+    /// Remember here what was seen, and go on with it: rows of a table that were read already are left out
+    #[arg(long, value_name = "FILE")]
+    state: Option<String>,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// Rows after which the state is written, at least.
+const SAVED: u64 = 1 << 21;
+/// Most bytes of a state.
+const MOST: u64 = 1 << 30;
+
+/// What a run leaves for the next one.
+#[derive(Debug, Serialize, Deserialize)]
+struct State {
+    format: String,
+    version: u32,
+    /// SHA-256 of the site file: another calibration is another watch.
+    site_sha256: String,
+    cameras: Vec<String>,
+    /// Rows of every table that were read.
+    read: BTreeMap<String, u64>,
+    memory: Memory,
+}
+
+/// Reads the table, and reports.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    if args.site.is_stdin() && args.detections.input == "-" {
+        let what = "the site and the table cannot both come from stdin; give --input FILE";
+        return Err(Stop::Usage(what.into()));
+    }
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let file = args.site.read()?;
+    let mut detections = args.detections.open(&file)?;
+    let mut watching = Watching::new(args, &detections, &file.sha256)?;
+    watching.read(&mut detections)?;
+    let health = watching.watch.health();
+    let names = detections.names();
+    if let Some(output) = &args.output {
+        let cameras: Vec<WatchedCamera> =
+            names.iter().zip(&health).map(|(id, health)| WatchedCamera { id, health }).collect();
+        let title = file.site.name.as_deref().unwrap_or("Cameras");
+        files::write(output, calib_report::watch_page(title, &cameras, &instant).as_bytes(), args.force)?;
+    }
+    let from: Vec<Option<&str>> = detections.calibrations.cameras().map(|camera| camera.valid_from).collect();
+    if args.output.as_deref() != Some("-") {
+        report(args.format, &names, &from, &health)?;
+    }
+    let moved = names.iter().zip(&health).filter(|(_, health)| health.verdict == Verdict::Moved);
+    let moved: Vec<&str> = moved.map(|(id, _)| id.as_str()).collect();
+    if moved.is_empty() {
+        return Ok(());
+    }
+    Err(Stop::Unsolved(format!("moved: {}", calib_report::few(moved))))
+}
+
+/// A watch with where it is remembered.
+struct Watching<'a> {
+    watch: Watch,
+    state: State,
+    path: Option<&'a Path>,
+    input: &'a str,
+}
+
+impl<'a> Watching<'a> {
+    fn new(args: &'a Args, detections: &Detections, site_sha256: &str) -> Result<Self, Stop> {
+        let cameras: Vec<(Camera, [f64; 2])> =
+            detections.calibrations.cameras().map(|camera| (camera.camera, camera.size)).collect();
+        let watch = Watch::new(&cameras);
+        let (path, input) = (args.state.as_deref().map(Path::new), args.detections.input.as_str());
+        let fresh = State {
+            format: "calib-watch".into(),
+            version: 1,
+            site_sha256: site_sha256.into(),
+            cameras: detections.names(),
+            read: BTreeMap::new(),
+            memory: watch.memory().clone(),
+        };
+        let Some(found) = path.filter(|path| path.exists()) else {
+            return Ok(Self { watch, state: fresh, path, input });
+        };
+        let wrong = |what: &str| Stop::invalid(found.display(), what);
+        let bytes = calib_input::read(found, MOST).map_err(|why| wrong(&why.to_string()))?;
+        let state: State = serde_json::from_slice(&bytes)
+            .map_err(|error| wrong(&format!("not what calib watch remembers: {error}")))?;
+        if state.site_sha256 != fresh.site_sha256 || state.cameras != fresh.cameras {
+            let what =
+                "is of another calibration or other cameras; name another file, or remove it to begin anew";
+            return Err(wrong(what));
+        }
+        let watch = watch.with_memory(state.memory.clone());
+        let watch = watch.ok_or_else(|| wrong("is of other cameras; remove it to begin anew"))?;
+        Ok(Self { watch, state, path, input })
+    }
+
+    fn read(&mut self, detections: &mut Detections) -> Result<(), Stop> {
+        // What comes through a pipe is new every time.
+        let is_file = self.input != "-";
+        let skip = if is_file { self.state.read.get(self.input).copied().unwrap_or(0) } else { 0 };
+        let mut saved = skip;
+        detections.each(skip, |seen, rows| {
+            seen.iter().for_each(|sighting| self.watch.see(sighting));
+            if is_file {
+                self.state.read.insert(self.input.to_owned(), rows);
+            }
+            if rows > saved + SAVED {
+                saved = rows;
+                self.save()?;
+            }
+            Ok(())
+        })?;
+        self.save()
+    }
+
+    fn save(&mut self) -> Result<(), Stop> {
+        let Some(path) = self.path else { return Ok(()) };
+        self.state.memory = self.watch.memory().clone();
+        files::write_atomically(path, &serde_json::to_vec(&self.state)?)
+    }
+}
+
+fn report(
+    format: Format,
+    names: &[String],
+    from: &[Option<&str>],
+    health: &[CameraHealth],
+) -> Result<(), Stop> {
+    let cameras = || names.iter().zip(from).zip(health);
+    if format == Format::Json {
+        let list: Vec<_> = cameras().map(|((id, from), health)| as_json(id, *from, health)).collect();
+        return files::print(&format!("{:#}\n", serde_json::json!({ "cameras": list })));
+    }
+    for ((id, _), health) in cameras() {
+        let text = calib_report::watch_text(health, &instant);
+        files::print(&crate::words::visible(&format!("{id}: {text}\n")))?;
+    }
+    Ok(())
+}
+
+fn as_json(id: &str, from: Option<&str>, health: &CameraHealth) -> serde_json::Value {
+    let mut value = serde_json::json!({
+        "id": id,
+        "verdict": health.verdict.name(),
+        "since": health.change.map(|change| instant(change.since)),
+        "since_low": health.change.map(|change| instant(change.between[0])),
+        "since_high": health.change.map(|change| instant(change.between[1])),
+        "tracks": health.tracks,
+        "matches": health.matches,
+        "would_find": parameters(health.smallest, health.smallest.map(|_| 0.0)),
+    });
+    if let Some(from) = from {
+        value["valid_from"] = from.into();
+    }
+    if let Some(change) = &health.change {
+        value["change"] = change_json(change);
+    }
+    value
+}
+
+fn change_json(change: &Change) -> serde_json::Value {
+    let Movement { pan, tilt, roll, zoom } = change.movement;
+    let told = [("heights", change.by_heights), ("other-cameras", change.by_others)];
+    let told: Vec<&str> = told.into_iter().filter(|(_, tells)| *tells).map(|(name, _)| name).collect();
+    serde_json::json!({
+        "by": parameters([pan, tilt, roll, zoom], change.sigmas),
+        "sigma": parameters(change.sigmas, change.sigmas),
+        "sigmas_clear": change.sigmas_clear,
+        "false_alarm": change.false_alarm,
+        "told_by": told,
+    })
+}
+
+/// In degrees and as a share of the focal; null where nothing is known.
+fn parameters(values: [f64; Movement::SIZE], sigmas: [f64; Movement::SIZE]) -> serde_json::Value {
+    let known =
+        |i: usize, scale: f64| Some(values[i] * scale).filter(|v| v.is_finite() && sigmas[i].is_finite());
+    let degree = 1.0_f64.to_degrees();
+    serde_json::json!({
+        "pan_deg": known(Movement::PAN, degree),
+        "tilt_deg": known(Movement::TILT, degree),
+        "roll_deg": known(Movement::ROLL, degree),
+        "zoom_rel": known(Movement::ZOOM, 1.0),
+    })
+}

@@ -1,0 +1,33 @@
+//! Probabilities as the sigmas of a normal number.
+
+/// As how many sigmas a chi-square of so many degrees of freedom, whole or not, is improbable (Wilson and Hilferty 1931);
+/// 0 where it is probable.
+pub(crate) fn sigmas(chi2: f64, freedom: f64) -> f64 {
+    /// Less than this is no degree of freedom.
+    const LEAST: f64 = 0.5;
+    if freedom < LEAST {
+        return 0.0;
+    }
+    let variance = 2.0 / (9.0 * freedom);
+    ((chi2 / freedom).cbrt() - (1.0 - variance)).max(0.0) / variance.sqrt()
+}
+
+/// How often a normal number is farther from 0 than so many sigmas: at most `2 phi(x) / x` (Mills 1926).
+pub(crate) fn exceeded(sigmas: f64) -> f64 {
+    let density = (-0.5 * sigmas * sigmas).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    (2.0 * density / sigmas.max(f64::MIN_POSITIVE)).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sigmas_are_those_of_the_tables() {
+        // Upper tails of 2.3e-2 and 3.2e-5: chi-square of four degrees exceeds 11.3 and 25.9 as often.
+        assert!((sigmas(11.3, 4.0) - 2.0).abs() < 0.03);
+        assert!((sigmas(25.9, 4.0) - 4.0).abs() < 0.05);
+        assert!(sigmas(3.0, 4.0) == 0.0);
+        assert!((exceeded(4.6) / 4.2e-6 - 1.0).abs() < 0.06);
+    }
+}

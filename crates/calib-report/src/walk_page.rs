@@ -1,0 +1,173 @@
+//! What a walk through a site showed, in words and as a page to sign.
+
+use std::fmt::Write as _;
+
+use calib_core::{Disagreement, FloorPoint, WalkResult, Zone, Zones};
+use calib_draw::Rgb;
+
+use crate::frame::{CLOSED, opened};
+use crate::svg::{Anchor, Stroke, Svg, escape};
+use crate::words::{centimetres, few};
+
+/// What a walk showed, and how it was judged.
+#[derive(Clone, Copy, Debug)]
+pub struct WalkPage<'a> {
+    /// Of the site.
+    pub title: &'a str,
+    /// Ids of the cameras, by index.
+    pub names: &'a [String],
+    /// What it showed.
+    pub result: &'a WalkResult,
+    /// The same by parts of the floor.
+    pub zones: &'a Zones,
+    /// Why it failed; empty where it passed.
+    pub faults: &'a [String],
+}
+
+/// What zones are called: a letter for the column, a number for the row.
+#[must_use]
+pub fn zone_name(zone: &Zone) -> String {
+    let [column, row] = zone.cell;
+    let letter = |index: usize| char::from(b'A' + (index % 26) as u8);
+    let first = if column >= 26 { letter(column / 26 - 1).to_string() } else { String::new() };
+    format!("{first}{}{}", letter(column), row + 1)
+}
+
+/// Where a camera puts the walker, and what may be wrong with it.
+#[must_use]
+pub fn direction(one: &Disagreement) -> String {
+    let [x, y] = one.shift;
+    let toward = |value: f64, axis: &str| {
+        let sign = if value < 0.0 { '\u{2212}' } else { '+' };
+        format!("{} cm toward {sign}{axis}", centimetres(value.abs()))
+    };
+    let [_, _, z, yaw, pitch, roll, _] = one.errors;
+    let turn = [("yaw", yaw), ("pitch", pitch), ("roll", roll)];
+    let (name, largest) = turn.into_iter().fold(turn[0], |a, b| if b.1.abs() > a.1.abs() { b } else { a });
+    format!(
+        "puts the walker {} and {} (\u{b1} {} cm); likeliest its {name} is off by {:+.2}\u{b0}, its height by {} cm",
+        toward(x, "x"),
+        toward(y, "y"),
+        centimetres(one.shift_sigma),
+        largest.to_degrees(),
+        centimetres(z.abs())
+    )
+}
+
+impl WalkPage<'_> {
+    /// Lines to read.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut out = format!("{}\n", self.verdict());
+        for (index, name) in self.names.iter().enumerate() {
+            let _ = writeln!(out, "{name}: {}", self.camera(index));
+        }
+        for zone in self.zones.list.iter().filter(|zone| zone.error.is_some()) {
+            let _ = writeln!(out, "zone {}: {}", zone_name(zone), error(zone));
+        }
+        let _ = writeln!(out, "nobody walked in {}", self.not_walked());
+        out
+    }
+
+    fn verdict(&self) -> String {
+        if self.faults.is_empty() { "PASSED".into() } else { format!("FAILED: {}", self.faults.join("; ")) }
+    }
+
+    fn camera(&self, index: usize) -> String {
+        let together = self.result.together[index];
+        match self.result.disagreements.iter().find(|one| one.camera == index) {
+            Some(one) => format!("disagrees ({:.1} sigmas): {}", one.sigmas_clear, direction(one)),
+            None if together == 0 => "not tested: no other camera saw the walker at the same time".into(),
+            None => format!("agrees with the others at {together} moments"),
+        }
+    }
+
+    fn not_walked(&self) -> String {
+        let names: Vec<String> =
+            self.zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name).collect();
+        if names.is_empty() { "no zone".into() } else { few(names.iter().map(String::as_str)) }
+    }
+
+    /// The whole page.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let mut html = opened(self.title);
+        let class = if self.faults.is_empty() { "note" } else { "note bad" };
+        let _ = writeln!(
+            html,
+            "<h2>Acceptance by a walk</h2><p class=\"{class}\">{}</p>",
+            escape(&self.verdict())
+        );
+        let _ = writeln!(html, "<figure>{}</figure>", self.plan());
+        html.push_str("<table><thead><tr><th>Camera<th>Result</tr></thead><tbody>\n");
+        for (index, name) in self.names.iter().enumerate() {
+            let _ = writeln!(html, "<tr><td>{}<td>{}</tr>", escape(name), escape(&self.camera(index)));
+        }
+        html.push_str(
+            "</tbody></table>\n<h2>Floor error by zone</h2><table><thead><tr><th>Zone<th class=n>x, m<th class=n>y, m\
+             <th class=n>Moments<th>Floor error</tr></thead><tbody>\n",
+        );
+        for zone in &self.zones.list {
+            let FloorPoint { x, y } = zone.corner;
+            let _ = writeln!(
+                html,
+                "<tr><td>{}<td class=n>{x:.1}<td class=n>{y:.1}<td class=n>{}<td>{}</tr>",
+                zone_name(zone),
+                zone.moments,
+                error(zone)
+            );
+        }
+        html.push_str("</tbody></table>\n<p>Name, date, signature: ________________________________</p>\n");
+        html.push_str(CLOSED);
+        html
+    }
+
+    /// The zones from above, shaded by their error, with the way of the walker.
+    fn plan(&self) -> String {
+        let Zones { side, list } = self.zones;
+        let fold =
+            |pick: fn(f64, f64) -> f64, of: fn(&Zone) -> f64| list.iter().map(of).reduce(pick).unwrap_or(0.0);
+        let low = [fold(f64::min, |zone| zone.corner.x), fold(f64::min, |zone| zone.corner.y)];
+        let high = [fold(f64::max, |zone| zone.corner.x) + side, fold(f64::max, |zone| zone.corner.y) + side];
+        let scale = 1000.0 / (high[0] - low[0]).max(*side);
+        let size = [1000.0, ((high[1] - low[1]) * scale).max(1.0)];
+        let mut svg = Svg::new(size, 1.0);
+        // North is up: y of the plan runs against y of the page.
+        let at = |point: FloorPoint| [(point.x - low[0]) * scale, size[1] - (point.y - low[1]) * scale];
+        let line = Stroke { outlined: false, ..Stroke::new(Rgb::INK, 1.0) };
+        for zone in list {
+            let FloorPoint { x, y } = zone.corner;
+            let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+                .map(|[a, b]| at(FloorPoint::new(x + a * side, y + b * side)));
+            if let Some(error) = zone.error {
+                /// Metres of the darkest shade.
+                const WORST: f64 = 0.5;
+                svg.fill(&corners, Rgb::BAD_ON_LIGHT, (0.6 * error / WORST).min(0.6));
+            }
+            svg.line(&corners, true, line.faint(0.3));
+            let [left, top] = corners[3];
+            svg.ink([left + 3.0, top + 13.0], &zone_name(zone), Rgb::INK, Anchor::Start);
+            if let Some(error) = zone.error {
+                let text = format!("{} cm", centimetres(error));
+                svg.ink([left + 3.0, top + 28.0], &text, Rgb::INK, Anchor::Start);
+            }
+        }
+        for moment in &self.result.moments {
+            let half = 1.5;
+            let [x, y] = at(moment.place);
+            svg.line(&[[x - half, y], [x + half, y]], false, Stroke { width: 3.0, ..line }.faint(0.7));
+        }
+        let [w, h] = size;
+        svg.finish(&format!(r#"<rect width="{w}" height="{h}" fill="white"/>"#))
+    }
+}
+
+fn error(zone: &Zone) -> String {
+    match (zone.error, zone.error_sigma) {
+        (Some(error), Some(sigma)) => {
+            format!("{} \u{b1} {} cm of {} moments", centimetres(error), centimetres(sigma), zone.together)
+        }
+        _ if zone.moments > 0 => "one camera alone".into(),
+        _ => "nobody walked".into(),
+    }
+}

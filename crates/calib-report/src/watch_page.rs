@@ -1,0 +1,169 @@
+//! What the watch of cameras found, in words and with a plot of every camera.
+
+use std::fmt::Write as _;
+
+use calib_core::{CameraHealth, Change, Movement, Verdict, Watch};
+use calib_draw::Rgb;
+
+use crate::frame::{CLOSED, opened};
+use crate::svg::{Anchor, Stroke, Svg, escape};
+
+/// A camera with what was found of it.
+#[derive(Clone, Copy, Debug)]
+pub struct WatchedCamera<'a> {
+    /// Its id.
+    pub id: &'a str,
+    /// What was found.
+    pub health: &'a CameraHealth,
+}
+
+/// Says a time in nanoseconds since 1970.
+type Instant<'a> = &'a dyn Fn(i64) -> String;
+
+/// The whole page.
+#[must_use]
+pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'_>) -> String {
+    let mut html = opened(title);
+    html.push_str("<table><thead><tr><th>Camera<th>Verdict<th class=n>Tracks<th class=n>Seen with others</tr></thead><tbody>\n");
+    for WatchedCamera { id, health } in cameras {
+        let class = if health.verdict == Verdict::Moved { " class=bad" } else { "" };
+        let (id, verdict) = (escape(id), health.verdict.name());
+        let _ = writeln!(
+            html,
+            "<tr{class}><td><a href=\"#{id}\">{id}</a><td>{verdict}<td class=n>{}<td class=n>{}</tr>",
+            health.tracks, health.matches
+        );
+    }
+    html.push_str("</tbody></table>\n");
+    for WatchedCamera { id, health } in cameras {
+        let id = escape(id);
+        let text = escape(&watch_text(health, instant));
+        let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}</h2><p class=\"note\">{text}</p>");
+        if let Some(plot) = plot(health, instant) {
+            let _ = writeln!(html, "<figure>{}</figure>", plot.finish(GROUND));
+        }
+        html.push_str("</section>\n");
+    }
+    html.push_str(CLOSED);
+    html
+}
+
+/// A camera in a line.
+#[must_use]
+pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
+    let tracks = health.tracks;
+    match (&health.change, health.verdict) {
+        (Some(change), _) => format!(
+            "moved since {} (between {} and {}): {}; {}. {tracks} tracks",
+            instant(change.since),
+            instant(change.between[0]),
+            instant(change.between[1]),
+            by(change),
+            told_by(change)
+        ),
+        (None, Verdict::CannotTell) => {
+            format!("cannot tell: {tracks} tracks are too few, or tell too little; {}", found(health))
+        }
+        (None, _) => format!("unchanged: {tracks} tracks; {}", found(health)),
+    }
+}
+
+/// By how much a camera moved.
+fn by(change: &Change) -> String {
+    let Movement { pan, tilt, roll, zoom } = change.movement;
+    let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
+    let turn = |name: &str, by: f64, sigma: f64| {
+        let (by, sigma) = (by.to_degrees(), sigma.to_degrees());
+        sigma.is_finite().then(|| format!("{name} {by:+.2}\u{b0} \u{b1} {sigma:.2}"))
+    };
+    let zoom = zoom_sigma
+        .is_finite()
+        .then(|| format!("zoom {:+.1} % \u{b1} {:.1}", 100.0 * zoom.exp_m1(), 100.0 * zoom_sigma));
+    let parts =
+        [turn("pan", pan, pan_sigma), turn("tilt", tilt, tilt_sigma), turn("roll", roll, roll_sigma), zoom];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn told_by(change: &Change) -> &'static str {
+    match (change.by_heights, change.by_others) {
+        (true, false) => "people are not as tall there as they were",
+        (false, true) => "people do not stand where other cameras see them",
+        _ => "people are not as tall, and not where other cameras see them",
+    }
+}
+
+/// The smallest movements that would have been found.
+fn found(health: &CameraHealth) -> String {
+    let [pan, tilt, _, zoom] = health.smallest;
+    let pan = if pan.is_finite() && pan < 0.5 {
+        format!("a pan of {:.1}\u{b0}, ", pan.to_degrees())
+    } else {
+        "no pan (no other camera sees the same people), ".into()
+    };
+    if !(tilt.is_finite() && zoom.is_finite()) {
+        return "no movement would have been found".into();
+    }
+    format!(
+        "would have found {pan}a tilt of {:.1}\u{b0}, a zoom of {:.0} %",
+        tilt.to_degrees(),
+        100.0 * zoom.exp_m1()
+    )
+}
+
+/// Beneath a plot.
+const GROUND: &str = r#"<rect width="1000" height="300" fill="white"/>"#;
+/// Left, top, right and bottom of a plot.
+const AREA: [f64; 4] = [60.0, 20.0, 980.0, 250.0];
+/// Most that heights are shown to differ by.
+const SHOWN: f64 = 0.1;
+
+/// Heights over time, how clear a change is at every time, and when it was.
+fn plot(health: &CameraHealth, instant: Instant<'_>) -> Option<Svg> {
+    let spans = health.heights.iter().map(|then| then.span);
+    let first = spans.clone().map(|span| span[0]).min()?;
+    let last = spans.map(|span| span[1]).max()?;
+    let mut svg = Svg::new([1000.0, 300.0], 1.0);
+    let [left, top, right, bottom] = AREA;
+    let x = |at: i64| left + (right - left) * (at - first) as f64 / (last - first).max(1) as f64;
+    let y = |height: f64| 0.5 * (top + bottom) - 0.5 * (bottom - top) * height.clamp(-SHOWN, SHOWN) / SHOWN;
+    let ink = Stroke { outlined: false, ..Stroke::new(Rgb::INK, 1.0) };
+    if let Some(change) = &health.change {
+        let [low, high] = change.between.map(|at| x(at).clamp(left, right));
+        svg.fill(&[[low, top], [high, top], [high, bottom], [low, bottom]], Rgb::BAD_ON_LIGHT, 0.15);
+        let since = x(change.since);
+        svg.line(
+            &[[since, top], [since, bottom]],
+            false,
+            Stroke { outlined: false, ..Stroke::new(Rgb::BAD_ON_LIGHT, 2.0) },
+        );
+    }
+    svg.line(&[[left, y(0.0)], [right, y(0.0)]], false, ink.faint(0.4));
+    for then in &health.heights {
+        let at = 0.5 * (x(then.span[0]) + x(then.span[1]));
+        let bar = [then.height - then.sigma, then.height + then.sigma];
+        svg.line(&bar.map(|end| [at, y(end)]), false, ink.faint(0.5));
+        svg.line(
+            &[[at - 1.5, y(then.height)], [at + 1.5, y(then.height)]],
+            false,
+            Stroke { width: 3.0, ..ink },
+        );
+    }
+    let most = health.statistics.iter().map(|(_, clear)| *clear).fold(1.5 * Watch::ALARM, f64::max);
+    let clear = |value: f64| bottom - (bottom - top) * value / most;
+    let points: Vec<[f64; 2]> = health.statistics.iter().map(|&(at, value)| [x(at), clear(value)]).collect();
+    let red = Stroke { outlined: false, ..Stroke::new(Rgb::BAD_ON_LIGHT, 1.5) };
+    svg.line(&points, false, red);
+    svg.line(
+        &[[left, clear(Watch::ALARM)], [right, clear(Watch::ALARM)]],
+        false,
+        Stroke { dash: &[4.0, 4.0], ..red },
+    );
+    for (height, text) in [(SHOWN, "+10 %"), (0.0, "height"), (-SHOWN, "\u{2212}10 %")] {
+        svg.ink([4.0, y(height) + 4.0], text, Rgb::INK, Anchor::Start);
+    }
+    svg.ink([left, bottom + 18.0], &instant(first), Rgb::INK, Anchor::Start);
+    svg.ink([right - 150.0, bottom + 18.0], &instant(last), Rgb::INK, Anchor::Start);
+    let legend = "black: heights of people, window by window; red: how clear a change then would be, dashed what is enough";
+    svg.ink([left, bottom + 38.0], legend, Rgb::INK, Anchor::Start);
+    Some(svg)
+}

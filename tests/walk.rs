@@ -1,0 +1,173 @@
+//! `calib walk`: cameras that do not keep what they claim are named by a walker whom others see, too.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::fmt::Write as _;
+
+use calib_core::{Camera, Covariance, Options, Sighting, Walk, WalkResult};
+use calib_demo::{SECOND, demo_site, walk};
+use calib_tests::Scratch;
+use nalgebra::{DMatrix, DVector};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+type Sized = (Camera, [u32; 2]);
+
+/// The cameras of the shop, who claim to be known as an installer's are.
+fn believed() -> Vec<Sized> {
+    let demo = demo_site();
+    let degree = 1.0_f64.to_radians();
+    let sigmas = [0.05, 0.05, 0.03, 0.2 * degree, 0.3 * degree, 0.1 * degree, 15.0];
+    let mut believed = Vec::new();
+    for ((id, camera), entry) in demo.truth.iter().zip(&demo.site.cameras) {
+        if id.starts_with("shop") {
+            let mut camera = *camera;
+            sigmas.iter().enumerate().for_each(|(i, sigma)| camera.covariance.0[i][i] = sigma * sigma);
+            believed.push((camera, entry.size_px));
+        }
+    }
+    believed
+}
+
+fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let [a, b]: [f64; 2] = [random.random_range(f64::EPSILON..1.0), random.random()];
+    (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+fn shifted(camera: &Camera, by: &DVector<f64>) -> Camera {
+    let mut true_one = *camera;
+    true_one.position.x += by[Covariance::X];
+    true_one.position.y += by[Covariance::Y];
+    true_one.position.z += by[Covariance::Z];
+    true_one.yaw += by[Covariance::YAW];
+    true_one.pitch += by[Covariance::PITCH];
+    true_one.roll += by[Covariance::ROLL];
+    true_one.focal += by[Covariance::FOCAL];
+    true_one
+}
+
+fn claimed(camera: &Camera) -> DMatrix<f64> {
+    DMatrix::from_fn(7, 7, |i, j| camera.covariance.0[i][j])
+}
+
+/// A camera as it may be by what its calibration claims.
+fn as_claimed(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
+    let eigen = claimed(camera).symmetric_eigen();
+    let along = DVector::from_fn(7, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normal(random));
+    shifted(camera, &(eigen.eigenvectors * along))
+}
+
+/// One walker of the demonstration, before cameras as they truly are.
+fn walked(truth: &[Sized], seed: u64) -> Vec<Sighting> {
+    let walk = walk(truth, seed);
+    let of_one = walk.seen.iter().filter(|seen| seen.person == Some(0));
+    let seen = of_one.map(|seen| Sighting {
+        at: (seen.moment as f64 * calib_demo::Walk::STEP * SECOND as f64) as i64,
+        camera: seen.camera,
+        foot: seen.pixel,
+        head: None,
+        width: 0.0,
+        person: None,
+    });
+    seen.collect()
+}
+
+fn result(believed: &[Sized], seen: &[Sighting]) -> WalkResult {
+    let cameras: Vec<(Camera, [f64; 2])> =
+        believed.iter().map(|(c, size)| (*c, size.map(f64::from))).collect();
+    let mut walk = Walk::new(&cameras);
+    seen.iter().for_each(|one| walk.see(one));
+    walk.result()
+}
+
+/// Which cameras are named, worst first, where one may have an error of one parameter beside what all claim.
+fn named(believed: &[Sized], fault: Option<(usize, usize, f64)>, seed: u64) -> Vec<usize> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut truth: Vec<Sized> =
+        believed.iter().map(|(c, size)| (as_claimed(c, &mut random), *size)).collect();
+    if let Some((of, parameter, size)) = fault {
+        let sign = if random.random_bool(0.5) { 1.0 } else { -1.0 };
+        let by = DVector::from_fn(7, |i, _| if i == parameter { sign * size } else { 0.0 });
+        truth[of].0 = shifted(&truth[of].0, &by);
+    }
+    result(believed, &walked(&truth, seed)).disagreements.iter().map(|one| one.camera).collect()
+}
+
+#[test]
+fn who_keeps_what_they_claim_is_not_accused() {
+    let believed = believed();
+    let accused = (0..200).filter(|&seed| !named(&believed, None, seed).is_empty()).count();
+    println!("false accusations: {accused} of 200");
+    assert!(accused <= 16, "{accused} of 200: more than 5 % by two standard deviations");
+}
+
+/// Of a fault at the limit one in two is named: 1.6 times that is 4.8 standard deviations of what the walk tells.
+#[test]
+fn a_fault_that_the_walk_can_tell_is_named() {
+    let believed = believed();
+    let smallest = result(&believed, &walked(&believed, 1)).smallest;
+    let (mut right, mut count) = (0, 0);
+    for parameter in [Covariance::Z, Covariance::YAW, Covariance::PITCH, Covariance::FOCAL] {
+        for of in 0..believed.len() {
+            let size = 1.6 * smallest[of][parameter];
+            let is_named =
+                |seed: &u64| named(&believed, Some((of, parameter, size)), *seed).first() == Some(&of);
+            let found = (100..110).filter(is_named).count();
+            let shown = if Covariance::NAMES[parameter].ends_with("deg") { size.to_degrees() } else { size };
+            println!("{} of camera {of}, {shown:.3}: {found} of 10", Covariance::NAMES[parameter]);
+            right += found;
+            count += 10;
+        }
+    }
+    println!("{right} of {count}");
+    assert!(right * 100 >= 90 * count, "{right} of {count}");
+}
+
+#[test]
+fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
+    let demo = demo_site();
+    let site = demo.site.calibrate(&Options::default()).write_into(&demo.site);
+    let cameras: Vec<Sized> =
+        site.cameras.iter().map(|entry| (entry.camera().unwrap(), entry.size_px)).collect();
+    let csv = |truth: &[Sized]| {
+        let mut rows = String::from("camera,at_s,u,v\n");
+        for one in walked(truth, 1) {
+            let id = &site.cameras[one.camera].id;
+            writeln!(rows, "{id},{},{},{}", one.at as f64 / SECOND as f64, one.foot.u, one.foot.v).unwrap();
+        }
+        rows
+    };
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    scratch.write("right.csv", csv(&cameras));
+    let asked = |input: &'static str| {
+        ["walk", "site.json", "-i", input, "--format", "json", "-o", "walk.html", "--force"]
+    };
+    let passed = scratch.calib(&asked("right.csv")).expect_code(0).json();
+    assert_eq!(passed["ok"], true, "{passed}");
+    assert!(!passed["not_walked"].as_array().unwrap().is_empty(), "nobody went into the barn");
+    let store = passed["cameras"].as_array().unwrap().iter().find(|camera| camera["id"] == "store").unwrap();
+    assert_eq!(store["verdict"], "not-tested");
+    let zones = passed["zones"].as_array().unwrap();
+    let measured: Vec<f64> = zones.iter().filter_map(|zone| zone["error_m"].as_f64()).collect();
+    assert!(measured.len() > 10 && measured.iter().all(|error| *error < 0.4), "{measured:?}");
+
+    let mut wrong = cameras.clone();
+    wrong[1].0.yaw += 1.5_f64.to_radians();
+    scratch.write("wrong.csv", csv(&wrong));
+    let failed = scratch.calib(&asked("wrong.csv")).expect_code(4);
+    assert!(failed.stderr.contains("shop-2"), "{}", failed.stderr);
+    let failed = failed.json();
+    let accused: Vec<&str> = failed["cameras"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|camera| camera["verdict"] == "disagrees")
+        .map(|camera| camera["id"].as_str().unwrap())
+        .collect();
+    assert_eq!(accused, ["shop-2"]);
+    let yaw = failed["cameras"][1]["fault"]["likeliest"]["yaw_deg"].as_f64().unwrap();
+    assert!((yaw.abs() - 1.5).abs() < 0.5, "{yaw}");
+    let page = std::fs::read_to_string(scratch.path("walk.html")).unwrap();
+    assert!(page.contains("FAILED") && page.contains("signature") && !page.contains("<script"));
+}

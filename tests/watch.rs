@@ -1,0 +1,206 @@
+//! `calib watch`: cameras that moved are found by the people that they see, and no others.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::fmt::Write as _;
+
+use calib_core::{Camera, CameraHealth, Method, Movement, Sighting, Site, Solution, Stage, Verdict, Watch};
+use calib_demo::{Crowd, Moved, SECOND, demo_site};
+use calib_tests::Scratch;
+
+const DAY: i64 = 86_400 * SECOND;
+/// 2026-05-01T00:00:00Z.
+const MAY: i64 = 1_777_593_600 * SECOND;
+
+/// The true cameras of the demonstration: three of them see the shop, two are alone.
+fn cameras() -> Vec<(Camera, [u32; 2])> {
+    let demo = demo_site();
+    demo.truth.iter().zip(&demo.site.cameras).map(|((_, camera), entry)| (*camera, entry.size_px)).collect()
+}
+
+fn watched(cameras: &[(Camera, [u32; 2])], seen: &[Sighting]) -> Vec<CameraHealth> {
+    let cameras: Vec<(Camera, [f64; 2])> =
+        cameras.iter().map(|(camera, size)| (*camera, size.map(f64::from))).collect();
+    let mut watch = Watch::new(&cameras);
+    seen.iter().for_each(|sighting| watch.see(sighting));
+    watch.health()
+}
+
+fn degrees(pan: f64, tilt: f64, roll: f64) -> Movement {
+    let [pan, tilt, roll] = [pan, tilt, roll].map(f64::to_radians);
+    Movement { pan, tilt, roll, zoom: 0.0 }
+}
+
+fn zoomed() -> Movement {
+    Movement { zoom: 1.03_f64.ln(), ..Movement::default() }
+}
+
+/// Two weeks, of which a camera stands otherwise in the last days: `after` people come before each camera then.
+fn archive(camera: usize, by: Movement, after: usize) -> (Crowd, i64) {
+    let span = [MAY, MAY + 14 * DAY];
+    let share = 0.25;
+    let at = MAY + (14.0 * DAY as f64 * (1.0 - share)) as i64;
+    let people = (5.0 * after as f64 / share) as usize;
+    (Crowd { moved: Some(Moved { camera, at, by }), season: 0.01, ..Crowd::new(people, span) }, at)
+}
+
+fn clearest(health: &CameraHealth) -> f64 {
+    health.statistics.iter().map(|(_, clear)| *clear).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
+    let cameras = cameras();
+    let cases = [
+        (0, degrees(0.0, 1.0, 0.0)),
+        (0, degrees(1.0, 0.0, 0.0)),
+        (1, degrees(0.0, 0.0, -1.0)),
+        (2, zoomed()),
+        (4, zoomed()),
+    ];
+    let mut missed = Vec::new();
+    for (camera, by) in cases {
+        let (crowd, at) = archive(camera, by, 300);
+        let health = watched(&cameras, &crowd.sightings(&cameras, 7));
+        for (index, of) in health.iter().enumerate() {
+            let date = of.change.map(|change| (change.since - at) as f64 / DAY as f64);
+            println!(
+                "{camera} {by:.3?}: {index} {} {:.1} {} tracks, {date:?} days off, {:.2?}",
+                of.verdict.name(),
+                clearest(of),
+                of.tracks,
+                of.change.map(|change| change.movement)
+            );
+            let is_right = match of.change {
+                Some(change) => index == camera && (change.since - at).abs() < 14 * DAY / 10,
+                None => index != camera,
+            };
+            if !is_right {
+                missed.push((camera, by, index));
+            }
+        }
+    }
+    assert!(missed.is_empty(), "{missed:?}");
+}
+
+/// The clearest change of every camera of so many days on which nothing happened, the clearest first.
+fn quiet_days(seeds: std::ops::Range<u64>) -> Vec<(f64, usize)> {
+    let cameras = cameras();
+    let mut all = Vec::new();
+    for seed in seeds {
+        let crowd = Crowd { season: 0.003, ..Crowd::new(1500, [MAY, MAY + DAY]) };
+        let health = watched(&cameras, &crowd.sightings(&cameras, 1000 + seed));
+        all.extend(health.iter().enumerate().map(|(index, of)| (clearest(of), index)));
+    }
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    println!("{:.2?} of {}, median {:.2}", &all[..20.min(all.len())], all.len(), all[all.len() / 2].0);
+    all
+}
+
+#[test]
+fn cameras_that_stand_still_are_left_in_peace() {
+    let days = quiet_days(0..40);
+    assert!(days[0].0 < Watch::ALARM, "{:?}", days[0]);
+}
+
+#[test]
+#[ignore = "takes minutes: 5,000 days of cameras"]
+fn false_alarms_are_one_in_a_thousand_days_of_cameras_at_most() {
+    let days = quiet_days(0..1000);
+    let alarms = days.iter().filter(|(clear, _)| *clear > Watch::ALARM).count();
+    assert!(alarms * 1000 <= days.len(), "{alarms} of {}", days.len());
+}
+
+#[test]
+fn too_few_people_are_no_verdict() {
+    let cameras = cameras();
+    let crowd = Crowd::new(60, [MAY, MAY + DAY]);
+    let health = watched(&cameras, &crowd.sightings(&cameras, 3));
+    assert!(health.iter().all(|of| of.verdict == Verdict::CannotTell), "{health:?}");
+}
+
+/// The demonstration with its true cameras.
+fn site() -> Site {
+    let demo = demo_site();
+    let mut site = demo.site;
+    for (entry, (_, camera)) in site.cameras.iter_mut().zip(&demo.truth) {
+        entry.solution = Some(Solution::of(camera, Method::Given, Stage::Placed));
+    }
+    site
+}
+
+fn csv(site: &Site, seen: &[Sighting]) -> String {
+    let mut rows = String::from("camera,at_ns,x,y,w,h\n");
+    for one in seen {
+        let head = one.head.unwrap();
+        let (x, y, h) = (head.u - 0.5 * one.width, head.v, one.foot.v - head.v);
+        writeln!(rows, "{},{},{x},{y},{},{h}", site.cameras[one.camera].id, one.at, one.width).unwrap();
+    }
+    rows
+}
+
+#[test]
+fn the_program_says_since_when_and_goes_on_where_it_was() {
+    let (site, cameras) = (site(), cameras());
+    let (crowd, at) = archive(0, degrees(0.0, 1.0, 0.0), 150);
+    let seen = crowd.sightings(&cameras, 7);
+    let scratch = Scratch::new();
+    scratch.write("site.json", site.to_json());
+    scratch.write("all.csv", csv(&site, &seen));
+    let asked = ["watch", "site.json", "-i", "all.csv", "--format", "json"];
+    let whole = scratch.calib(&[&asked[..], &["-o", "watch.html"]].concat()).expect_code(4);
+    let found = &whole.json()["cameras"][0];
+    assert_eq!((found["id"].as_str(), found["verdict"].as_str()), (Some("shop-1"), Some("moved")));
+    let nanoseconds = |name: &str| {
+        let time: String = found[name].as_str().unwrap().into();
+        assert!(time.ends_with('Z') && time.starts_with("2026-05-1"), "{time}");
+        time
+    };
+    assert!(
+        nanoseconds("since_low") <= nanoseconds("since") && nanoseconds("since") <= nanoseconds("since_high")
+    );
+    assert!(found["tracks"].as_u64().unwrap() > 300);
+    let page = std::fs::read_to_string(scratch.path("watch.html")).unwrap();
+    assert!(page.contains("shop-1") && page.contains("moved since") && !page.contains("<script"));
+
+    // In pieces, with a state between them, and a piece that is read twice.
+    let middle = seen.len() / 2;
+    scratch.write("part.csv", csv(&site, &seen[..middle]));
+    let in_part = ["watch", "site.json", "-i", "part.csv", "--format", "json", "--state", "state.json"];
+    let first = scratch.calib(&in_part).expect_code(0).json();
+    assert_eq!(first["cameras"][0]["verdict"], "unchanged", "{first}");
+    assert_eq!(
+        scratch.calib(&in_part).expect_code(0).json(),
+        first,
+        "rows that were read are not read again"
+    );
+    // The file has grown.
+    scratch.write("part.csv", csv(&site, &seen));
+    assert_eq!(scratch.calib(&in_part).expect_code(4).json(), whole.json(), "as if it had never ended");
+
+    let before: Vec<Sighting> = seen.iter().filter(|one| one.at < at).copied().collect();
+    scratch.write("before.csv", csv(&site, &before));
+    let still = scratch.calib(&["watch", "site.json", "-i", "before.csv"]).expect_code(0);
+    assert!(
+        still.stdout.contains("shop-1: unchanged") && !still.stdout.contains("moved"),
+        "{}",
+        still.stdout
+    );
+
+    scratch.write("other.json", site.to_json().replace("\"Farm shop and barn\"", "\"Another\""));
+    let refused =
+        scratch.calib(&["watch", "other.json", "-i", "part.csv", "--state", "state.json"]).expect_code(3);
+    assert!(refused.stderr.contains("state.json") && refused.stderr.contains("another calibration"));
+}
+
+#[test]
+fn a_table_without_times_or_cameras_is_refused_with_what_to_do() {
+    let scratch = Scratch::new();
+    scratch.write("site.json", site().to_json());
+    scratch.write("no_time.csv", "camera,x,y,w,h\nshop-1,1,2,3,4\n");
+    let ended = scratch.calib(&["watch", "site.json", "-i", "no_time.csv"]).expect_code(3);
+    assert!(ended.stderr.contains("no_time.csv") && ended.stderr.contains("--at-column"), "{}", ended.stderr);
+    scratch.write("no_camera.csv", "at_s,x,y,w,h\n1,1,2,3,4\n");
+    let ended = scratch.calib(&["watch", "site.json", "-i", "no_camera.csv"]).expect_code(3);
+    assert!(ended.stderr.contains("--camera-column"), "{}", ended.stderr);
+}
