@@ -6,6 +6,7 @@
 mod segment;
 pub mod edges;
 mod pull;
+pub mod proposal;
 
 pub use edges::Edge;
 pub use pull::{RADIUS, pull, pull_line};
