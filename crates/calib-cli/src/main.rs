@@ -17,6 +17,7 @@ mod picture;
 mod plan_ground;
 mod progress;
 mod project;
+mod propose;
 mod render;
 mod report;
 mod sigma_map;
@@ -51,6 +52,8 @@ enum Command {
     Demo(demo::Args),
     /// Calibrate a site: text report, or the solutions as JSON
     Solve(solve::Args),
+    /// Propose the calibration of stills from the edges in them; exit 4 where one has none that is accepted
+    Propose(propose::Args),
     /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
     Project(project::Args),
     /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
@@ -80,6 +83,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Propose(args) => propose::run(&args),
         Command::Project(args) => project::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),

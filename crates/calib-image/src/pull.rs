@@ -33,12 +33,27 @@ fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
     Some((1.0 - t) * ((1.0 - s) * at(0, 0) + s * at(1, 0)) + t * ((1.0 - s) * at(0, 1) + s * at(1, 1)))
 }
 
+/// The edge that runs along a line.
+pub(crate) struct Found {
+    /// The line pulled onto it.
+    pub(crate) ends: [Pixel; 2],
+    /// How far the places along it are off it, root mean square, in pixels.
+    pub(crate) rms: f64,
+    /// How many pixels of the line lie along it.
+    pub(crate) seen: f64,
+}
+
 /// The line pulled onto the edge that runs along it; `None` where there is none.
+#[must_use]
+pub fn pull(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
+    found(image, line).map(|found| found.ends)
+}
+
+/// The edge that runs along a line; `None` where there is none.
 ///
 /// At samples along the line the steepest place across it is found to a fraction of a pixel, all of
 /// one sign, and a straight line fitted through those that agree.
-#[must_use]
-pub fn pull(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<[Pixel; 2]> {
+pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
     let length = a.distance(b);
     if !(4.0..1e5).contains(&length) {
         return None;
@@ -56,18 +71,23 @@ pub fn pull(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<[Pixel; 2]> {
         .filter_map(|i| strongest(&slope, length * i as f64 / count as f64, None))
         .map(|(_, slope)| slope)
         .sum();
-    let found: Vec<[f64; 2]> = (0..=count)
+    let places: Vec<[f64; 2]> = (0..=count)
         .filter_map(|i| {
             let s = length * i as f64 / count as f64;
             strongest(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
         })
         .collect();
-    let (offset, tilt) = robust_line(&found, (SHARE * count as f64) as usize)?;
+    let (offset, tilt, inliers) = robust_line(&places, (SHARE * count as f64) as usize)?;
     let shifted = |p: Pixel, s: f64| {
         let t = offset + tilt * s;
         Pixel::new(p.u + t * across[0], p.v + t * across[1])
     };
-    Some([shifted(a, 0.0), shifted(b, length)])
+    let square: f64 = inliers.iter().map(|[s, t]| (t - offset - tilt * s).powi(2)).sum();
+    Some(Found {
+        ends: [shifted(a, 0.0), shifted(b, length)],
+        rms: (square / inliers.len() as f64).sqrt(),
+        seen: length * inliers.len() as f64 / (count + 1) as f64,
+    })
 }
 
 /// A line of any number of points pulled onto the edge that runs along it; `None` where there is none.
@@ -122,11 +142,11 @@ fn strongest(slope: &impl Fn(f64, f64) -> Option<f64>, s: f64, sign: Option<f64>
     Some((t + shift, peak))
 }
 
-/// Offset and tilt of the line on which most points lie; `None` if fewer than `least` do.
+/// Offset and tilt of the line on which most points lie, with these; `None` if fewer than `least` do.
 ///
 /// Every pair of a few points proposes a line, and the one that most points agree with is fitted to them alone
 /// (Fischler and Bolles 1981, without chance): where two edges run beside each other, a mean of both is no edge.
-fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64)> {
+fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     const PROPOSERS: usize = 32;
     let step = points.len().div_ceil(PROPOSERS).max(1);
     let few: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
@@ -143,7 +163,8 @@ fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64)> {
     if inliers.len() < least.max(4) {
         return None;
     }
-    line_through(&inliers)
+    let (offset, tilt) = line_through(&inliers)?;
+    Some((offset, tilt, inliers))
 }
 
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {

@@ -25,6 +25,11 @@ impl Belief {
         camera.pitch.cos().max(1e-3).ln() - 0.5 * square
     }
 
+    /// How unusual a camera is: its larger residual, in sigmas.
+    pub(super) fn sigmas(&self, camera: &Orientation) -> f64 {
+        self.residuals(camera).iter().map(|(residual, _)| residual.abs()).fold(0.0, f64::max)
+    }
+
     /// The residuals of roll and log focal in sigmas, each with its derivative.
     pub(super) fn residuals(&self, camera: &Orientation) -> [(f64, f64); 2] {
         [(camera.roll / ROLL, ROLL.recip()), ((camera.focal.ln() - self.log_focal) / FOCAL[1], FOCAL[1].recip())]

@@ -9,10 +9,10 @@ use calib_core::{BrownConrady, Distortion, Lens, Pixel};
 
 /// Standard deviation of k1 among lenses.
 const K1: f64 = 0.2;
-/// Distortions that are tried at first.
+/// Distortions that are tried at first, none before all.
 pub(super) const COARSE: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
 /// By how much the log evidence must rise for a bent lens to be believed.
-pub(super) const LEAST_GAIN: f64 = 12.0;
+pub(super) const LEAST_GAIN: f64 = 25.0;
 /// Halvings of the step about the best.
 const HALVINGS: usize = 3;
 

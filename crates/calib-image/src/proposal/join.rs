@@ -7,8 +7,9 @@
 
 use calib_core::{Lens, Pixel};
 
+use crate::line_segment::LineSegment;
+
 use super::line::Line;
-use super::line_segment::LineSegment;
 
 /// Sigmas that an end may be off the line.
 const OFF: f64 = 2.0;

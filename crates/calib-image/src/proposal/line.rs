@@ -15,8 +15,9 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
 use calib_core::{Lens, Pixel};
 
+use crate::line_segment::LineSegment;
+
 use super::frame::Point;
-use super::line_segment::LineSegment;
 
 /// How far edges of a building are turned from their direction, and those of what stands about, in radians.
 const TURNS: [f64; 2] = [0.004, 0.05];
@@ -104,10 +105,13 @@ impl Line {
 
     /// How much likelier the edge is if it leads there than if it leads anywhere.
     pub(super) fn odds(&self, v: Point) -> f64 {
-        self.offset(v).map_or(0.0, |offset| {
-            let [tight, loose] = self.densities(offset.pixels);
-            (tight + loose) * PI * self.length / SQRT_2
-        })
+        /// So many of the larger sigmas off, the odds are nothing.
+        const FAR: f64 = 6.0;
+        let Some(offset) = self.offset(v).filter(|offset| offset.pixels.abs() < FAR * self.sigmas[1]) else {
+            return 0.0;
+        };
+        let [tight, loose] = self.densities(offset.pixels);
+        (tight + loose) * PI * self.length / SQRT_2
     }
 
     /// The residual at a vanishing point, weighted as the mixture of both sigmas weighs it.

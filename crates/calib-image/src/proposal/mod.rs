@@ -1,8 +1,8 @@
 //! The calibration that a still proposes: edges in, ordinary annotations with probabilities out, and a verdict.
 //!
-//! Law: edges are numbers here; no pixel of the still is read. The files in the order of the data:
+//! Law: edges are numbers here, with their noise; no pixel of the still is read. The files in the order of the data:
 //!
-//! - `line_segment` an edge with its noise; `line` what it says of a vanishing point; `join` broken edges made whole;
+//! - `line` what an edge says of a vanishing point; `join` broken edges made whole;
 //! - `frame` a camera as its vanishing points; `belief` what is believed of cameras;
 //! - `search` vanishing points that many edges lead to, and the cameras that these allow;
 //! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
@@ -10,7 +10,6 @@
 //! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
 //! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
 
-mod line_segment;
 mod line;
 mod join;
 mod frame;
@@ -25,6 +24,5 @@ mod still;
 
 pub use drawn::Group;
 pub use join::joined;
-pub use line_segment::LineSegment;
 pub use still::{Proposal, Still};
 pub use verdict::{Reason, Verdict};

@@ -16,7 +16,7 @@ use super::line::Line;
 /// So many of the longest edges are asked.
 const ASKED: usize = 250;
 /// So many of them propose vanishing points, and directions of the floor.
-const PROPOSERS: [usize; 2] = [70, 40];
+const PROPOSERS: [usize; 2] = [70, 50];
 /// Vanishing points that are looked for.
 const POINTS: usize = 8;
 /// The share of the edges that lead to one point.
@@ -49,7 +49,10 @@ struct Candidate {
 impl Candidate {
     fn new(odds: impl Iterator<Item = f64>) -> Self {
         let odds: Vec<f64> = odds.collect();
-        let gains = odds.iter().map(|odds| (1.0 - SHARE + SHARE * odds).ln()).collect();
+        // Most edges do not lead there, and a logarithm takes its time.
+        let nothing = (1.0 - SHARE).ln();
+        let gain = |&odds: &f64| if odds > 0.0 { (1.0 - SHARE + SHARE * odds).ln() } else { nothing };
+        let gains = odds.iter().map(gain).collect();
         Self { odds, gains }
     }
 
@@ -71,7 +74,8 @@ fn remainder(odds: f64) -> f64 {
 /// Cameras that explain many edges, the best first. The longest lines come first.
 pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &Belief) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(ASKED)];
-    let cameras = cameras(&vanishing_points(lines), width);
+    let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
+    let cameras = cameras(&points, width);
     let mut found: Vec<Hypothesis> =
         cameras.into_iter().map(|camera| with_directions(lines, camera, belief)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -90,8 +94,13 @@ fn is_other(a: &Orientation, b: &Orientation) -> bool {
     apart.iter().any(|apart| apart.abs() > 1.0)
 }
 
-/// Vanishing points of the image, the best first.
-fn vanishing_points(lines: &[Line]) -> Vec<Point> {
+/// How well edges lead to common points, whatever the camera: what the best points score together.
+pub(super) fn concurrence(lines: &[Line]) -> f64 {
+    vanishing_points(&lines[..lines.len().min(ASKED)]).iter().map(|(_, score)| score).sum()
+}
+
+/// Vanishing points of the image, the best first, with their scores.
+fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
     let first = &lines[..lines.len().min(PROPOSERS[0])];
     let pairs = first.iter().enumerate().flat_map(|(i, a)| first[..i].iter().map(move |b| (a, b)));
     let proposed: Vec<Point> = pairs
@@ -101,7 +110,7 @@ fn vanishing_points(lines: &[Line]) -> Vec<Point> {
     let candidates: Vec<Candidate> =
         proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
     let chosen = greedy(&candidates, vec![1.0; lines.len()], POINTS, |_, _| true);
-    chosen.into_iter().map(|(index, _)| proposed[index]).collect()
+    chosen.into_iter().map(|(index, score)| (proposed[index], score)).collect()
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

@@ -8,15 +8,16 @@
 
 use calib_core::{Lens, Orientation, Pixel, SiteCamera, Solution};
 
+use crate::line_segment::LineSegment;
+
 use super::belief::Belief;
 use super::drawn::{Group, entry, groups, solved, stroke};
 use super::line::Line;
-use super::line_segment::LineSegment;
 use super::mixture::Mixture;
 use super::search::{Hypothesis, hypotheses};
 use super::strokes::strokes;
 use super::verdict::{Reason, Verdict};
-use super::{bend, join};
+use super::{bend, join, search};
 
 /// Edges that are worked with, the longest ones.
 const MOST_LINES: usize = 400;
@@ -33,6 +34,9 @@ const NEARLY_SQUARE: f64 = 0.4;
 /// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
 const SURE: f64 = 0.06;
 const CHECK: f64 = 0.10;
+/// Sigmas of what is believed of cameras from which one wants a look, and from which it is not believed.
+const UNUSUAL: f64 = 2.0;
+const UNBELIEVED: f64 = 3.0;
 /// By how much the solve underestimates its sigma: strokes of edges share what is wrong with them.
 const WIDENING: f64 = 1.2;
 
@@ -126,7 +130,8 @@ impl Proposal {
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
         let own = WIDENING * own / solution.focal_px;
         let sigma = own.hypot(scatter.sigma);
-        proposal.judge(sigma, own, &scatter, &solution);
+        let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
+        proposal.judge([sigma, own, unusual], &scatter, &solution);
         proposal.focal_sigma_rel = Some(sigma);
         proposal.camera = Some(camera);
         proposal.solution = Some(solution);
@@ -134,17 +139,23 @@ impl Proposal {
     }
 
     /// The verdict, with what speaks against it.
-    fn judge(&mut self, sigma: f64, own: f64, scatter: &Scatter, solution: &Solution) {
+    fn judge(&mut self, [sigma, own, unusual]: [f64; 3], scatter: &Scatter, solution: &Solution) {
         let directions = self.groups.iter().filter(|group| group.annotation.id.is_some()).count();
-        if own > SURE {
-            self.reasons.push(match directions {
-                0 | 1 => Reason::OneDirection { sigma: own },
-                _ => Reason::FocalOpen { sigma: own },
-            });
+        let verticals = self.groups.iter().find(|group| group.annotation.id.is_none());
+        if verticals.is_none_or(|group| group.probabilities.len() < 2) {
+            self.reasons.push(Reason::NoVerticals);
+        } else if directions < 2 {
+            self.reasons.push(Reason::OneDirection { sigma: own });
+        } else if own > SURE {
+            self.reasons.push(Reason::FocalOpen { sigma: own });
         }
+        let is_tied_together = self.reasons.is_empty() || own > SURE && directions > 1;
         if let Some(rival) = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own) {
             self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.focal] });
             self.alternative = Some(rival);
+        }
+        if unusual > UNUSUAL {
+            self.reasons.push(Reason::Unusual { focal: solution.focal_px });
         }
         let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
         if solution.warnings.iter().any(|warning| warning.code == calib_core::Code::Misfit) {
@@ -152,7 +163,7 @@ impl Proposal {
         }
         self.verdict = match sigma {
             sigma if sigma < SURE && self.reasons.is_empty() => Verdict::Sure,
-            sigma if sigma < CHECK => Verdict::Check,
+            sigma if sigma < CHECK && is_tied_together && unusual < UNBELIEVED => Verdict::Check,
             _ => Verdict::None,
         };
     }
@@ -181,32 +192,50 @@ impl Scatter {
 }
 
 impl Still {
+    /// A still of which nothing is known but its edges.
+    #[must_use]
+    pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
+        Self { segments, size, principal_point: None, lens: None }
+    }
+
     /// The likeliest grouping, and all other cameras with their log evidence less its own.
     fn grouping(&self) -> Option<(Grouping, Vec<(f64, Orientation)>)> {
-        let tried: Vec<Grouping> = match self.lens {
-            Some(lens) => vec![self.grouped(lens, 0.0)],
-            None => bend::COARSE.iter().map(|&k1| self.bent(k1)).collect(),
+        let straight = self.grouped(self.lens.unwrap_or(bend::lens(0.0, self.centre(), self.sides())), 0.0);
+        let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
+        let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
+        let chosen = match bent {
+            Some(bent) if gain(&bent).is_some_and(|gain| gain > bend::LEAST_GAIN) => bent,
+            _ => straight,
         };
-        let score = |grouping: &Grouping| grouping.log_evidence().unwrap_or(f64::NEG_INFINITY);
-        let straight = score(tried.first()?);
-        let best = (0..tried.len()).max_by(|&a, &b| score(&tried[a]).total_cmp(&score(&tried[b])))?;
-        let best = if score(&tried[best]) > straight + bend::LEAST_GAIN { best } else { 0 };
-        let refined = (best > 0).then(|| self.refined(&tried[best]));
-        let mut all = tried;
-        let chosen = refined.unwrap_or_else(|| all.swap_remove(best));
         let most = chosen.mixtures.first()?.log_evidence;
         let own = chosen.mixtures.iter().skip(1);
         let others = own.map(|mixture| (mixture.log_evidence - most, mixture.camera)).collect();
         Some((chosen, others))
     }
 
+    /// The grouping under the distortion under which edges lead to common points best, if that is any.
+    fn bent_grouping(&self) -> Option<Grouping> {
+        let concurrence = |k1: f64| {
+            search::concurrence(&self.lines(&bend::lens(k1, self.centre(), self.sides()))) + bend::log_density(k1)
+        };
+        let scores = bend::COARSE.map(|k1| (k1, concurrence(k1)));
+        let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
+        let coarse = self.bent(k1);
+        let refined = self.refined(&coarse);
+        Some(if refined.log_evidence() > coarse.log_evidence() { refined } else { coarse })
+    }
+
+    fn sides(&self) -> [f64; 2] {
+        self.size.map(f64::from)
+    }
+
     fn centre(&self) -> Pixel {
-        let [w, h] = self.size.map(f64::from);
+        let [w, h] = self.sides();
         self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h))
     }
 
     fn bent(&self, k1: f64) -> Grouping {
-        self.grouped(bend::lens(k1, self.centre(), self.size.map(f64::from)), k1)
+        self.grouped(bend::lens(k1, self.centre(), self.sides()), k1)
     }
 
     /// Edges joined and grouped under a lens.
@@ -229,9 +258,8 @@ impl Still {
     /// The same grouping under the distortion that makes it likeliest.
     fn refined(&self, coarse: &Grouping) -> Grouping {
         let belief = Belief::of_width(f64::from(self.size[0]));
-        let size = self.size.map(f64::from);
         let score = |k1: f64| {
-            let lines = self.lines(&bend::lens(k1, self.centre(), size));
+            let lines = self.lines(&bend::lens(k1, self.centre(), self.sides()));
             let best = coarse.mixtures.first()?;
             let start = (best.camera, best.azimuths.clone(), best.tied.clone());
             Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + bend::log_density(k1))

@@ -12,6 +12,9 @@ use super::mixture::Mixture;
 /// Edges that belong less surely are not shown.
 const LEAST: f64 = 0.7;
 
+/// Strokes of every direction at least, where there are.
+const LEAST_EACH: usize = 2;
+
 /// An edge that is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stroke {
@@ -35,7 +38,9 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
         let gain = |(_, row): &(Stroke, Vec<f64>)| {
             (0..unknowns).map(|i| (0..unknowns).map(|j| row[i] * inverse[(i, j)] * row[j]).sum::<f64>()).sum::<f64>()
         };
-        let best = (0..left.len()).max_by(|&a, &b| gain(&left[a]).total_cmp(&gain(&left[b])));
+        let first = wanting(&chosen, &left);
+        let may = |i: &usize| first.is_none_or(|direction| left[*i].0.direction == direction);
+        let best = (0..left.len()).filter(may).max_by(|&a, &b| gain(&left[a]).total_cmp(&gain(&left[b])));
         let Some(best) = best else { break };
         let (stroke, row) = left.swap_remove(best);
         for i in 0..unknowns {
@@ -46,6 +51,13 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
         chosen.push(stroke);
     }
     chosen
+}
+
+/// A direction that has not yet as many strokes as it takes to see that they belong together.
+fn wanting(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
+    let drawn = |direction: usize| chosen.iter().filter(|stroke| stroke.direction == direction).count();
+    let most = left.iter().map(|(stroke, _)| stroke.direction).max()?;
+    (0..=most).find(|&k| drawn(k) < LEAST_EACH && left.iter().any(|(stroke, _)| stroke.direction == k))
 }
 
 /// The edges that belong somewhere, with the derivatives of their residuals.

@@ -52,6 +52,11 @@ pub enum Reason {
         /// Their focals, in pixels, this one first.
         focals: [f64; 2],
     },
+    /// No camera that somebody set up has such a roll or focal.
+    Unusual {
+        /// In pixels.
+        focal: f64,
+    },
     /// The edges do not agree with each other as well as their noise would have them.
     Misfit {
         /// Sum of squared residuals over their number.
@@ -83,6 +88,10 @@ impl fmt::Display for Reason {
             Self::TwoHypotheses { focals: [one, other] } => write!(
                 f,
                 "a focal of {one:.0} px and one of {other:.0} px explain the edges alike; look which lines belong together"
+            ),
+            Self::Unusual { focal } => write!(
+                f,
+                "a camera of such a roll, or with a focal of {focal:.0} px, is unusual; look whether the verticals are plumb"
             ),
             Self::Misfit { chi2_per_dof } => write!(
                 f,
