@@ -178,9 +178,9 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
         Some(off(proposal.verdict, orientation(solution), proposal.focal_sigma_rel?, room.truth))
     });
     let each = proposed.collect();
-    let baseline = rooms.iter().filter_map(|room| {
-        Some(off(Verdict::Check, ransac(&room.segments, centre)?, f64::NAN, room.truth))
-    });
+    let baseline = rooms
+        .iter()
+        .filter_map(|room| Some(off(Verdict::Check, ransac(&room.segments, centre)?, f64::NAN, room.truth)));
     let baseline = Measured { name: "the same, RANSAC", offered: rooms.len(), each: baseline.collect() };
     Some((Measured { name, offered: rooms.len(), each }, baseline))
 }
@@ -209,7 +209,8 @@ fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {
     let lean = |p: &[f64; 3]| (p[0] / p[1]).abs();
     let down = points.iter().copied().min_by(|a, b| lean(a).total_cmp(&lean(b)))?;
     let square = |p: &[f64; 3]| -(p[0] * down[0] + p[1] * down[1]) / (p[2] * down[2]);
-    let focal = points.iter().filter(|point| **point != down).map(square).find(|square| *square > 0.0)?.sqrt();
+    let focal =
+        points.iter().filter(|point| **point != down).map(square).find(|square| *square > 0.0)?.sqrt();
     let [x, y, w] = down.map(|c| c * down[1].signum());
     Some(Orientation { roll: x.atan2(y), pitch: (focal * w).atan2(x.hypot(y)), focal })
 }
@@ -234,7 +235,11 @@ fn rooms_propose_their_cameras_or_abstain() {
     let (answered, sure) = (measured.answered(), measured.sure());
     println!("{HEAD}\n{}\n{}", measured.row(), baseline.row());
     assert!(answered.len() * 4 > measured.offered, "{}", measured.row());
-    assert!(Measured::focal(&answered, 0.5) < 0.03 && Measured::focal(&answered, 0.9) < 0.1, "{}", measured.row());
+    assert!(
+        Measured::focal(&answered, 0.5) < 0.03 && Measured::focal(&answered, 0.9) < 0.1,
+        "{}",
+        measured.row()
+    );
     assert!(Measured::angle(&answered, |off| off.pitch) < 0.6, "{}", measured.row());
     assert!(Measured::angle(&answered, |off| off.roll) < 0.25, "{}", measured.row());
     assert!(Measured::gross(&sure) * 100 <= sure.len(), "{}", measured.row());
@@ -318,7 +323,8 @@ fn nonsense() -> Vec<(&'static str, RgbImage)> {
         let weave = (f64::from(x) * 0.31).sin() * (f64::from(y) * 0.27 + 0.002 * f64::from(x * y % 97)).sin();
         Rgb([(128.0 + 90.0 * weave) as u8; 3])
     });
-    let board = RgbImage::from_fn(640, 480, |x, y| Rgb([if (x / 40 + y / 40) % 2 == 0 { 40 } else { 210 }; 3]));
+    let board =
+        RgbImage::from_fn(640, 480, |x, y| Rgb([if (x / 40 + y / 40) % 2 == 0 { 40 } else { 210 }; 3]));
     let dot = RgbImage::from_pixel(1, 1, Rgb([7; 3]));
     vec![("noise", noise), ("gradient", gradient), ("texture", texture), ("board", board), ("dot", dot)]
 }
@@ -356,7 +362,8 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
     let (id, truth) = &demo.truth[0];
     calib_demo::render(truth, demo.site.cameras[0].size_px).save(folder.join("shop.png")).unwrap();
     nonsense()[0].1.save(folder.join("noise.png")).unwrap();
-    let args = ["propose", "stills", "-o", "site.json", "--accept", "all", "--format", "json", "--render", "seen"];
+    let args =
+        ["propose", "stills", "-o", "site.json", "--accept", "all", "--format", "json", "--render", "seen"];
     let run = scratch.calib(&args).expect_code(4);
     assert!(run.stderr.contains("noise") && run.stderr.contains("1 of 2"), "{}", run.stderr);
     let cameras = run.json()["cameras"].clone();
@@ -368,7 +375,10 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
     let site = Site::from_json(&std::fs::read_to_string(scratch.path("site.json")).unwrap()).unwrap();
     let strokes: usize = site.cameras[1].annotations.iter().flat_map(|a| &a.segments).map(Vec::len).sum();
     assert!((4..=20).contains(&strokes) && site.cameras[1].solution.is_some(), "{strokes} strokes");
-    assert!(site.cameras[0].annotations.is_empty() && site.cameras[0].image.as_deref() == Some("stills/noise.png"));
+    assert!(
+        site.cameras[0].annotations.is_empty()
+            && site.cameras[0].image.as_deref() == Some("stills/noise.png")
+    );
     assert!(scratch.path("seen/shop.png").exists());
     scratch.calib(&["render", "site.json", "--camera", "shop", "-o", "again.png"]).expect_code(0);
     scratch.calib(&["propose", "stills", "-o", "site.json"]).expect_code(1);

@@ -145,7 +145,8 @@ fn is_still(path: &Path) -> bool {
 fn ids(stills: &[PathBuf]) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let mut id = |path: &PathBuf| {
-        let stem = path.file_stem().map_or_else(|| "still".into(), |stem| stem.to_string_lossy().into_owned());
+        let stem =
+            path.file_stem().map_or_else(|| "still".into(), |stem| stem.to_string_lossy().into_owned());
         let numbered = (2..).map(|number| format!("{stem}-{number}"));
         let mut names = std::iter::once(stem.clone()).chain(numbered);
         let name = names.find(|name| !taken.contains(name)).unwrap_or(stem);
@@ -230,12 +231,8 @@ fn text(site: &Site, proposed: &[Proposed]) -> String {
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
             let (roll, pitch) = (angle(solution.roll_deg), angle(solution.pitch_deg));
-            let _ = write!(
-                out,
-                " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %",
-                solution.focal_px,
-                100.0 * sigma
-            );
+            let _ =
+                write!(out, " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %", solution.focal_px, 100.0 * sigma);
         }
         out.push('\n');
         for reason in &proposal.reasons {

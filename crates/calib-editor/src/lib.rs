@@ -46,9 +46,9 @@ mod apply;
 
 pub use action::{Action, NewStill, Opened};
 pub use apart::{Apart, apart, far_links, pair_apart};
+pub use calib_image::{Edge, edges};
 pub use command::Command;
 pub use difference::differences;
-pub use calib_image::{Edge, edges};
 pub use editor::{Editor, OldStill};
 pub use epipolar::{Trace, post_length};
 pub use family::{Family, Fit, view_of};

@@ -32,6 +32,9 @@ impl Belief {
 
     /// The residuals of roll and log focal in sigmas, each with its derivative.
     pub(super) fn residuals(&self, camera: &Orientation) -> [(f64, f64); 2] {
-        [(camera.roll / ROLL, ROLL.recip()), ((camera.focal.ln() - self.log_focal) / FOCAL[1], FOCAL[1].recip())]
+        [
+            (camera.roll / ROLL, ROLL.recip()),
+            ((camera.focal.ln() - self.log_focal) / FOCAL[1], FOCAL[1].recip()),
+        ]
     }
 }

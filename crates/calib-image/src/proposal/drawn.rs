@@ -1,8 +1,8 @@
 //! Edges as annotations, as an operator would draw them, and what the solve makes of them.
 
 use calib_core::{
-    Annotation, DistortionEntry, Kind, LensEntry, Lens, Options, Pixel, Site, SiteCamera,
-    Solution, UndistortedPixel,
+    Annotation, DistortionEntry, Kind, Lens, LensEntry, Options, Pixel, Site, SiteCamera, Solution,
+    UndistortedPixel,
 };
 
 use super::line::Line;
@@ -27,7 +27,11 @@ impl Group {
 }
 
 /// The strokes as annotations: verticals, then every floor direction that two of them have.
-pub(super) fn groups(mixture: &Mixture, strokes: &[Stroke], draw: &dyn Fn(usize) -> Vec<Pixel>) -> Vec<Group> {
+pub(super) fn groups(
+    mixture: &Mixture,
+    strokes: &[Stroke],
+    draw: &dyn Fn(usize) -> Vec<Pixel>,
+) -> Vec<Group> {
     let name = |direction: usize| format!("floor {direction}");
     let of = |direction: usize| strokes.iter().filter(move |stroke| stroke.direction == direction);
     let is_drawn = |direction: usize| of(direction).count() > usize::from(direction > 0);

@@ -36,7 +36,8 @@ pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     left.sort_by(|a, b| b.length.total_cmp(&a.length));
     left.truncate(MOST);
     let mut is_used = vec![false; left.len()];
-    let mut whole: Vec<Line> = (0..left.len()).filter_map(|first| grown(first, &left, &mut is_used)).collect();
+    let mut whole: Vec<Line> =
+        (0..left.len()).filter_map(|first| grown(first, &left, &mut is_used)).collect();
     whole.sort_by(|a, b| b.length.total_cmp(&a.length));
     whole
 }

@@ -76,8 +76,14 @@ impl Line {
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         let through = [a[1] - b[1], b[0] - a[0], a[0] * b[1] - a[1] * b[0]];
         let sigmas = TURNS.map(|turn| end_sigma.hypot(turn * length * FRAC_1_SQRT_2));
-        (length.is_finite() && length > 0.0 && end_sigma > 0.0)
-            .then_some(Self { ends, end_sigma, length, through, sigmas, pieces })
+        (length.is_finite() && length > 0.0 && end_sigma > 0.0).then_some(Self {
+            ends,
+            end_sigma,
+            length,
+            through,
+            sigmas,
+            pieces,
+        })
     }
 
     /// The residual at a vanishing point; none for one between the ends, where no edge passes.
@@ -158,7 +164,10 @@ mod tests {
                     line.offset(moved).unwrap().pixels
                 };
                 let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-                assert!((numeric - exact[k]).abs() < 1e-5 * (1.0 + exact[k].abs()), "{v:?} {k}: {numeric} {exact:?}");
+                assert!(
+                    (numeric - exact[k]).abs() < 1e-5 * (1.0 + exact[k].abs()),
+                    "{v:?} {k}: {numeric} {exact:?}"
+                );
             }
         }
     }

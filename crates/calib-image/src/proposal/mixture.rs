@@ -112,8 +112,11 @@ impl Mixture {
             let (_, membership) = self.membership(line, &points);
             for (k, &probability) in membership.iter().enumerate() {
                 totals[k] += probability;
-                let Some(evidence) = line.evidence(points[k]).filter(|_| probability > 1e-4) else { continue };
-                let slope = |(j, by): &(usize, Point)| (*j, (0..3).map(|c| evidence.by_point[c] * by[c]).sum());
+                let Some(evidence) = line.evidence(points[k]).filter(|_| probability > 1e-4) else {
+                    continue;
+                };
+                let slope =
+                    |(j, by): &(usize, Point)| (*j, (0..3).map(|c| evidence.by_point[c] * by[c]).sum());
                 let row: Vec<(usize, f64)> = derivatives[k].iter().map(slope).collect();
                 equations.add(&row, evidence.residual, probability);
             }

@@ -6,7 +6,7 @@
 //! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
 //!    their evidence; the verdict follows from it.
 
-use calib_core::{Lens, Orientation, Pixel, SiteCamera, Solution};
+use calib_core::{Code, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
 
 use crate::line_segment::LineSegment;
 
@@ -97,7 +97,9 @@ impl Proposal {
             return Self::none(vec![Reason::NoDirections]);
         };
         match grouping.mixtures.first() {
-            Some(best) if best.log_evidence > LEAST_EVIDENCE => Self::of(&grouping, best, &others, still.size),
+            Some(best) if best.log_evidence > LEAST_EVIDENCE => {
+                Self::of(&grouping, best, &others, still.size)
+            }
             _ => Self::none(vec![Reason::NoDirections]),
         }
     }
@@ -140,16 +142,12 @@ impl Proposal {
 
     /// The verdict, with what speaks against it.
     fn judge(&mut self, [sigma, own, unusual]: [f64; 3], scatter: &Scatter, solution: &Solution) {
-        let directions = self.groups.iter().filter(|group| group.annotation.id.is_some()).count();
-        let verticals = self.groups.iter().find(|group| group.annotation.id.is_none());
-        if verticals.is_none_or(|group| group.probabilities.len() < 2) {
-            self.reasons.push(Reason::NoVerticals);
-        } else if directions < 2 {
-            self.reasons.push(Reason::OneDirection { sigma: own });
-        } else if own > SURE {
+        let missing = self.missing(own);
+        let is_complete = missing.is_none();
+        self.reasons.extend(missing);
+        if is_complete && own > SURE {
             self.reasons.push(Reason::FocalOpen { sigma: own });
         }
-        let is_tied_together = self.reasons.is_empty() || own > SURE && directions > 1;
         if let Some(rival) = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own) {
             self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.focal] });
             self.alternative = Some(rival);
@@ -157,15 +155,29 @@ impl Proposal {
         if unusual > UNUSUAL {
             self.reasons.push(Reason::Unusual { focal: solution.focal_px });
         }
-        let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
-        if solution.warnings.iter().any(|warning| warning.code == calib_core::Code::Misfit) {
+        if solution.warnings.iter().any(|warning| warning.code == Code::Misfit) {
+            let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
             self.reasons.push(Reason::Misfit { chi2_per_dof });
         }
-        self.verdict = match sigma {
-            sigma if sigma < SURE && self.reasons.is_empty() => Verdict::Sure,
-            sigma if sigma < CHECK && is_tied_together && unusual < UNBELIEVED => Verdict::Check,
-            _ => Verdict::None,
+        if self.reasons.is_empty() && sigma >= SURE {
+            self.reasons.push(Reason::FocalOpen { sigma });
+        }
+        let is_believed = is_complete && unusual < UNBELIEVED && sigma < CHECK;
+        self.verdict = match self.reasons.is_empty() {
+            true => Verdict::Sure,
+            false if is_believed => Verdict::Check,
+            false => Verdict::None,
         };
+    }
+
+    /// What must be there for directions to control each other, and is not.
+    fn missing(&self, sigma: f64) -> Option<Reason> {
+        let levels = self.groups.iter().filter(|group| group.annotation.kind == Kind::Parallel).count();
+        let verticals = self.groups.iter().find(|group| group.annotation.kind == Kind::Vertical);
+        if verticals.is_none_or(|group| group.probabilities.len() < 2) {
+            return Some(Reason::NoVerticals);
+        }
+        (levels < 2).then_some(Reason::OneDirection { sigma })
     }
 }
 
@@ -216,7 +228,8 @@ impl Still {
     /// The grouping under the distortion under which edges lead to common points best, if that is any.
     fn bent_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
-            search::concurrence(&self.lines(&bend::lens(k1, self.centre(), self.sides()))) + bend::log_density(k1)
+            search::concurrence(&self.lines(&bend::lens(k1, self.centre(), self.sides())))
+                + bend::log_density(k1)
         };
         let scores = bend::COARSE.map(|k1| (k1, concurrence(k1)));
         let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
@@ -277,5 +290,6 @@ fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mix
     let is_square =
         |&[a, b]: &[usize; 2]| ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < NEARLY_SQUARE;
     let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
-    ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief)).collect()
+    ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
+        .collect()
 }

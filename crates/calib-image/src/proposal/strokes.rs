@@ -36,7 +36,9 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
     while chosen.len() < most && !left.is_empty() {
         let Some(inverse) = information.clone().cholesky().map(|c| c.inverse()) else { break };
         let gain = |(_, row): &(Stroke, Vec<f64>)| {
-            (0..unknowns).map(|i| (0..unknowns).map(|j| row[i] * inverse[(i, j)] * row[j]).sum::<f64>()).sum::<f64>()
+            (0..unknowns)
+                .map(|i| (0..unknowns).map(|j| row[i] * inverse[(i, j)] * row[j]).sum::<f64>())
+                .sum::<f64>()
         };
         let first = wanting(&chosen, &left);
         let may = |i: &usize| first.is_none_or(|direction| left[*i].0.direction == direction);
