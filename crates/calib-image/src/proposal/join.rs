@@ -49,7 +49,13 @@ fn grown(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
     }
     let mut pieces = vec![&all[first]];
     let mut line = all[first].clone();
-    while let Some(next) = (first + 1..all.len()).find(|&i| !is_used[i] && continues(&line, &all[i])) {
+    // The nearest piece first: what lies in a gap would be beside the line that was joined over it.
+    let nearest = |line: &Line, is_used: &[bool]| {
+        let free = (first + 1..all.len()).filter(|&i| !is_used[i]);
+        let gaps = free.filter_map(|i| Some((i, gap(line, &all[i])?)));
+        gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+    };
+    while let Some(next) = nearest(&line, is_used) {
         is_used[next] = true;
         pieces.push(&all[next]);
         line = through(&pieces).unwrap_or(line);
@@ -81,19 +87,20 @@ impl Axis {
     }
 }
 
-/// Whether a piece is of the same edge.
-fn continues(line: &Line, piece: &Line) -> bool {
+/// How far a piece of the same edge is from the line, in pixels; none for a piece of another edge.
+fn gap(line: &Line, piece: &Line) -> Option<f64> {
     let axis = Axis::of(line);
     let ends = piece.ends.map(|end| axis.to_axis(end));
     let gap = ends.iter().map(|[s, _]| s.abs() - 0.5 * line.length).fold(f64::INFINITY, f64::min);
     // What runs beside it is another edge.
     if gap < -OVERLAP || gap > GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0 {
-        return false;
+        return None;
     }
-    ends.iter().all(|&[s, t]| {
+    let is_on = ends.iter().all(|&[s, t]| {
         let of_line = line.end_sigma * (0.5 + 2.0 * (s / line.length).powi(2)).sqrt();
         t.abs() < OFF * of_line.hypot(piece.end_sigma)
-    })
+    });
+    is_on.then_some(gap)
 }
 
 /// The line through all of its pieces.

@@ -2,17 +2,17 @@
 //!
 //! Law: edges are numbers here, with their noise; no pixel of the still is read. The files in the order of the data:
 //!
-//! - `line` what an edge says of a vanishing point; `join` broken edges made whole;
-//! - `frame` a camera as its vanishing points; `belief` what is believed of cameras;
+//! - `frame` a camera as its vanishing points; `line` what an edge says of one; `join` broken edges made whole;
+//! - `belief` what is believed of cameras;
 //! - `search` vanishing points that many edges lead to, and the cameras that these allow;
 //! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
 //! - `bend` the distortion under which the grouping is likeliest;
 //! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
 //! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
 
+mod frame;
 mod line;
 mod join;
-mod frame;
 mod belief;
 mod search;
 mod mixture;
