@@ -73,6 +73,11 @@ fn a_file_of_the_app_uses_only_files_above_it() {
 }
 
 #[test]
+fn a_file_that_reads_pixels_uses_only_files_above_it() {
+    uses_only_what_is_above("calib-image");
+}
+
+#[test]
 fn a_file_of_the_report_uses_only_files_above_it() {
     uses_only_what_is_above("calib-report");
 }
@@ -115,6 +120,7 @@ fn uses_only_what_is_above(package: &str) {
 fn a_file_of_a_folder_uses_only_files_above_it() {
     in_folders_uses_only_what_is_above("calib-core");
     in_folders_uses_only_what_is_above("calib-app");
+    in_folders_uses_only_what_is_above("calib-image");
 }
 
 fn in_folders_uses_only_what_is_above(package: &str) {
@@ -181,6 +187,17 @@ fn the_editor_knows_no_screen_no_files_and_no_threads() {
     }
     for path in found {
         for word in ["egui", "std::fs", "std::thread", "std::env", "target_arch"] {
+            assert!(!code(&path).contains(word), "{} has {word}", path.display());
+        }
+    }
+}
+
+#[test]
+fn what_reads_pixels_knows_no_files_clocks_and_threads() {
+    let mut found = Vec::new();
+    files(&root().join("crates/calib-image/src"), &mut found);
+    for path in found {
+        for word in ["std::fs", "std::thread", "std::time", "std::env", "target_arch"] {
             assert!(!code(&path).contains(word), "{} has {word}", path.display());
         }
     }

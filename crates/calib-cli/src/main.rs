@@ -18,6 +18,7 @@ mod picture;
 mod plan_ground;
 mod progress;
 mod project;
+mod propose;
 mod render;
 mod report;
 mod sigma_map;
@@ -54,6 +55,8 @@ enum Command {
     Demo(demo::Args),
     /// Calibrate a site: text report, or the solutions as JSON
     Solve(solve::Args),
+    /// Propose the calibration of stills from the edges in them; exit 4 where one has none that is accepted
+    Propose(propose::Args),
     /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
     Project(project::Args),
     /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
@@ -87,6 +90,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Propose(args) => propose::run(&args),
         Command::Project(args) => project::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use calib_core::{Camera, Pixel, Site, SiteCamera, on_image};
+pub use calib_image::to_segment;
 
 /// Something of one camera's image that can be picked, moved and deleted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -151,17 +152,6 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     let edges = line.windows(2).map(|pair| to_segment(pair[0], pair[1], at));
     edges.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// Distance of `at` from the segment from `a` to `b`.
-#[must_use]
-pub fn to_segment(a: Pixel, b: Pixel, at: Pixel) -> f64 {
-    let (dx, dy) = (b.u - a.u, b.v - a.v);
-    let length = dx * dx + dy * dy;
-    // A segment without length is a point; a clamp with NaN would not be one.
-    let t =
-        if length > 0.0 { (((at.u - a.u) * dx + (at.v - a.v) * dy) / length).clamp(0.0, 1.0) } else { 0.0 };
-    at.distance(Pixel::new(a.u + t * dx, a.v + t * dy))
 }
 
 #[cfg(test)]

@@ -21,7 +21,6 @@ mod still;
 pub mod hit;
 pub mod edit;
 pub mod planes;
-pub mod edges;
 pub mod suggest;
 pub mod snap;
 mod history;
@@ -47,9 +46,9 @@ mod apply;
 
 pub use action::{Action, NewStill, Opened};
 pub use apart::{Apart, apart, far_links, pair_apart};
+pub use calib_image::{Edge, edges};
 pub use command::Command;
 pub use difference::differences;
-pub use edges::Edge;
 pub use editor::{Editor, OldStill};
 pub use epipolar::{Trace, post_length};
 pub use family::{Family, Fit, view_of};

@@ -4,8 +4,8 @@
 //! edge of the image is evidence, and only once the operator has taken it.
 
 use calib_core::{Camera, Covariance, DrawNext, FloorPoint, Kind, Pixel, SiteCamera, WorldPoint};
+use calib_image::Edge;
 
-use crate::edges::Edge;
 use crate::hit;
 
 /// How far an edge may lie from the example, as a share of the image's diagonal.

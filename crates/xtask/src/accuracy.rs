@@ -1,5 +1,7 @@
 //! The table of accuracy: every estimator on the same draws, beside the Cramér-Rao bound.
 
+use std::process::Command;
+
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Fit, FitOptions, FixedParameters, Lens, Orientation, Pixel,
     SceneErrors, paper_minimum,
@@ -7,6 +9,8 @@ use calib_core::{
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
+
+use crate::workspace::{done, root};
 
 /// Scenes and draws of noise per scene.
 pub(crate) struct Extent {
@@ -30,6 +34,23 @@ type Estimator = fn(&[Annotation], &RandomScene, f64) -> Option<Camera>;
 
 const ESTIMATORS: [(&str, Estimator); 3] =
     [("closed form", closed_form), ("paper's C", paper), ("maximum likelihood", likelihood)];
+
+/// Prints the table of what stills propose by themselves: that of the test which holds it.
+pub(crate) fn proposals() -> anyhow::Result<()> {
+    let mut cargo = Command::new("cargo");
+    cargo.args([
+        "test",
+        "--quiet",
+        "--package",
+        "calib-tests",
+        "--test",
+        "proposals",
+        "--",
+        "--nocapture",
+        "told",
+    ]);
+    done(cargo.arg("rooms").arg("--test-threads=1").current_dir(root()))
+}
 
 /// Prints the table as Markdown.
 pub(crate) fn run(extent: &Extent) {

@@ -134,6 +134,9 @@ enum Command {
         /// On real data in place of simulated: errors beside their sigmas, and the share inside intervals
         #[arg(long)]
         real: bool,
+        /// Of what stills propose by themselves, in place of simulated
+        #[arg(long, conflicts_with = "real")]
+        proposals: bool,
     },
 }
 
@@ -189,7 +192,8 @@ fn main() -> anyhow::Result<()> {
             Ok(())
         }
         Command::Accuracy { real: true, .. } => coverage::run(),
-        Command::Accuracy { scenes, draws, real: false } => {
+        Command::Accuracy { proposals: true, .. } => accuracy::proposals(),
+        Command::Accuracy { scenes, draws, .. } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())
         }

@@ -13,9 +13,9 @@ mod region;
 use std::sync::Arc;
 
 use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site};
+use calib_image::Edge;
 use image::RgbImage;
 
-use crate::edges::Edge;
 use crate::input::{Key, Modifiers};
 use crate::session::Session;
 

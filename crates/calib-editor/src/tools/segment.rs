@@ -5,7 +5,6 @@ use calib_core::{Kind, Pixel, Shape};
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::snap;
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,7 +66,7 @@ impl Segment {
 /// The line on the edge that it runs along, while Alt asks for that and there is one.
 fn pulled(line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
     let still = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
-    still.and_then(|still| snap::pull(still, line)).unwrap_or(line)
+    still.and_then(|still| calib_image::pull(still, line)).unwrap_or(line)
 }
 
 /// Foot first for what stands upright.

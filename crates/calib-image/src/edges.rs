@@ -1,9 +1,9 @@
 //! Straight edges of a still, to be offered under the cursor.
 
 use calib_core::Pixel;
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
-use crate::hit::to_segment;
+use crate::segment::to_segment;
 
 /// A straight edge, in raw pixels.
 pub type Edge = [Pixel; 2];
@@ -13,18 +13,20 @@ const LEAST: f64 = 24.0;
 /// So much of an edge at either end is left to drawing by hand.
 const ENDS: f64 = 0.15;
 
+/// Brightness of every pixel.
+fn grey(image: &RgbImage) -> Vec<u8> {
+    let brightness = |pixel: &Rgb<u8>| {
+        let [r, g, b] = pixel.0.map(u32::from);
+        ((299 * r + 587 * g + 114 * b) / 1000) as u8
+    };
+    image.pixels().map(brightness).collect()
+}
+
 /// The straight edges of an image (Grompone von Gioi et al. 2012), the longest first.
 #[must_use]
 pub fn find(image: &RgbImage) -> Vec<Edge> {
     let (width, height) = image.dimensions();
-    let grey: Vec<u8> = image
-        .pixels()
-        .map(|pixel| {
-            let [r, g, b] = pixel.0.map(u32::from);
-            ((299 * r + 587 * g + 114 * b) / 1000) as u8
-        })
-        .collect();
-    let found = lsdetect::detect(&grey, width as usize, height as usize, lsdetect::SCALE);
+    let found = lsdetect::detect(&grey(image), width as usize, height as usize, lsdetect::SCALE);
     // The detector counts from the centre of the first pixel, we from its corner.
     let pixel = |x: f64, y: f64| Pixel::new(x + 0.5, y + 0.5);
     let mut edges: Vec<Edge> = found
@@ -65,7 +67,6 @@ pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::Rgb;
 
     #[test]
     fn the_edge_of_a_step_is_found_where_it_is() {

@@ -1,0 +1,322 @@
+//! `calib propose`: the calibration that stills propose by themselves, or none.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
+use calib_image::{Group, Proposal, Still, Verdict, line_segments};
+use calib_report::{few, is_fitted, overlay};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::files::{self, say};
+use crate::painting::draw_on;
+use crate::picture;
+use crate::solve::Format;
+use crate::stop::Stop;
+use crate::words::visible;
+
+/// Which proposals are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Accept {
+    /// Those that may be used as they are
+    Sure,
+    /// Those that want a look, too
+    Check,
+    /// Whatever was found
+    All,
+}
+
+impl Accept {
+    fn takes(self, proposal: &Proposal) -> bool {
+        match self {
+            Self::Sure => proposal.verdict == Verdict::Sure,
+            Self::Check => proposal.verdict != Verdict::None,
+            Self::All => proposal.solution.is_some(),
+        }
+    }
+}
+
+/// Arguments of `calib propose`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Stills (PNG, JPEG), or folders of them
+    #[arg(required = true, value_name = "STILL")]
+    stills: Vec<PathBuf>,
+    /// Write the site here (- is stdout)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<String>,
+    /// Which proposals are taken into the site
+    #[arg(long, value_enum, default_value = "check")]
+    accept: Accept,
+    /// Draw what is proposed on every still, into this folder
+    #[arg(long, value_name = "DIR")]
+    render: Option<PathBuf>,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Overwrite the output file and pictures
+    #[arg(long)]
+    force: bool,
+}
+
+/// A still with what it proposes.
+struct Proposed {
+    path: PathBuf,
+    size: [u32; 2],
+    proposal: Proposal,
+    is_taken: bool,
+}
+
+/// Proposes, writes, reports.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let stills = stills(&args.stills)?;
+    let ids = ids(&stills);
+    let mut progress = Steps::new(stills.len());
+    let (mut site, mut proposed) = (Site::new(), Vec::new());
+    let folder = args.output.as_deref().filter(|output| *output != "-").map(Path::new).and_then(Path::parent);
+    for (path, id) in stills.into_iter().zip(ids) {
+        progress.next(&id);
+        let still = of_still(path, args.accept)?;
+        site.cameras.push(camera(&still, id, folder.unwrap_or(Path::new(""))));
+        proposed.push(still);
+    }
+    drop(progress);
+    let site = solved(site, &proposed);
+    if let Some(output) = &args.output {
+        files::write(output, site.to_json().as_bytes(), args.force)?;
+    }
+    if let Some(folder) = &args.render {
+        draw(&site, &proposed, folder, args.force)?;
+    }
+    report(args, &site, &proposed)?;
+    unaccepted(&site, &proposed)
+}
+
+/// What one still proposes.
+fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
+    let image = read(&path)?;
+    let size = [image.width(), image.height()];
+    let proposal = Proposal::new(&Still::new(line_segments(&image), size));
+    let is_taken = accept.takes(&proposal);
+    Ok(Proposed { path, size, proposal, is_taken })
+}
+
+fn read(path: &Path) -> Result<image::RgbImage, Stop> {
+    let wrong = |error: &dyn std::fmt::Display| Stop::invalid(path.display(), error);
+    let bytes = calib_input::read(path, MAX_BYTES as u64).map_err(|error| wrong(&error))?;
+    calib_input::decode(&bytes).map_err(|error| wrong(&error))
+}
+
+/// The stills that are asked for, those of folders in the order of their names.
+fn stills(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
+    let mut found = Vec::new();
+    for path in asked {
+        if !path.is_dir() {
+            found.push(path.clone());
+            continue;
+        }
+        let reading = || format!("reading {}", path.display());
+        let entries = std::fs::read_dir(path).with_context(reading)?;
+        let paths = entries.map(|entry| entry.map(|entry| entry.path()));
+        let mut inside = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;
+        inside.retain(|path| is_still(path));
+        inside.sort();
+        if inside.is_empty() {
+            return Err(Stop::invalid(path.display(), "no stills are in this folder (.png, .jpg, .jpeg)"));
+        }
+        found.extend(inside);
+    }
+    Ok(found)
+}
+
+fn is_still(path: &Path) -> bool {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    path.is_file() && matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg"))
+}
+
+/// A name for every still: that of its file, numbered where it is taken.
+fn ids(stills: &[PathBuf]) -> Vec<String> {
+    let mut taken = BTreeSet::new();
+    let mut id = |path: &PathBuf| {
+        let stem =
+            path.file_stem().map_or_else(|| "still".into(), |stem| stem.to_string_lossy().into_owned());
+        let numbered = (2..).map(|number| format!("{stem}-{number}"));
+        let mut names = std::iter::once(stem.clone()).chain(numbered);
+        let name = names.find(|name| !taken.contains(name)).unwrap_or(stem);
+        taken.insert(name.clone());
+        name
+    };
+    stills.iter().map(&mut id).collect()
+}
+
+/// The camera of a still, with what is proposed if it is taken.
+fn camera(still: &Proposed, id: String, folder: &Path) -> SiteCamera {
+    let drawn = still.proposal.camera.clone().filter(|_| still.is_taken);
+    let drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
+    SiteCamera { id, image: Some(beside(&still.path, folder)), ..drawn }
+}
+
+/// A path as a site in this folder names it.
+fn beside(path: &Path, folder: &Path) -> String {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let inside = || {
+        let (path, folder) = (path.canonicalize().ok()?, folder.canonicalize().ok()?);
+        Some(path.strip_prefix(&folder).map_or_else(|_| path.clone(), Path::to_path_buf))
+    };
+    inside().unwrap_or_else(|| path.to_owned()).to_string_lossy().into_owned()
+}
+
+/// The site with every camera solved whose proposal is taken.
+fn solved(site: Site, proposed: &[Proposed]) -> Site {
+    let cameras = site.cameras.iter().zip(proposed).filter(|(_, proposed)| proposed.is_taken);
+    let cameras: Vec<String> = cameras.map(|(camera, _)| camera.id.clone()).collect();
+    if cameras.is_empty() {
+        return site;
+    }
+    site.calibrate(&Options { cameras: Some(cameras), ..Options::default() }).write_into(&site)
+}
+
+/// A picture of every still with what is proposed on it, taken or not.
+fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Result<(), Stop> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    for (camera, proposed) in site.cameras.iter().zip(proposed) {
+        let Proposed { path, proposal, .. } = proposed;
+        let shown = SiteCamera {
+            annotations: proposal.groups.iter().map(|group| group.annotation.clone()).collect(),
+            solution: camera.solution.clone().or_else(|| proposal.solution.clone()),
+            ..camera.clone()
+        };
+        let picture = draw_on(&overlay(site, &shown, is_fitted(&shown)), &read(path)?)?;
+        let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
+        files::write(&name, &picture::encoded(&picture, &name)?, force)?;
+    }
+    Ok(())
+}
+
+/// stdout is the site where it is asked for there: the report goes where messages go.
+fn report(args: &Args, site: &Site, proposed: &[Proposed]) -> Result<(), Stop> {
+    let to_stdout = args.output.as_deref() == Some("-");
+    match args.format {
+        Format::Text if to_stdout => say(text(site, proposed)),
+        Format::Text => files::print(&visible(&text(site, proposed)))?,
+        Format::Json if to_stdout => {}
+        Format::Json => files::print(&json(site, proposed)?)?,
+    }
+    Ok(())
+}
+
+/// Why a proposal is not sure; nothing where it is.
+fn reason(proposal: &Proposal) -> String {
+    proposal.reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+fn text(site: &Site, proposed: &[Proposed]) -> String {
+    let mut out = String::new();
+    let width = site.cameras.iter().map(|camera| camera.id.chars().count()).max().unwrap_or(0).max(6);
+    let _ = writeln!(
+        out,
+        "{:width$}  {:7} {:>7} {:>9} {:>10} {:>14} {:>8}",
+        "camera", "verdict", "strokes", "roll deg", "pitch deg", "focal px", "sigma"
+    );
+    for (camera, Proposed { proposal, .. }) in site.cameras.iter().zip(proposed) {
+        let strokes: usize = proposal.groups.iter().map(|group| group.probabilities.len()).sum();
+        let _ = write!(out, "{:width$}  {:7} {strokes:>7}", camera.id, proposal.verdict.name());
+        if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
+            let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
+            let (roll, pitch) = (angle(solution.roll_deg), angle(solution.pitch_deg));
+            let _ =
+                write!(out, " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %", solution.focal_px, 100.0 * sigma);
+        }
+        out.push('\n');
+        for reason in &proposal.reasons {
+            let _ = writeln!(out, "{:width$}    {reason}", "");
+        }
+    }
+    out
+}
+
+fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
+    let group = |(index, group): (usize, &Group)| {
+        serde_json::json!({
+            "annotation": index,
+            "kind": group.annotation.kind.row().name,
+            "probability": group.probability(),
+            "segments": group.probabilities,
+        })
+    };
+    let of = |(camera, Proposed { proposal, is_taken, .. }): (&SiteCamera, &Proposed)| {
+        let groups: Vec<_> = proposal.groups.iter().enumerate().map(group).collect();
+        serde_json::json!({
+            "id": camera.id,
+            "verdict": proposal.verdict.name(),
+            "reason": reason(proposal),
+            "accepted": is_taken,
+            "focal_px": proposal.solution.as_ref().map(|solution| solution.focal_px),
+            "focal_sigma_rel": proposal.focal_sigma_rel,
+            "groups": groups,
+        })
+    };
+    let cameras: Vec<_> = site.cameras.iter().zip(proposed).map(of).collect();
+    let mut text = serde_json::to_string_pretty(&serde_json::json!({ "cameras": cameras }))?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// Exit 4 when a still has no proposal that is accepted, naming every one.
+fn unaccepted(site: &Site, proposed: &[Proposed]) -> Result<(), Stop> {
+    let without = site.cameras.iter().zip(proposed).filter(|(_, proposed)| !proposed.is_taken);
+    let without: Vec<&str> = without.map(|(camera, _)| camera.id.as_str()).collect();
+    if without.is_empty() {
+        return Ok(());
+    }
+    Err(Stop::Unsolved(format!(
+        "{} of {} stills have no proposal that is accepted: {}; draw on them, or look at what --accept all takes",
+        without.len(),
+        proposed.len(),
+        few(without.iter().copied())
+    )))
+}
+
+/// How far a batch is: a bar on a terminal, a line now and then elsewhere.
+struct Steps {
+    bar: ProgressBar,
+    done: usize,
+    all: usize,
+    said: Instant,
+}
+
+impl Steps {
+    /// Between two lines of a log.
+    const LINES: Duration = Duration::from_secs(10);
+
+    fn new(all: usize) -> Self {
+        let bar = ProgressBar::new(all as u64);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {eta} left") {
+            bar.set_style(style);
+        }
+        Self { bar, done: 0, all, said: Instant::now() }
+    }
+
+    fn next(&mut self, name: &str) {
+        self.bar.set_message(visible(name).into_owned());
+        self.bar.set_position(self.done as u64);
+        if self.bar.is_hidden() && self.said.elapsed() >= Self::LINES {
+            self.said = Instant::now();
+            say(format_args!("calib: {} of {} stills", self.done, self.all));
+        }
+        self.done += 1;
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

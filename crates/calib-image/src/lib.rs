@@ -1,0 +1,29 @@
+//! What is found in the pixels of a still: straight edges, the edge under a drawn line, and the calibration that
+//! the edges propose.
+//!
+//! Here are no files, threads, clocks or windows: whoever has them hands over pixels. Pixels are raw, with the
+//! corner of the image as origin, as in `calib-core`.
+//!
+//! ```
+//! use calib_image::{Proposal, Still, Verdict, line_segments};
+//! use image::{Rgb, RgbImage};
+//!
+//! let wall = RgbImage::from_fn(320, 240, |x, _| Rgb([if x < 160 { 60 } else { 180 }; 3]));
+//! let still = Still::new(line_segments(&wall), [320, 240]);
+//! assert_eq!(Proposal::new(&still).verdict, Verdict::None, "one edge tells no camera");
+//! ```
+
+// A file uses only those above it.
+mod segment;
+mod line_segment;
+pub mod edges;
+mod pull;
+mod measure;
+mod proposal;
+
+pub use edges::Edge;
+pub use line_segment::LineSegment;
+pub use measure::line_segments;
+pub use proposal::{Group, Proposal, Reason, Still, Verdict, joined};
+pub use pull::{RADIUS, pull, pull_line};
+pub use segment::to_segment;

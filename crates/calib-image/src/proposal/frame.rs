@@ -1,0 +1,37 @@
+//! A camera as a proposal sees it: where the verticals and the directions of the floor vanish.
+
+use calib_core::Orientation;
+
+/// A vanishing point relative to the principal point, homogeneous.
+pub(super) type Point = [f64; 3];
+
+/// Of the verticals: `(f cos p sin r, f cos p cos r, sin p)`.
+pub(super) fn nadir(at: &Orientation) -> Point {
+    let ((sr, cr), (sp, cp)) = (at.roll.sin_cos(), at.pitch.sin_cos());
+    [at.focal * cp * sr, at.focal * cp * cr, sp]
+}
+
+/// Of the floor direction at `azimuth`, counter-clockwise from the camera's right, in radians.
+pub(super) fn level(at: &Orientation, azimuth: f64) -> Point {
+    let ((sr, cr), (sp, cp), (sa, ca)) = (at.roll.sin_cos(), at.pitch.sin_cos(), azimuth.sin_cos());
+    let (x, y) = (ca, -sp * sa);
+    [at.focal * (cr * x + sr * y), at.focal * (cr * y - sr * x), cp * sa]
+}
+
+/// The azimuth at which a line through the image meets the horizon: where the floor direction vanishes that it has
+/// if it is level.
+pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
+    let [across, ahead] = [0.0, std::f64::consts::FRAC_PI_2].map(|azimuth| {
+        let point = level(at, azimuth);
+        (0..3).map(|k| through[k] * point[k]).sum::<f64>()
+    });
+    (-across).atan2(ahead)
+}
+
+/// The camera of this focal whose verticals vanish there, with the horizon above its feet.
+pub(super) fn with_nadir([x, y, w]: Point, focal: f64) -> Orientation {
+    // Upright: the verticals run down the image.
+    let sign = if y < 0.0 { -1.0 } else { 1.0 };
+    let (x, y, w) = (sign * x, sign * y, sign * w);
+    Orientation { roll: x.atan2(y), pitch: (focal * w).atan2(x.hypot(y)), focal }
+}

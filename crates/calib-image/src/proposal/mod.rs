@@ -1,0 +1,28 @@
+//! The calibration that a still proposes: edges in, ordinary annotations with probabilities out, and a verdict.
+//!
+//! Law: edges are numbers here, with their noise; no pixel of the still is read. The files in the order of the data:
+//!
+//! - `frame` a camera as its vanishing points; `line` what an edge says of one; `join` broken edges made whole;
+//! - `belief` what is believed of cameras;
+//! - `search` vanishing points that many edges lead to, and the cameras that these allow;
+//! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
+//! - `bend` the distortion under which the grouping is likeliest;
+//! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
+//! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
+
+mod frame;
+mod line;
+mod join;
+mod belief;
+mod search;
+mod mixture;
+mod bend;
+mod strokes;
+mod drawn;
+mod verdict;
+mod still;
+
+pub use drawn::Group;
+pub use join::joined;
+pub use still::{Proposal, Still};
+pub use verdict::{Reason, Verdict};

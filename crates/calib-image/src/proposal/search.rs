@@ -1,0 +1,190 @@
+//! Where to look: vanishing points that many edges lead to, and the cameras that these allow.
+//!
+//! Every pair of long edges proposes a point, all edges are asked (Fischler and Bolles 1981, with every pair in
+//! place of chance). A point scores the sum of `log(1 - e + e odds)`, the log likelihood of the mixture in which the
+//! share e of the edges leads there. The best is taken, every edge is weighed by the probability that it does not
+//! lead there, and the next is sought. Cameras follow from a point taken for that of the verticals, with a range of
+//! focals and with those that put another point at right angles to it or to a third; under every camera the floor
+//! directions are sought in the same way among the azimuths at which long edges meet the horizon.
+
+use calib_core::Orientation;
+
+use super::belief::Belief;
+use super::frame::{Point, azimuth, level, nadir, with_nadir};
+use super::line::Line;
+
+/// So many of the longest edges are asked.
+const ASKED: usize = 250;
+/// So many of them propose vanishing points, and directions of the floor.
+const PROPOSERS: [usize; 2] = [70, 50];
+/// Vanishing points that are looked for.
+const POINTS: usize = 8;
+/// The share of the edges that lead to one point.
+const SHARE: f64 = 0.1;
+/// What a point must score at least, more than chance gives among so many.
+const LEAST_SCORE: f64 = 6.0;
+/// Horizontal fields of view that are tried, from and to, in degrees, and how many of them.
+const FIELDS: [f64; 2] = [18.0, 125.0];
+const FOCALS: usize = 20;
+/// Floor directions of one camera, and how far they are from each other at least: the sine of their angle.
+const DIRECTIONS: usize = 3;
+const APART: f64 = 0.1;
+/// Cameras that are worked out.
+const CAMERAS: usize = 8;
+
+/// A camera with the azimuths of its floor directions.
+#[derive(Clone, Debug)]
+pub(super) struct Hypothesis {
+    pub(super) camera: Orientation,
+    pub(super) azimuths: Vec<f64>,
+    score: f64,
+}
+
+/// What all edges say of one candidate.
+struct Candidate {
+    odds: Vec<f64>,
+    gains: Vec<f64>,
+}
+
+impl Candidate {
+    fn new(odds: impl Iterator<Item = f64>) -> Self {
+        let odds: Vec<f64> = odds.collect();
+        // Most edges do not lead there, and a logarithm takes its time.
+        let nothing = (1.0 - SHARE).ln();
+        let gain = |&odds: &f64| if odds > 0.0 { (1.0 - SHARE + SHARE * odds).ln() } else { nothing };
+        let gains = odds.iter().map(gain).collect();
+        Self { odds, gains }
+    }
+
+    fn score(&self, left: &[f64]) -> f64 {
+        self.gains.iter().zip(left).map(|(gain, left)| gain * left).sum()
+    }
+
+    /// Takes what leads there out of what is left.
+    fn take_from(&self, left: &mut [f64]) {
+        left.iter_mut().zip(&self.odds).for_each(|(left, &odds)| *left *= remainder(odds));
+    }
+}
+
+/// The probability of an edge not to lead where its odds are these.
+fn remainder(odds: f64) -> f64 {
+    (1.0 - SHARE) / (1.0 - SHARE + SHARE * odds)
+}
+
+/// Cameras that explain many edges, the best first. The longest lines come first.
+pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &Belief) -> Vec<Hypothesis> {
+    let lines = &lines[..lines.len().min(ASKED)];
+    let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
+    let cameras = cameras(&points, width);
+    let mut found: Vec<Hypothesis> =
+        cameras.into_iter().map(|camera| with_directions(lines, camera, belief)).collect();
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let mut kept: Vec<Hypothesis> = Vec::new();
+    for hypothesis in found {
+        if kept.len() < CAMERAS && kept.iter().all(|other| is_other(&hypothesis.camera, &other.camera)) {
+            kept.push(hypothesis);
+        }
+    }
+    kept
+}
+
+/// Whether two cameras are worth working out both.
+fn is_other(a: &Orientation, b: &Orientation) -> bool {
+    let apart = [(a.focal / b.focal).ln() / 0.15, (a.roll - b.roll) / 0.05, (a.pitch - b.pitch) / 0.08];
+    apart.iter().any(|apart| apart.abs() > 1.0)
+}
+
+/// How well edges lead to common points, whatever the camera: what the best points score together.
+pub(super) fn concurrence(lines: &[Line]) -> f64 {
+    vanishing_points(&lines[..lines.len().min(ASKED)]).iter().map(|(_, score)| score).sum()
+}
+
+/// Vanishing points of the image, the best first, with their scores.
+fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
+    let first = &lines[..lines.len().min(PROPOSERS[0])];
+    let pairs = first.iter().enumerate().flat_map(|(i, a)| first[..i].iter().map(move |b| (a, b)));
+    let proposed: Vec<Point> = pairs
+        .map(|(a, b)| cross(a.through, b.through))
+        .filter(|point| point.iter().any(|c| c.abs() > 1e-9))
+        .collect();
+    let candidates: Vec<Candidate> =
+        proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
+    let chosen = greedy(&candidates, vec![1.0; lines.len()], POINTS, |_, _| true);
+    chosen.into_iter().map(|(index, score)| (proposed[index], score)).collect()
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Which candidates explain most of what is left, one after the other, with their scores.
+fn greedy(
+    candidates: &[Candidate],
+    mut left: Vec<f64>,
+    most: usize,
+    may_both: impl Fn(usize, usize) -> bool,
+) -> Vec<(usize, f64)> {
+    let mut chosen: Vec<(usize, f64)> = Vec::new();
+    while chosen.len() < most {
+        let is_free = |i: &usize| chosen.iter().all(|&(other, _)| may_both(*i, other));
+        let scores = (0..candidates.len()).filter(is_free).map(|i| (i, candidates[i].score(&left)));
+        let Some((best, score)) = scores.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if score < LEAST_SCORE {
+            break;
+        }
+        candidates[best].take_from(&mut left);
+        chosen.push((best, score));
+    }
+    chosen
+}
+
+/// The cameras that vanishing points allow.
+fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
+    let [narrow, wide] = FIELDS.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
+    let step = (wide / narrow).powf(((FOCALS - 1) as f64).recip());
+    let mut focals: Vec<f64> = (0..FOCALS).map(|i| narrow * step.powi(i as i32)).collect();
+    for (i, a) in points.iter().enumerate() {
+        // The rays to both are at right angles: `a . b + f^2 aw bw = 0`.
+        let squares = points[..i].iter().map(|b| -(a[0] * b[0] + a[1] * b[1]) / (a[2] * b[2]));
+        focals.extend(squares.filter(|square| *square > 0.0).map(f64::sqrt));
+    }
+    focals.retain(|focal| (wide * 0.99..=narrow * 1.01).contains(focal));
+    let all = points.iter().flat_map(|&point| focals.iter().map(move |&focal| with_nadir(point, focal)));
+    all.filter(stands).collect()
+}
+
+/// Whether a camera stands as cameras do: more roll would be a floor direction taken for the verticals.
+fn stands(camera: &Orientation) -> bool {
+    const ROLL: f64 = 0.7;
+    const UP: f64 = 0.7;
+    camera.roll.abs() < ROLL && camera.pitch > -UP
+}
+
+/// The floor directions under a camera that explain most.
+fn with_directions(lines: &[Line], camera: Orientation, belief: &Belief) -> Hypothesis {
+    let down = nadir(&camera);
+    let vertical = Candidate::new(lines.iter().map(|line| line.odds(down)));
+    let mut left = vec![1.0; lines.len()];
+    let of_verticals = vertical.score(&left);
+    vertical.take_from(&mut left);
+    let azimuths: Vec<f64> = lines
+        .iter()
+        .zip(&left)
+        .filter(|(_, left)| **left > 0.5)
+        .take(PROPOSERS[1])
+        .map(|(line, _)| azimuth(&camera, line.through))
+        .collect();
+    let candidate = |&azimuth: &f64| {
+        let point = level(&camera, azimuth);
+        Candidate::new(lines.iter().map(|line| line.odds(point)))
+    };
+    let candidates: Vec<Candidate> = azimuths.iter().map(candidate).collect();
+    let apart = |i: usize, j: usize| (azimuths[i] - azimuths[j]).sin().abs() > APART;
+    let chosen = greedy(&candidates, left, DIRECTIONS, apart);
+    let of_directions: f64 = chosen.iter().map(|(_, score)| score - LEAST_SCORE).sum();
+    Hypothesis {
+        camera,
+        azimuths: chosen.iter().map(|&(index, _)| azimuths[index]).collect(),
+        score: of_verticals + of_directions + belief.log_density(&camera),
+    }
+}

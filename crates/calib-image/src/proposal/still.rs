@@ -1,0 +1,295 @@
+//! From the edges of a still to what it proposes.
+//!
+//! 1. Under a few distortions: edges joined, cameras sought, the best worked out as mixtures, with and without right
+//!    angles. Where a lens that bends makes the grouping much likelier, its k1 is refined.
+//! 2. The strokes of the likeliest mixture are solved as an operator's would be.
+//! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
+//!    their evidence; the verdict follows from it.
+
+use calib_core::{Code, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
+
+use crate::line_segment::LineSegment;
+
+use super::belief::Belief;
+use super::drawn::{Group, entry, groups, solved, stroke};
+use super::line::Line;
+use super::mixture::Mixture;
+use super::search::{Hypothesis, hypotheses};
+use super::strokes::strokes;
+use super::verdict::{Reason, Verdict};
+use super::{bend, join, search};
+
+/// Edges that are worked with, the longest ones.
+const MOST_LINES: usize = 400;
+/// Fewer edges propose nothing.
+const LEAST_LINES: usize = 8;
+/// Strokes that are shown at most.
+const STROKES: usize = 20;
+/// Log evidence against edges of no direction that a proposal needs.
+const LEAST_EVIDENCE: f64 = 25.0;
+/// How many edges say the same: the edges of one door are not as independent as the likelihood has them.
+const ALIKE: f64 = 4.0;
+/// Floor directions that are nearer to a right angle than this, in radians, may be at right angles.
+const NEARLY_SQUARE: f64 = 0.4;
+/// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
+const SURE: f64 = 0.06;
+const CHECK: f64 = 0.10;
+/// Sigmas of what is believed of cameras from which one wants a look, and from which it is not believed.
+const UNUSUAL: f64 = 2.0;
+const UNBELIEVED: f64 = 3.0;
+/// By how much the solve underestimates its sigma: strokes of edges share what is wrong with them.
+const WIDENING: f64 = 1.2;
+
+/// What is known of a still: its edges, its size, and the lens if somebody knows it.
+#[derive(Clone, Debug)]
+pub struct Still {
+    /// Straight edges, raw pixels.
+    pub segments: Vec<LineSegment>,
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+    /// Principal point, raw pixel; the centre if absent.
+    pub principal_point: Option<Pixel>,
+    /// The lens, where it is known; else its distortion is found with the grouping.
+    pub lens: Option<Lens>,
+}
+
+/// What a still proposes.
+#[derive(Clone, Debug)]
+pub struct Proposal {
+    /// Whether to believe it.
+    pub verdict: Verdict,
+    /// Why it is not sure.
+    pub reasons: Vec<Reason>,
+    /// The strokes, direction by direction; empty where nothing was found.
+    pub groups: Vec<Group>,
+    /// The camera as it would be drawn, without an image.
+    pub camera: Option<SiteCamera>,
+    /// What the solve makes of it.
+    pub solution: Option<Solution>,
+    /// Relative standard deviation of the focal, wrong groups included.
+    pub focal_sigma_rel: Option<f64>,
+    /// Another camera that explains the edges nearly as well.
+    pub alternative: Option<Orientation>,
+}
+
+/// All mixtures under one lens, the likeliest first.
+struct Grouping {
+    lens: Lens,
+    k1: f64,
+    lines: Vec<Line>,
+    mixtures: Vec<Mixture>,
+}
+
+impl Grouping {
+    fn log_evidence(&self) -> Option<f64> {
+        Some(self.mixtures.first()?.log_evidence + bend::log_density(self.k1))
+    }
+}
+
+impl Proposal {
+    /// The proposal of a still.
+    #[must_use]
+    pub fn new(still: &Still) -> Self {
+        if still.segments.len() < LEAST_LINES {
+            return Self::none(vec![Reason::FewEdges { found: still.segments.len() }]);
+        }
+        let Some((grouping, others)) = still.grouping() else {
+            return Self::none(vec![Reason::NoDirections]);
+        };
+        match grouping.mixtures.first() {
+            Some(best) if best.log_evidence > LEAST_EVIDENCE => {
+                Self::of(&grouping, best, &others, still.size)
+            }
+            _ => Self::none(vec![Reason::NoDirections]),
+        }
+    }
+
+    fn none(reasons: Vec<Reason>) -> Self {
+        Self {
+            verdict: Verdict::None,
+            reasons,
+            groups: Vec::new(),
+            camera: None,
+            solution: None,
+            focal_sigma_rel: None,
+            alternative: None,
+        }
+    }
+
+    /// The proposal of the likeliest mixture; `others` are the rest with their log evidence less its own.
+    fn of(grouping: &Grouping, best: &Mixture, others: &[(f64, Orientation)], size: [u32; 2]) -> Self {
+        let chosen = strokes(best, &grouping.lines, STROKES);
+        let draw = |line: usize| stroke(&grouping.lines[line], &grouping.lens);
+        let groups = groups(best, &chosen, &draw);
+        let camera = entry(size, &grouping.lens, &groups);
+        let mut proposal = Self { groups, ..Self::none(Vec::new()) };
+        let Some(solution) = solved(&camera) else {
+            proposal.reasons = vec![Reason::NoVerticals];
+            proposal.camera = Some(camera);
+            return proposal;
+        };
+        let scatter = Scatter::new(best, others);
+        let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
+        let own = WIDENING * own / solution.focal_px;
+        let sigma = own.hypot(scatter.sigma);
+        let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
+        proposal.judge([sigma, own, unusual], &scatter, &solution);
+        proposal.focal_sigma_rel = Some(sigma);
+        proposal.camera = Some(camera);
+        proposal.solution = Some(solution);
+        proposal
+    }
+
+    /// The verdict, with what speaks against it.
+    fn judge(&mut self, [sigma, own, unusual]: [f64; 3], scatter: &Scatter, solution: &Solution) {
+        let missing = self.missing(own);
+        let is_complete = missing.is_none();
+        self.reasons.extend(missing);
+        if is_complete && own > SURE {
+            self.reasons.push(Reason::FocalOpen { sigma: own });
+        }
+        if let Some(rival) = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own) {
+            self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.focal] });
+            self.alternative = Some(rival);
+        }
+        if unusual > UNUSUAL {
+            self.reasons.push(Reason::Unusual { focal: solution.focal_px });
+        }
+        if solution.warnings.iter().any(|warning| warning.code == Code::Misfit) {
+            let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
+            self.reasons.push(Reason::Misfit { chi2_per_dof });
+        }
+        if self.reasons.is_empty() && sigma >= SURE {
+            self.reasons.push(Reason::FocalOpen { sigma });
+        }
+        let is_believed = is_complete && unusual < UNBELIEVED && sigma < CHECK;
+        self.verdict = match self.reasons.is_empty() {
+            true => Verdict::Sure,
+            false if is_believed => Verdict::Check,
+            false => Verdict::None,
+        };
+    }
+
+    /// What must be there for directions to control each other, and is not.
+    fn missing(&self, sigma: f64) -> Option<Reason> {
+        let levels = self.groups.iter().filter(|group| group.annotation.kind == Kind::Parallel).count();
+        let verticals = self.groups.iter().find(|group| group.annotation.kind == Kind::Vertical);
+        if verticals.is_none_or(|group| group.probabilities.len() < 2) {
+            return Some(Reason::NoVerticals);
+        }
+        (levels < 2).then_some(Reason::OneDirection { sigma })
+    }
+}
+
+/// How far the other mixtures are from the likeliest one.
+struct Scatter {
+    /// Standard deviation of the log focal over all of them, by their evidence.
+    sigma: f64,
+    /// The one that adds most.
+    rival: Option<Orientation>,
+}
+
+impl Scatter {
+    fn new(best: &Mixture, others: &[(f64, Orientation)]) -> Self {
+        let parts = others.iter().map(|(log_evidence, camera)| {
+            let weight = (log_evidence / ALIKE).min(0.0).exp();
+            (weight, weight * (camera.focal / best.camera.focal).ln().powi(2), *camera)
+        });
+        let parts: Vec<(f64, f64, Orientation)> = parts.collect();
+        let all: f64 = 1.0 + parts.iter().map(|(weight, ..)| weight).sum::<f64>();
+        let sigma = (parts.iter().map(|(_, square, _)| square).sum::<f64>() / all).sqrt();
+        let rival = parts.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(_, _, camera)| camera);
+        Self { sigma, rival }
+    }
+}
+
+impl Still {
+    /// A still of which nothing is known but its edges.
+    #[must_use]
+    pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
+        Self { segments, size, principal_point: None, lens: None }
+    }
+
+    /// The likeliest grouping, and all other cameras with their log evidence less its own.
+    fn grouping(&self) -> Option<(Grouping, Vec<(f64, Orientation)>)> {
+        let straight = self.grouped(self.lens.unwrap_or(bend::lens(0.0, self.centre(), self.sides())), 0.0);
+        let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
+        let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
+        let chosen = match bent {
+            Some(bent) if gain(&bent).is_some_and(|gain| gain > bend::LEAST_GAIN) => bent,
+            _ => straight,
+        };
+        let most = chosen.mixtures.first()?.log_evidence;
+        let own = chosen.mixtures.iter().skip(1);
+        let others = own.map(|mixture| (mixture.log_evidence - most, mixture.camera)).collect();
+        Some((chosen, others))
+    }
+
+    /// The grouping under the distortion under which edges lead to common points best, if that is any.
+    fn bent_grouping(&self) -> Option<Grouping> {
+        let concurrence = |k1: f64| {
+            search::concurrence(&self.lines(&bend::lens(k1, self.centre(), self.sides())))
+                + bend::log_density(k1)
+        };
+        let scores = bend::COARSE.map(|k1| (k1, concurrence(k1)));
+        let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
+        let coarse = self.bent(k1);
+        let refined = self.refined(&coarse);
+        Some(if refined.log_evidence() > coarse.log_evidence() { refined } else { coarse })
+    }
+
+    fn sides(&self) -> [f64; 2] {
+        self.size.map(f64::from)
+    }
+
+    fn centre(&self) -> Pixel {
+        let [w, h] = self.sides();
+        self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h))
+    }
+
+    fn bent(&self, k1: f64) -> Grouping {
+        self.grouped(bend::lens(k1, self.centre(), self.sides()), k1)
+    }
+
+    /// Edges joined and grouped under a lens.
+    fn grouped(&self, lens: Lens, k1: f64) -> Grouping {
+        let lines = self.lines(&lens);
+        let belief = Belief::of_width(f64::from(self.size[0]));
+        let found = hypotheses(&lines, f64::from(self.size[0]), &belief);
+        let mut mixtures: Vec<Mixture> =
+            found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &belief)).collect();
+        mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        Grouping { lens, k1, lines, mixtures }
+    }
+
+    fn lines(&self, lens: &Lens) -> Vec<Line> {
+        let mut lines = join::lines(&self.segments, lens);
+        lines.truncate(MOST_LINES);
+        lines
+    }
+
+    /// The same grouping under the distortion that makes it likeliest.
+    fn refined(&self, coarse: &Grouping) -> Grouping {
+        let belief = Belief::of_width(f64::from(self.size[0]));
+        let score = |k1: f64| {
+            let lines = self.lines(&bend::lens(k1, self.centre(), self.sides()));
+            let best = coarse.mixtures.first()?;
+            let start = (best.camera, best.azimuths.clone(), best.tied.clone());
+            Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + bend::log_density(k1))
+        };
+        let (k1, _) = bend::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
+        self.bent(k1)
+    }
+}
+
+/// The mixtures of a hypothesis: with no right angle, and with each that may be one.
+fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mixture> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    let azimuths = &hypothesis.azimuths;
+    let pairs = (0..azimuths.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
+    let is_square =
+        |&[a, b]: &[usize; 2]| ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < NEARLY_SQUARE;
+    let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
+    ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
+        .collect()
+}

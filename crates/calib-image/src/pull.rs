@@ -1,0 +1,246 @@
+//! Pulls a drawn line onto the image's edge, to a fraction of a pixel.
+
+use calib_core::Pixel;
+use image::RgbImage;
+
+/// Samples along the line, at most.
+const SAMPLES: usize = 160;
+/// How near an edge has to be to be offered or to pull a line, in pixels of the image, however it is zoomed.
+pub const RADIUS: f64 = 8.0;
+/// The same, in steps across a line.
+const REACH: i32 = RADIUS as i32;
+/// Places farther from a line than this are of another edge, in pixels.
+const ONE_EDGE: f64 = 1.0;
+/// So much of a line has to lie along its edge.
+const SHARE: f64 = 0.5;
+/// Brightness per pixel below which there is no edge.
+const LEAST: f64 = 4.0;
+
+/// Brightness between pixels, 0 to 255; `None` off the image.
+fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
+    let (x, y) = (u - 0.5, v - 0.5);
+    let (x0, y0) = (x.floor(), y.floor());
+    let is_inside =
+        x0 >= 0.0 && y0 >= 0.0 && x0 + 1.0 < f64::from(image.width()) && y0 + 1.0 < f64::from(image.height());
+    if !is_inside {
+        return None;
+    }
+    let at = |dx: u32, dy: u32| {
+        let [r, g, b] = image.get_pixel(x0 as u32 + dx, y0 as u32 + dy).0.map(f64::from);
+        0.299 * r + 0.587 * g + 0.114 * b
+    };
+    let (s, t) = (x - x0, y - y0);
+    Some((1.0 - t) * ((1.0 - s) * at(0, 0) + s * at(1, 0)) + t * ((1.0 - s) * at(0, 1) + s * at(1, 1)))
+}
+
+/// The edge that runs along a line.
+pub(crate) struct Found {
+    /// The line pulled onto it.
+    pub(crate) ends: [Pixel; 2],
+    /// How far the places along it are off it, root mean square, in pixels.
+    pub(crate) rms: f64,
+    /// How many pixels of the line lie along it.
+    pub(crate) seen: f64,
+}
+
+/// The line pulled onto the edge that runs along it; `None` where there is none.
+#[must_use]
+pub fn pull(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
+    found(image, line).map(|found| found.ends)
+}
+
+/// The edge that runs along a line; `None` where there is none.
+///
+/// At samples along the line the steepest place across it is found to a fraction of a pixel, all of
+/// one sign, and a straight line fitted through those that agree.
+pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
+    let length = a.distance(b);
+    if !(4.0..1e5).contains(&length) {
+        return None;
+    }
+    let (along, count) = ([(b.u - a.u) / length, (b.v - a.v) / length], (length as usize).clamp(8, SAMPLES));
+    let across = [-along[1], along[0]];
+    let slope = |s: f64, t: f64| {
+        let at = |t: f64| {
+            brightness(image, a.u + s * along[0] + t * across[0], a.v + s * along[1] + t * across[1])
+        };
+        Some(0.5 * (at(t + 1.0)? - at(t - 1.0)?))
+    };
+    // Which way the edge goes: from dark to bright, or from bright to dark.
+    let total: f64 = (0..count)
+        .filter_map(|i| strongest(&slope, length * i as f64 / count as f64, None))
+        .map(|(_, slope)| slope)
+        .sum();
+    let places: Vec<[f64; 2]> = (0..=count)
+        .filter_map(|i| {
+            let s = length * i as f64 / count as f64;
+            strongest(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
+        })
+        .collect();
+    let (offset, tilt, inliers) = robust_line(&places, (SHARE * count as f64) as usize)?;
+    let shifted = |p: Pixel, s: f64| {
+        let t = offset + tilt * s;
+        Pixel::new(p.u + t * across[0], p.v + t * across[1])
+    };
+    let square: f64 = inliers.iter().map(|[s, t]| (t - offset - tilt * s).powi(2)).sum();
+    Some(Found {
+        ends: [shifted(a, 0.0), shifted(b, length)],
+        rms: (square / inliers.len() as f64).sqrt(),
+        seen: length * inliers.len() as f64 / (count + 1) as f64,
+    })
+}
+
+/// A line of any number of points pulled onto the edge that runs along it; `None` where there is none.
+///
+/// Two points lie on one straight edge. Of more, each is pulled by itself, across the line at its
+/// place: what is straight in space may bend in the image. Points without an edge stay.
+#[must_use]
+pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
+    if let &[a, b] = points {
+        return pull(image, [a, b]).map(Vec::from);
+    }
+    let mut pulled = points.to_vec();
+    for (i, &point) in points.iter().enumerate() {
+        let before = points[i.saturating_sub(1)];
+        let after = points[(i + 1).min(points.len() - 1)];
+        // Half the way to the neighbour that is nearer, along the line through both.
+        let reach = [before, after].map(|p| p.distance(point)).into_iter().filter(|&reach| reach > 0.0);
+        let (half, apart) = (0.5 * reach.fold(f64::INFINITY, f64::min), before.distance(after));
+        if !half.is_finite() || apart == 0.0 {
+            continue;
+        }
+        let along = [(after.u - before.u) / apart * half, (after.v - before.v) / apart * half];
+        let at = |share: f64| Pixel::new(point.u + share * along[0], point.v + share * along[1]);
+        let ends =
+            [if i == 0 { point } else { at(-1.0) }, if i + 1 == points.len() { point } else { at(1.0) }];
+        let Some([a, b]) = pull(image, ends) else { continue };
+        let middle = Pixel::new(0.5 * (a.u + b.u), 0.5 * (a.v + b.v));
+        pulled[i] = if i == 0 {
+            a
+        } else if i + 1 == points.len() {
+            b
+        } else {
+            middle
+        };
+    }
+    (pulled != points).then_some(pulled)
+}
+
+/// Where across the line the slope is strongest (of one sign, if given), with the slope.
+fn strongest(slope: &impl Fn(f64, f64) -> Option<f64>, s: f64, sign: Option<f64>) -> Option<(f64, f64)> {
+    let size = |value: f64| sign.map_or(value.abs(), |sign| sign * value);
+    let steps = (-REACH..=REACH).filter_map(|t| Some((f64::from(t), slope(s, f64::from(t))?)));
+    // Of equal edges the nearer one is meant.
+    let weight = |(t, value): (f64, f64)| size(value) * (1.0 - 0.05 * t.abs());
+    let (t, peak) = steps.max_by(|&a, &b| weight(a).total_cmp(&weight(b)))?;
+    if size(peak) < LEAST {
+        return None;
+    }
+    let (before, after) = (size(slope(s, t - 1.0)?), size(slope(s, t + 1.0)?));
+    let bend = before - 2.0 * size(peak) + after;
+    let shift = if bend < -1e-9 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+    Some((t + shift, peak))
+}
+
+/// Offset and tilt of the line on which most points lie, with these; `None` if fewer than `least` do.
+///
+/// Every pair of a few points proposes a line, and the one that most points agree with is fitted to them alone
+/// (Fischler and Bolles 1981, without chance): where two edges run beside each other, a mean of both is no edge.
+fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
+    const PROPOSERS: usize = 32;
+    let step = points.len().div_ceil(PROPOSERS).max(1);
+    let few: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
+    let agree = |(offset, tilt): (f64, f64)| {
+        points.iter().copied().filter(move |[s, t]| (t - offset - tilt * s).abs() <= ONE_EDGE)
+    };
+    let pairs = few.iter().enumerate().flat_map(|(i, a)| few[..i].iter().map(move |b| (a, b)));
+    let proposed = pairs.filter(|(a, b)| a[0] != b[0]).map(|([s, t], [from, low])| {
+        let tilt = (t - low) / (s - from);
+        (low - tilt * from, tilt)
+    });
+    let best = proposed.max_by_key(|&line| agree(line).count())?;
+    let inliers: Vec<[f64; 2]> = agree(best).collect();
+    if inliers.len() < least.max(4) {
+        return None;
+    }
+    let (offset, tilt) = line_through(&inliers)?;
+    Some((offset, tilt, inliers))
+}
+
+fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
+    let count = points.len() as f64;
+    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
+    let (ms, mt) = (mean(0), mean(1));
+    let square: f64 = points.iter().map(|[s, _]| (s - ms).powi(2)).sum();
+    let tilt = points.iter().map(|[s, t]| (s - ms) * (t - mt)).sum::<f64>() / square;
+    (square > 0.0).then_some((mt - tilt * ms, tilt))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    /// Dark left, bright right of the line through (80, y) that leans by `tilt`, smoothed.
+    fn picture(tilt: f64) -> RgbImage {
+        RgbImage::from_fn(200, 150, |x, y| {
+            let off = f64::from(x) + 0.5 - (80.3 + tilt * (f64::from(y) + 0.5));
+            let value = 60.0 + 120.0 / (1.0 + (-1.7 * off).exp());
+            Rgb([value as u8; 3])
+        })
+    }
+
+    #[test]
+    fn a_line_drawn_beside_an_edge_is_pulled_onto_it() {
+        for tilt in [0.0, 0.13] {
+            let drawn = [Pixel::new(83.5 + tilt * 20.0, 20.0), Pixel::new(77.5 + tilt * 130.0, 130.0)];
+            let [a, b] = pull(&picture(tilt), drawn).unwrap();
+            for p in [a, b] {
+                let off = p.u - (80.3 + tilt * p.v);
+                assert!(off.abs() < 0.15, "{off} px off the edge");
+            }
+        }
+    }
+
+    #[test]
+    fn every_point_of_a_bent_edge_is_pulled_onto_it() {
+        // A parabola: 9 px off its chord.
+        let edge = |v: f64| 80.3 + 0.003 * (v - 75.0).powi(2);
+        let picture = RgbImage::from_fn(200, 150, |x, y| {
+            let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
+            Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+        });
+        let drawn: Vec<Pixel> =
+            [22.0, 50.0, 76.0, 101.0, 127.0].map(|v| Pixel::new(edge(v) + 2.0, v)).to_vec();
+        for p in pull_line(&picture, &drawn).unwrap() {
+            let off = p.u - edge(p.v);
+            assert!(off.abs() < 0.35, "{off} px off the edge at {}", p.v);
+        }
+    }
+
+    #[test]
+    fn of_two_edges_beside_each_other_one_is_taken_whole() {
+        // The upper part of the line runs along one edge, the lower along another 7 px aside.
+        let at = |v: f64| if v < 85.0 { 78.0 } else { 85.0 };
+        let picture = RgbImage::from_fn(200, 150, |x, y| {
+            let off = f64::from(x) + 0.5 - at(f64::from(y) + 0.5);
+            Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
+        });
+        let pulled = pull(&picture, [Pixel::new(81.0, 10.0), Pixel::new(81.0, 140.0)]);
+        let on_one = |p: Pixel, edge: f64| (p.u - edge).abs() < 0.4;
+        let [a, b] = pulled.expect("one of them is caught");
+        assert!(
+            [78.0, 85.0].iter().any(|&edge| on_one(a, edge) && on_one(b, edge)),
+            "{a:?} {b:?} is neither"
+        );
+    }
+
+    #[test]
+    fn without_an_edge_nothing_is_pulled() {
+        let flat = RgbImage::from_pixel(200, 150, Rgb([90; 3]));
+        let line = [Pixel::new(20.0, 20.0), Pixel::new(90.0, 50.0), Pixel::new(150.0, 100.0)];
+        assert_eq!(pull_line(&flat, &line[..2]), None);
+        assert_eq!(pull_line(&flat, &line), None);
+        assert_eq!(pull_line(&flat, &[line[0]; 3]), None);
+    }
+}

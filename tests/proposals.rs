@@ -1,0 +1,387 @@
+//! What stills propose by themselves, beside what is known of their cameras.
+//!
+//! Constants of the method were chosen on rooms of even index; what is asserted is measured on those of odd index.
+//! `cargo xtask accuracy --proposals` prints the table.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::collections::BTreeMap;
+use std::io::Read as _;
+
+use calib_core::{Known, Lens, Options, Orientation, Pixel, Site, Solution};
+use calib_image::{LineSegment, Proposal, Still, Verdict, line_segments};
+use calib_tests::{Scratch, shared};
+use image::{Rgb, RgbImage};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+
+/// How far one proposal is from the truth.
+struct Off {
+    verdict: Verdict,
+    log_focal: f64,
+    /// Predicted, relative.
+    sigma: f64,
+    /// In degrees; none where it is not known.
+    pitch: Option<f64>,
+    roll: Option<f64>,
+    /// Largest distance of the horizon from the true one within the image, in image heights.
+    horizon: Option<f64>,
+}
+
+/// All proposals of one set of stills.
+struct Measured {
+    name: &'static str,
+    offered: usize,
+    each: Vec<Off>,
+}
+
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1) as f64;
+    values.get((share * last).round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+/// Area under the share of horizons that are nearer than a distance, up to a quarter of the image height.
+fn horizon_auc(errors: impl Iterator<Item = f64>, of: usize) -> f64 {
+    const MOST: f64 = 0.25;
+    errors.map(|error| (1.0 - error / MOST).max(0.0)).sum::<f64>() / of.max(1) as f64
+}
+
+impl Measured {
+    fn answered(&self) -> Vec<&Off> {
+        self.each.iter().filter(|off| off.verdict != Verdict::None).collect()
+    }
+
+    fn sure(&self) -> Vec<&Off> {
+        self.each.iter().filter(|off| off.verdict == Verdict::Sure).collect()
+    }
+
+    fn focal(offs: &[&Off], share: f64) -> f64 {
+        quantile(offs.iter().map(|off| off.log_focal.abs()).collect(), share)
+    }
+
+    fn gross(offs: &[&Off]) -> usize {
+        offs.iter().filter(|off| off.log_focal.abs() > 0.2).count()
+    }
+
+    fn inside(offs: &[&Off]) -> f64 {
+        let held = offs.iter().filter(|off| off.log_focal.abs() < 1.96 * off.sigma).count();
+        held as f64 / offs.len().max(1) as f64
+    }
+
+    fn angle(offs: &[&Off], of: fn(&Off) -> Option<f64>) -> f64 {
+        quantile(offs.iter().filter_map(|off| of(off)).map(f64::abs).collect(), 0.5)
+    }
+
+    fn row(&self) -> String {
+        let (answered, sure) = (self.answered(), self.sure());
+        let horizons: Vec<f64> = self.each.iter().filter_map(|off| off.horizon).collect();
+        format!(
+            "| {} | {} | {} sure, {} check | {:.1} % | {:.1} % | {:.2} | {:.2} | {} of {} | {} of {} | {:.0} % | {:.1} |",
+            self.name,
+            self.offered,
+            sure.len(),
+            answered.len() - sure.len(),
+            100.0 * Self::focal(&answered, 0.5),
+            100.0 * Self::focal(&answered, 0.9),
+            Self::angle(&answered, |off| off.pitch),
+            Self::angle(&answered, |off| off.roll),
+            Self::gross(&sure),
+            sure.len(),
+            Self::gross(&answered),
+            answered.len(),
+            100.0 * Self::inside(&answered),
+            100.0 * horizon_auc(horizons.iter().copied(), horizons.len()),
+        )
+    }
+}
+
+const HEAD: &str = "| stills | offered | answered | focal median | 90th | pitch deg | roll deg | gross among sure | gross among answered | 95 % holds | horizon AUC |\n|---|---|---|---|---|---|---|---|---|---|---|";
+
+/// The row of the image where the horizon of a camera crosses a column, both relative to the principal point.
+fn horizon_at(at: &Orientation, x: f64) -> f64 {
+    (-at.focal * at.pitch.tan() - x * at.roll.sin()) / at.roll.cos()
+}
+
+/// The largest distance of two horizons between the left and the right side, in image heights.
+fn horizon_error(found: &Orientation, truth: &Orientation, centre: Pixel, size: [f64; 2]) -> f64 {
+    let apart = |x: f64| (horizon_at(found, x) - horizon_at(truth, x)).abs();
+    apart(-centre.u).max(apart(size[0] - centre.u)) / size[1]
+}
+
+fn orientation(solution: &Solution) -> Orientation {
+    Orientation {
+        roll: solution.roll_deg.unwrap().to_radians(),
+        pitch: solution.pitch_deg.unwrap().to_radians(),
+        focal: solution.focal_px,
+    }
+}
+
+/// One room: what a detector found, and the camera that people's lines give with its focal known.
+struct Room {
+    segments: Vec<LineSegment>,
+    truth: Option<Orientation>,
+}
+
+/// The rooms with their focal and principal point.
+fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
+    let mut text = String::new();
+    let file = std::fs::File::open(shared("real/rooms/segments.json.gz")?).unwrap();
+    flate2::read::GzDecoder::new(file).read_to_string(&mut text).unwrap();
+    let data: Value = serde_json::from_str(&text).unwrap();
+    let focal = data["focal_px"].as_f64().unwrap();
+    let truths = truths(focal)?;
+    let segment = |ends: &Value| {
+        let [x1, y1, x2, y2]: [f64; 4] = serde_json::from_value(ends.clone()).unwrap();
+        LineSegment { ends: [Pixel::new(x1, y1), Pixel::new(x2, y2)], sigma: LineSegment::DETECTED }
+    };
+    let room = |(id, image): (&String, &Value)| Room {
+        segments: image["segments"].as_array().unwrap().iter().map(segment).collect(),
+        truth: truths.get(id).copied(),
+    };
+    let rooms = data["images"].as_object().unwrap().iter().map(room).collect();
+    Some((rooms, focal, serde_json::from_value(data["principal_point_px"].clone()).unwrap()))
+}
+
+/// The cameras of the rooms by the lines that people drew, with the true focal held.
+fn truths(focal: f64) -> Option<BTreeMap<String, Orientation>> {
+    let text = std::fs::read_to_string(shared("real/rooms/rooms.json")?).unwrap();
+    let mut site = Site::from_json(&text).unwrap();
+    for lens in site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()) {
+        lens.focal_px = Some(Known::fixed(focal));
+    }
+    let report = site.calibrate(&Options::default());
+    let solved = report.cameras.iter().filter_map(|(index, found)| {
+        Some((site.cameras[*index].id.clone(), orientation(found.as_ref().ok()?)))
+    });
+    Some(solved.collect())
+}
+
+const ROOM: [f64; 2] = [640.0, 480.0];
+
+fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured)> {
+    let (rooms, focal, centre) = rooms()?;
+    let rooms: Vec<&Room> = rooms.iter().skip(half).step_by(2).collect();
+    let off = |verdict, found: Orientation, sigma: f64, truth: Option<Orientation>| Off {
+        verdict,
+        log_focal: (found.focal / focal).ln(),
+        sigma,
+        pitch: truth.map(|truth| (found.pitch - truth.pitch).to_degrees()),
+        roll: truth.map(|truth| (found.roll - truth.roll).to_degrees()),
+        horizon: truth.map(|truth| horizon_error(&found, &truth, centre, ROOM)),
+    };
+    let proposed = rooms.iter().filter_map(|room| {
+        let still = Still { principal_point: Some(centre), ..Still::new(room.segments.clone(), [640, 480]) };
+        let proposal = Proposal::new(&Still { lens: Some(Lens::pinhole(centre)), ..still });
+        let solution = proposal.solution.as_ref()?;
+        Some(off(proposal.verdict, orientation(solution), proposal.focal_sigma_rel?, room.truth))
+    });
+    let each = proposed.collect();
+    let baseline = rooms
+        .iter()
+        .filter_map(|room| Some(off(Verdict::Check, ransac(&room.segments, centre)?, f64::NAN, room.truth)));
+    let baseline = Measured { name: "the same, RANSAC", offered: rooms.len(), each: baseline.collect() };
+    Some((Measured { name, offered: rooms.len(), each }, baseline))
+}
+
+/// The usual baseline: of random pairs of edges the point that most edges pass within 2 degrees of, thrice, each time
+/// without the edges explained; the uprightmost is the verticals', and the focal puts the best other at right angles.
+fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let relative = |p: Pixel| [p.u - centre.u, p.v - centre.v];
+    let mut left: Vec<[[f64; 2]; 2]> = segments.iter().map(|segment| segment.ends.map(relative)).collect();
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    for _ in 0..3 {
+        let best = (0..500)
+            .filter_map(|_| {
+                let [a, b] = [0, 0].map(|_| left[random.random_range(0..left.len())]);
+                let point = meeting(a, b)?;
+                Some((left.iter().filter(|line| passes(line, point)).count(), point))
+            })
+            .max_by_key(|(count, _)| *count)?;
+        left.retain(|line| !passes(line, best.1));
+        points.push(best.1);
+        if left.len() < 2 {
+            break;
+        }
+    }
+    let lean = |p: &[f64; 3]| (p[0] / p[1]).abs();
+    let down = points.iter().copied().min_by(|a, b| lean(a).total_cmp(&lean(b)))?;
+    let square = |p: &[f64; 3]| -(p[0] * down[0] + p[1] * down[1]) / (p[2] * down[2]);
+    let focal =
+        points.iter().filter(|point| **point != down).map(square).find(|square| *square > 0.0)?.sqrt();
+    let [x, y, w] = down.map(|c| c * down[1].signum());
+    Some(Orientation { roll: x.atan2(y), pitch: (focal * w).atan2(x.hypot(y)), focal })
+}
+
+fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 3]> {
+    let through = |p: [f64; 2], q: [f64; 2]| [p[1] - q[1], q[0] - p[0], p[0] * q[1] - p[1] * q[0]];
+    let (l, m) = (through(a, b), through(c, d));
+    let point = [l[1] * m[2] - l[2] * m[1], l[2] * m[0] - l[0] * m[2], l[0] * m[1] - l[1] * m[0]];
+    point.iter().any(|c| c.abs() > 1e-6).then_some(point)
+}
+
+fn passes([a, b]: &[[f64; 2]; 2], point: [f64; 3]) -> bool {
+    let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+    let [s, t] = [point[0] - middle[0] * point[2], point[1] - middle[1] * point[2]];
+    let (x, y) = (b[0] - a[0], b[1] - a[1]);
+    (s * y - t * x).abs() < 2.0_f64.to_radians().sin() * s.hypot(t) * x.hypot(y)
+}
+
+#[test]
+fn rooms_propose_their_cameras_or_abstain() {
+    let Some((measured, baseline)) = measured_rooms("rooms, held back", 1) else { return };
+    let (answered, sure) = (measured.answered(), measured.sure());
+    println!("{HEAD}\n{}\n{}", measured.row(), baseline.row());
+    assert!(answered.len() * 4 > measured.offered, "{}", measured.row());
+    assert!(
+        Measured::focal(&answered, 0.5) < 0.03 && Measured::focal(&answered, 0.9) < 0.1,
+        "{}",
+        measured.row()
+    );
+    assert!(Measured::angle(&answered, |off| off.pitch) < 0.6, "{}", measured.row());
+    assert!(Measured::angle(&answered, |off| off.roll) < 0.25, "{}", measured.row());
+    assert!(Measured::gross(&sure) * 100 <= sure.len(), "{}", measured.row());
+    assert!(Measured::inside(&answered) > 0.88, "{}", measured.row());
+    assert!(Measured::focal(&answered, 0.5) < 0.5 * Measured::focal(&baseline.answered(), 0.5));
+}
+
+/// The proposal of a still, beside its true camera.
+fn of_image(image: &RgbImage, truth: &Orientation) -> Option<Off> {
+    let proposal = Proposal::new(&Still::new(line_segments(image), [image.width(), image.height()]));
+    let found = orientation(proposal.solution.as_ref()?);
+    Some(Off {
+        verdict: proposal.verdict,
+        log_focal: (found.focal / truth.focal).ln(),
+        sigma: proposal.focal_sigma_rel?,
+        pitch: Some((found.pitch - truth.pitch).to_degrees()),
+        roll: Some((found.roll - truth.roll).to_degrees()),
+        horizon: None,
+    })
+}
+
+/// Prints stills one by one, and says how many gross errors are among the sure.
+fn gross_among_sure(name: &str, offs: &[(String, Option<Off>)]) -> usize {
+    for (id, off) in offs {
+        match off {
+            Some(off) => println!(
+                "{name} {id}: {}, focal {:+.1} % +- {:.1} %, pitch {:+.2}, roll {:+.2} degrees",
+                off.verdict.name(),
+                100.0 * off.log_focal,
+                100.0 * off.sigma,
+                off.pitch.unwrap_or(f64::NAN),
+                off.roll.unwrap_or(f64::NAN),
+            ),
+            None => println!("{name} {id}: no proposal"),
+        }
+    }
+    let is_gross = |off: &Off| off.verdict == Verdict::Sure && off.log_focal.abs() > 0.2;
+    offs.iter().filter(|(_, off)| off.as_ref().is_some_and(is_gross)).count()
+}
+
+#[test]
+fn the_demonstration_is_not_told_wrong() {
+    let demo = calib_demo::demo_site();
+    let of = |(camera, (id, truth)): (&calib_core::SiteCamera, &(String, calib_core::Camera))| {
+        let at = Orientation { roll: truth.roll, pitch: truth.pitch, focal: truth.focal };
+        (id.clone(), of_image(&calib_demo::render(truth, camera.size_px), &at))
+    };
+    let offs: Vec<(String, Option<Off>)> = demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
+    assert_eq!(gross_among_sure("demonstration", &offs), 0);
+}
+
+#[test]
+fn streets_are_not_told_wrong() {
+    let Some(town) = shared("real/town/town.json") else { return };
+    let data: Value = serde_json::from_str(&std::fs::read_to_string(&town).unwrap()).unwrap();
+    let of = |id: &&str| {
+        let image = image::open(town.with_file_name(id).join("0000.jpg")).unwrap().into_rgb8();
+        let pitch = data[*id]["pitch_deg"].as_f64().unwrap().to_radians();
+        ((*id).to_owned(), of_image(&image, &Orientation { roll: 0.0, pitch, focal: 900.0 }))
+    };
+    let offs: Vec<(String, Option<Off>)> = ["C1", "C2", "C3"].iter().map(of).collect();
+    assert_eq!(gross_among_sure("town", &offs), 0);
+    let Some(meva) = shared("real/meva/meva.json") else { return };
+    let data: Value = serde_json::from_str(&std::fs::read_to_string(&meva).unwrap()).unwrap();
+    let of = |id: &&str| {
+        let image = image::open(meva.with_file_name("frames").join(format!("{id}.png"))).unwrap().into_rgb8();
+        let focal = data["cameras"][*id]["truth"]["focal_px"].as_f64().unwrap();
+        ((*id).to_owned(), of_image(&image, &Orientation { roll: 0.0, pitch: 0.0, focal }))
+    };
+    let offs: Vec<(String, Option<Off>)> = ["G341", "G505", "G506"].iter().map(of).collect();
+    assert_eq!(gross_among_sure("meva", &offs), 0);
+}
+
+/// Pictures of nothing that a camera could be told from.
+fn nonsense() -> Vec<(&'static str, RgbImage)> {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let mut grey = |_, _| Rgb([random.random_range(0..=255_u8); 3]);
+    let noise = RgbImage::from_fn(640, 480, &mut grey);
+    let gradient = RgbImage::from_fn(640, 480, |x, y| Rgb([(x / 4) as u8, (y / 4) as u8, 90]));
+    let texture = RgbImage::from_fn(640, 480, |x, y| {
+        let weave = (f64::from(x) * 0.31).sin() * (f64::from(y) * 0.27 + 0.002 * f64::from(x * y % 97)).sin();
+        Rgb([(128.0 + 90.0 * weave) as u8; 3])
+    });
+    let board =
+        RgbImage::from_fn(640, 480, |x, y| Rgb([if (x / 40 + y / 40) % 2 == 0 { 40 } else { 210 }; 3]));
+    let dot = RgbImage::from_pixel(1, 1, Rgb([7; 3]));
+    vec![("noise", noise), ("gradient", gradient), ("texture", texture), ("board", board), ("dot", dot)]
+}
+
+#[test]
+fn nonsense_proposes_nothing() {
+    for (name, image) in nonsense() {
+        let proposal = Proposal::new(&Still::new(line_segments(&image), [image.width(), image.height()]));
+        assert_eq!(proposal.verdict, Verdict::None, "{name}: {:?}", proposal.solution);
+        assert!(!proposal.reasons.is_empty(), "{name} has no reason");
+    }
+}
+
+#[test]
+fn any_number_of_edges_anywhere_is_taken() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for count in [0, 1, 7, 8, 60, 3000] {
+        let mut pixel = || Pixel::new(random.random_range(-50.0..700.0), random.random_range(-50.0..500.0));
+        let segments = (0..count).map(|_| LineSegment { ends: [pixel(), pixel()], sigma: 0.5 }).collect();
+        let proposal = Proposal::new(&Still::new(segments, [640, 480]));
+        assert_eq!(proposal.verdict, Verdict::None, "{count}: {:?}", proposal.solution);
+    }
+    let same = LineSegment { ends: [Pixel::new(10.0, 20.0), Pixel::new(300.0, 40.0)], sigma: 0.5 };
+    assert_eq!(Proposal::new(&Still::new(vec![same; 50], [640, 480])).verdict, Verdict::None);
+    let point = LineSegment { ends: [Pixel::new(f64::NAN, 0.0); 2], sigma: 0.0 };
+    assert_eq!(Proposal::new(&Still::new(vec![point; 50], [640, 480])).verdict, Verdict::None);
+}
+
+#[test]
+fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
+    let scratch = Scratch::new();
+    let folder = scratch.path("stills");
+    std::fs::create_dir(&folder).unwrap();
+    let demo = calib_demo::demo_site();
+    let (id, truth) = &demo.truth[0];
+    calib_demo::render(truth, demo.site.cameras[0].size_px).save(folder.join("shop.png")).unwrap();
+    nonsense()[0].1.save(folder.join("noise.png")).unwrap();
+    let args =
+        ["propose", "stills", "-o", "site.json", "--accept", "all", "--format", "json", "--render", "seen"];
+    let run = scratch.calib(&args).expect_code(4);
+    assert!(run.stderr.contains("noise") && run.stderr.contains("1 of 2"), "{}", run.stderr);
+    let cameras = run.json()["cameras"].clone();
+    assert_eq!(cameras[0]["id"], "noise");
+    assert_eq!(cameras[0]["verdict"], "none");
+    assert!(!cameras[0]["reason"].as_str().unwrap().is_empty());
+    let group = &cameras[1]["groups"][0];
+    assert!((0.0..=1.0).contains(&group["probability"].as_f64().unwrap()), "{id}: {group}");
+    let site = Site::from_json(&std::fs::read_to_string(scratch.path("site.json")).unwrap()).unwrap();
+    let strokes: usize = site.cameras[1].annotations.iter().flat_map(|a| &a.segments).map(Vec::len).sum();
+    assert!((4..=20).contains(&strokes) && site.cameras[1].solution.is_some(), "{strokes} strokes");
+    assert!(
+        site.cameras[0].annotations.is_empty()
+            && site.cameras[0].image.as_deref() == Some("stills/noise.png")
+    );
+    assert!(scratch.path("seen/shop.png").exists());
+    scratch.calib(&["render", "site.json", "--camera", "shop", "-o", "again.png"]).expect_code(0);
+    scratch.calib(&["propose", "stills", "-o", "site.json"]).expect_code(1);
+    scratch.calib(&["propose", "nowhere.png"]).expect_code(3);
+    scratch.calib(&["propose", "stills/noise.png", "--accept", "sure"]).expect_code(4);
+}
