@@ -491,7 +491,7 @@ fn the_operators_move_turn_and_scale_place_the_camera() {
     camera.placement = Some(PlacementEntry {
         move_m: calib_core::FloorPoint::new(4.0, -2.0),
         turn_deg: 33.0,
-        scale: 1.5,
+        scale: Some(1.5),
         fixed: false,
     });
     let solution = solve(camera);

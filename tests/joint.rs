@@ -364,7 +364,8 @@ fn marks_tie_cameras_and_give_the_scale() {
             seen: seen_of_box,
             solution: None,
         });
-        marks.site.cameras[0].placement.as_mut().unwrap().scale *= 1.2;
+        let scale = &mut marks.site.cameras[0].placement.as_mut().unwrap().scale;
+        *scale = scale.map(|scale| 1.2 * scale);
         assert_found(&marks, "marks");
         let report = solve(&marks);
         let mark = report.marks[0].as_ref().unwrap();
@@ -386,7 +387,7 @@ fn pieces_of_floor_lines_tie_cameras() {
             camera.placement = Some(PlacementEntry {
                 move_m: FloorPoint { x: foot.x + 0.2, y: foot.y - 0.3 },
                 turn_deg: truth.yaw.to_degrees() + 3.0,
-                scale: truth.position.z / STAGE_1_HEIGHT,
+                scale: Some(truth.position.z / STAGE_1_HEIGHT),
                 fixed: false,
             });
         }

@@ -131,7 +131,7 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
     let placement = PlacementEntry {
         move_m: camera.position.on_floor(),
         turn_deg: camera.yaw.to_degrees(),
-        scale: camera.position.z / 3.0,
+        scale: Some(camera.position.z / 3.0),
         fixed,
     };
     SiteCamera { placement: Some(placement), ..entry }

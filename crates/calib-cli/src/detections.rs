@@ -24,13 +24,13 @@ pub(crate) struct DetectionArgs {
     /// Format of the input; by default that of its name, or what its first bytes look like
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     from: Option<String>,
-    /// Column that names the camera of every row; by default camera, camera_id, cam or sensor_id
+    /// Column that names the camera of every row; by default camera, `camera_id`, cam or `sensor_id`
     #[arg(long, value_name = "NAME")]
     camera_column: Option<String>,
     /// Camera that all rows are of
     #[arg(long, value_name = "ID", conflicts_with = "camera_column")]
     camera: Option<String>,
-    /// Column of times (timestamps, or RFC 3339 text; without an offset they count as UTC); by default at, time, timestamp, also with a unit (at_s), or seen_at
+    /// Column of times (timestamps, or RFC 3339 text; without an offset they count as UTC); by default at, time, timestamp, also with a unit (`at_s`), or `seen_at`
     #[arg(long, value_name = "NAME")]
     at_column: Option<String>,
     /// What numbers of that column count from 1970; by default what its name ends with (_s, _ms, _us, _ns)

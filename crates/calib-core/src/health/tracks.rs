@@ -231,7 +231,7 @@ mod tests {
         for at in 0..20 {
             for (person, y) in [(300.0, 0.5), (900.0, 0.6)] {
                 tracks.see(&row(at, person + 4.0 * at as f64, y), |first, heights| {
-                    ended.push((first, heights))
+                    ended.push((first, heights));
                 });
             }
         }
@@ -243,12 +243,12 @@ mod tests {
     #[test]
     fn many_rows_of_one_person_tell_no_more_of_people_than_one_person_does() {
         let mut tracks = Tracks::default();
-        (0..250).for_each(|at| tracks.see(&row(at, 300.0, 0.5), |..| {}));
+        (0..250).for_each(|at| tracks.see(&row(at, 300.0, 0.5), |_, _| {}));
         let (_, heights) = tracks.open().next().unwrap();
         assert!(heights.information[0] < 1.0 / (BETWEEN * BETWEEN));
         assert!(heights.information[0] > 0.9 / (BETWEEN * BETWEEN));
         let mut one = Tracks::default();
-        one.see(&row(0, 300.0, 0.5), |..| {});
+        one.see(&row(0, 300.0, 0.5), |_, _| {});
         let (_, heights) = one.open().next().unwrap();
         assert!((heights.information[0] - 1.0 / (BETWEEN * BETWEEN + WITHIN * WITHIN)).abs() < 1e-9);
     }

@@ -104,6 +104,8 @@ fn advice(finding: &Finding) -> String {
     }
 }
 
+const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
+
 /// Advice that is the same whatever the numbers.
 const fn fixed_advice(finding: &Finding) -> &'static str {
     use Finding as F;
@@ -138,9 +140,6 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::FarControlPoints { .. } => {
             "Check the worst one's coordinates and pixel, or switch it off and look again."
         }
-        F::ScaleAssumed { .. } => {
-            "Enter its height, a known length or a distance, or scale its field of view on the plan."
-        }
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon."
         }
@@ -159,7 +158,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Link two points or more with a camera that is tied, or give control points."
         }
         F::Sliding { .. } => "Link points far apart from each other.",
-        F::ScaleUnknown { .. } => "Enter one known distance, height or length, or two points of the plan.",
+        F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => GIVE_A_SCALE,
         F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
         F::UnusedEvidence { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
         F::FocalUnobservable { .. }
