@@ -242,7 +242,12 @@ fn assert_named(solution: &Solution, code: Code) {
 
 #[track_caller]
 fn assert_healthy(solution: &Solution, studio: &Studio) {
-    assert_eq!(codes(solution), [], "{:#?}", solution.warnings);
+    assert_eq!(
+        codes(solution),
+        [Code::ScaleAssumed],
+        "of a studio nobody knows the scale: {:#?}",
+        solution.warnings
+    );
     let sigma = solution.sigma.as_ref().unwrap();
     let off = (solution.focal_px - studio.camera.focal).abs();
     assert!(off < 4.0 * sigma.focal_px.unwrap(), "focal {} of {}", solution.focal_px, studio.camera.focal);

@@ -193,7 +193,9 @@ fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Resul
             solution: camera.solution.clone().or_else(|| proposal.solution.clone()),
             ..camera.clone()
         };
-        let picture = draw_on(&overlay(site, &shown, is_fitted(&shown)), &read(path)?)?;
+        let alone = Site { cameras: vec![shown], ..Site::new() };
+        let shown = &alone.cameras[0];
+        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &read(path)?)?;
         let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encoded(&picture, &name)?, force)?;
     }

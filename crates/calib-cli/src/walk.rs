@@ -56,6 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Ok(())
     })?;
     let result = walk.result();
+    refuse_a_crowd(&detections.names(), &result)?;
     let efovs: Vec<Vec<FloorPoint>> = detections.calibrations.efovs().map(<[_]>::to_vec).collect();
     let zones = Zones::new(&result.moments, &efovs, args.zone_m);
     let names = detections.names();
@@ -71,6 +72,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Format::Text => files::print(&crate::words::visible(&page.text()))?,
     }
     if faults.is_empty() { Ok(()) } else { Err(Stop::Unsolved(format!("failed: {}", faults.join("; ")))) }
+}
+
+/// A table of several people says nothing of a walker: whom one camera sees need not be whom another sees.
+fn refuse_a_crowd(names: &[String], result: &WalkResult) -> Result<(), Stop> {
+    /// Of what a camera saw: so much may be a second box of one person.
+    const SHARE: f64 = 0.02;
+    let is_crowd = |&camera: &usize| {
+        result.crowded[camera] as f64 > SHARE * result.seen[camera] as f64 && result.crowded[camera] > 1
+    };
+    let Some(camera) = (0..names.len()).find(is_crowd) else { return Ok(()) };
+    Err(Stop::Invalid(format!(
+        "{} saw more than one person at {} times, and a walk is of one: give the rows of the walker alone",
+        names[camera], result.crowded[camera]
+    )))
 }
 
 /// What keeps the walk from passing.

@@ -30,6 +30,7 @@ mod family;
 mod epipolar;
 mod refine;
 mod session;
+mod placing;
 mod proposals;
 mod together;
 mod pace;

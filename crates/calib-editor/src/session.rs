@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use calib_core::{
-    Camera, Drawing, MarkKind, Method, Names, Pixel, Placement, PlacementEntry, PlanPixel, Plane, Site,
-    SiteCamera, Solution, Warning, WorldPoint,
+    Camera, Drawing, MarkKind, Method, Names, Pixel, PlacementEntry, PlanPixel, Plane, Site, SiteCamera,
+    Solution, Warning, WorldPoint,
 };
 
 use crate::history::History;
@@ -353,40 +353,6 @@ impl Session {
         let plane = self.site.cameras.get(index).map_or(Plane::FLOOR, of);
         let feet = drawn.iter().filter_map(|&corner| pose.pixel_to_plane(corner, &plane));
         feet.map(|foot| vec![foot, WorldPoint { z: foot.z + calib_core::PRISM_HEIGHT, ..foot }]).collect()
-    }
-
-    /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.
-    #[must_use]
-    pub fn placement(&self, index: usize) -> Option<Placement> {
-        let now = self.solved.pose(index).map(Placement::of);
-        let Some(entry) = &self.site.cameras.get(index)?.placement else { return now };
-        let scale = entry.scale.or_else(|| Some(now?.scale)).unwrap_or(1.0);
-        Some(Placement { scale, ..entry.placement() })
-    }
-
-    /// Places a camera; what else the entry says stays. Who only moves or turns it says nothing of its height.
-    pub fn place(&mut self, index: usize, placement: Placement) {
-        let is_scaled =
-            self.placement(index).is_none_or(|now| (placement.scale / now.scale - 1.0).abs() > 1e-9);
-        if let Some(camera) = self.site.cameras.get_mut(index) {
-            let own = camera.placement.as_ref();
-            let says_scale = is_scaled || own.is_some_and(|entry| entry.scale.is_some());
-            let (fixed, entry) = (own.is_some_and(|entry| entry.fixed), rounded(placement));
-            camera.placement =
-                Some(PlacementEntry { fixed, scale: entry.scale.filter(|_| says_scale), ..entry });
-        }
-    }
-
-    /// Whether control points say where a camera stands, so that a hand does not.
-    #[must_use]
-    pub fn is_held_by_points(&self, index: usize) -> bool {
-        self.site.cameras.get(index).is_some_and(|camera| {
-            let is_usable = |p: &&calib_core::ControlPointEntry| {
-                !p.off && p.control_point(self.site.plan.as_ref()).is_some()
-            };
-            let fixed = camera.placement.as_ref().is_some_and(|placement| placement.fixed);
-            !fixed && camera.control_points.iter().filter(is_usable).count() >= 2
-        })
     }
 
     /// Looks for images beside another folder from now on; the history goes with it.

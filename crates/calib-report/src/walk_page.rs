@@ -165,7 +165,9 @@ impl WalkPage<'_> {
 fn error(zone: &Zone) -> String {
     match (zone.error, zone.error_sigma) {
         (Some(error), Some(sigma)) => {
-            format!("{} \u{b1} {} cm of {} moments", centimetres(error), centimetres(sigma), zone.together)
+            let moments =
+                if zone.together == 1 { "1 moment".into() } else { format!("{} moments", zone.together) };
+            format!("{} \u{b1} {} cm of {moments}", centimetres(error), centimetres(sigma))
         }
         _ if zone.moments > 0 => "one camera alone".into(),
         _ => "nobody walked".into(),

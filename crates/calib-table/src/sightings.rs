@@ -1,7 +1,5 @@
 //! Rows of a table as people that cameras saw.
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-
 use arrow::array::{AsArray as _, RecordBatch};
 use arrow::compute::cast;
 use arrow::datatypes::{DataType, Schema};
@@ -116,10 +114,10 @@ impl SightingColumns {
             TableError::Invalid(what)
         })?;
         let texts = cast(&found, &DataType::Utf8)?;
+        // FNV-1a, for what is remembered has to mean the same person in any build: Fowler, Noll, Vo 1991.
         let number = |text: &str| {
-            let mut hasher = DefaultHasher::new();
-            text.hash(&mut hasher);
-            hasher.finish()
+            let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
+            text.bytes().fold(0xCBF2_9CE4_8422_2325, step)
         };
         Ok(texts.as_string::<i32>().iter().map(|text| text.map(number)).collect())
     }

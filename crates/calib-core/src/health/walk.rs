@@ -69,7 +69,10 @@ pub struct WalkResult {
     pub smallest: Vec<[f64; ERRORS]>,
     /// How many times as large as usual the variance of feet was.
     pub noise: f64,
+    /// Of every camera, how often it saw more than one person at a time: a walk is of one.
+    pub crowded: Vec<usize>,
 }
+
 /// Normal equations of the errors of all cameras.
 struct Equations {
     information: DMatrix<f64>,
@@ -124,6 +127,7 @@ impl Walk {
             together: all.clone().map(|camera| count(camera, 2)).collect(),
             seen: all.map(|camera| count(camera, 1)).collect(),
             noise,
+            crowded: self.seen.iter().map(|seen| crowded(seen)).collect(),
             moments: moments.iter().filter_map(|(at, views)| moment(*at, views)).collect(),
         }
     }
@@ -169,6 +173,13 @@ impl Walk {
         all.score /= noise;
         (all, noise)
     }
+}
+
+/// How many sightings of a camera are of a time that another one has.
+fn crowded(seen: &[Sighting]) -> usize {
+    let mut times: Vec<i64> = seen.iter().map(|sighting| sighting.at).collect();
+    times.sort_unstable();
+    times.windows(2).filter(|pair| pair[0] == pair[1]).count()
 }
 
 impl Equations {
