@@ -38,7 +38,8 @@ pub struct Disagreement {
     pub shift: [f64; 2],
     /// The standard deviation of either.
     pub shift_sigma: f64,
-    /// Its likeliest errors: of x, y and z in metres, of yaw, pitch and roll in radians, of the focal in pixels.
+    /// The error of one parameter that explains most of it, the others zero: of x, y and z in metres, of yaw, pitch and
+    /// roll in radians, of the focal in pixels.
     pub errors: [f64; ERRORS],
 }
 
@@ -279,8 +280,6 @@ fn clear_enough(equations: &Equations, cameras: usize) -> f64 {
 
 /// One camera against what it claims; `free` are those of which nothing is claimed.
 fn tested(equations: &Equations, claims: &[DMatrix<f64>], camera: usize, free: &[usize]) -> Option<Found> {
-    /// A fault is so many times as large as what is claimed.
-    const FAULT: f64 = 5.0;
     /// Directions of which the walk tells less of what is claimed say nothing.
     const TOLD: f64 = 1e-6;
     let own: Vec<usize> = (camera * ERRORS..(camera + 1) * ERRORS).collect();
@@ -305,15 +304,22 @@ fn tested(equations: &Equations, claims: &[DMatrix<f64>], camera: usize, free: &
             score += by[(k, parameter)] * along[k] / (1.0 + l);
             told += by[(k, parameter)].powi(2) * l / (1.0 + l);
         }
-        (score.abs(), told.sqrt())
+        (score, told.sqrt())
     };
     let filtered: [(f64, f64); ERRORS] = std::array::from_fn(filtered);
-    let clear = filtered.iter().filter(|(_, told)| *told > 0.0).map(|(score, told)| score / told);
-    let clear = clear.fold(0.0, f64::max);
     let told = filtered.map(|(_, told)| told);
-    let loose = claims[camera].clone().try_inverse()? / (FAULT * FAULT);
-    let covariance = (information + loose).cholesky()?.inverse();
-    Some(Found { camera, clear, told, errors: &covariance * score, covariance })
+    // The one parameter that says most: by how much it is off, and how surely.
+    let (mut clear, mut errors, mut covariance) =
+        (0.0, DVector::zeros(ERRORS), DMatrix::zeros(ERRORS, ERRORS));
+    for (parameter, (score, told)) in filtered.into_iter().enumerate().filter(|(_, (_, told))| *told > 0.0) {
+        if score.abs() / told > clear {
+            clear = score.abs() / told;
+            (errors, covariance) = (DVector::zeros(ERRORS), DMatrix::zeros(ERRORS, ERRORS));
+            errors[parameter] = score / (told * told);
+            covariance[(parameter, parameter)] = (told * told).recip();
+        }
+    }
+    Some(Found { camera, clear, told, errors, covariance })
 }
 
 /// A disagreement as what it does on the floor.
