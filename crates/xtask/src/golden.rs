@@ -11,8 +11,9 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use calib_core::{
-    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector, Lens, Method,
-    Pixel, PixelOrigin, Site, SiteCamera, Solution, Stage, Status, Stream, StreamFit, StreamMap, WorldPoint,
+    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorCovariance, FloorProjector,
+    Lens, Method, Pixel, PixelOrigin, PointProjector, Site, SiteCamera, Solution, Stage, Status, Stream,
+    StreamFit, StreamMap, WorldPoint,
 };
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -128,17 +129,19 @@ fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]:
     let still = Pixel::new(map.in_still(0, u), map.in_still(1, v));
     let (mut x, mut y, mut status) = ([0.0], [0.0], [Status::Ok]);
     projector.pixels_to_floor_within(extent, [&[still.u], &[still.v]], [&mut x, &mut y], &mut status);
-    let covariance = camera.plane_covariance(still, SIGMA * map.still_pixels(), height);
-    let [noise, calibration] = covariance.map_or([[f64::NAN; 4]; 2], |covariance| covariance.rows());
-    let in_stream = |pixel: Option<[f64; 2]>| {
-        pixel.map_or([f64::NAN; 2], |[u, v]| [map.in_stream(0, u), map.in_stream(1, v)])
-    };
-    let (back, back_status) = extent.to_pixel(camera, WorldPoint::new(x[0], y[0], height));
-    let back = in_stream(back.map(Into::into));
+    let mut covariance = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }];
+    projector.floor_covariances(&[still.u], &[still.v], SIGMA * map.still_pixels(), &mut covariance);
+    let [noise, calibration] = covariance[0].rows();
+    let in_stream = |[u, v]: [f64; 2]| [map.in_stream(0, u), map.in_stream(1, v)];
+    let (mut back_u, mut back_v) = ([0.0], [0.0]);
+    let points = PointProjector::new(camera);
+    points.points_to_pixels([&x, &y, &[height]], [&mut back_u, &mut back_v]);
+    let (_, back_status) = extent.to_pixel(camera, WorldPoint::new(x[0], y[0], height));
+    let back = in_stream([back_u[0], back_v[0]]);
     let ray = camera.pixel_to_ray(still).map_or([f64::NAN; 3], |ray| ray.direction);
     let (mut straight_u, mut straight_v) = ([0.0], [0.0]);
     projector.undistort_pixels(&[still.u], &[still.v], &mut straight_u, &mut straight_v);
-    let straight = in_stream(Some([straight_u[0], straight_v[0]]));
+    let straight = in_stream([straight_u[0], straight_v[0]]);
     let parts: [&[f64]; 7] = [
         &[u, v, x[0], y[0], f64::from(status[0] as u8)],
         &noise,

@@ -20,7 +20,7 @@ const TERMS: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BrownInverse {
     brown: BrownConrady,
-    /// Of P, by powers of the square radius over the square of [`Self::reach`].
+    /// Of P, by powers of the square radius over the square of the reach.
     radial: [f64; TERMS],
     /// `1 / reach^2` of the distorted radius up to which P holds.
     scale: f64,
