@@ -5,6 +5,7 @@ use pulp::Arch;
 
 /// The widest instructions that are taken: `v3` (AVX2) where the library was built with `CALIB_SIMD=v3`, so that a
 /// machine that has more can be measured as one that has not.
+#[cfg(target_arch = "x86_64")]
 const WIDEST: Option<&str> = option_env!("CALIB_SIMD");
 
 /// Runs a loop, which has to be inlined here, with the widest vector instructions there are.

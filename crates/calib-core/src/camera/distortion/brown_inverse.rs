@@ -10,6 +10,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::camera::distortion::model::Model;
 use crate::camera::distortion::{BrownConrady, Distortion};
+use crate::camera::elementary::sin_cos;
 
 /// Points that are inverted together.
 pub(crate) const LANES: usize = 8;
@@ -34,7 +35,7 @@ impl BrownInverse {
         let (fold, radial) = (brown.max_radius(), brown.radial());
         let reach = reach.min(0.97 * radial.value(0.97 * fold.min(1e3)).abs());
         // Chebyshev's nodes, of the square radius.
-        let node = |i: usize| 0.5 - 0.5 * (std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).cos();
+        let node = |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).1;
         let powers = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, k| node(i).powi(k as i32));
         let ratios = SVector::<f64, TERMS>::from_fn(|i, _| {
             let bent = reach * node(i).sqrt();
