@@ -12,8 +12,8 @@ use crate::{bench, tools};
 const ROWS: [(&str, &str, &str); 6] = [
     ("pixel_to_floor_ns", "pixels to the floor", "`perspectiveTransform`"),
     ("distorted_pixel_to_floor_ns", "pixels of a bent lens to the floor", "`undistortPoints` alone"),
-    ("world_to_pixel_ns", "points of space to pixels", "`projectPoints`"),
-    ("distorted_world_to_pixel_ns", "the same, of a bent lens", "`projectPoints`"),
+    ("world_to_pixel_ns", "points of space to pixels", "`projectPoints`, with its Jacobian"),
+    ("distorted_world_to_pixel_ns", "the same, of a bent lens", "`projectPoints`, with its Jacobian"),
     ("undistort_1080p_ms", "an image without its bend", "`undistort`"),
     ("undistort_1080p_cached_ms", "the same, with a map that is kept", "`remap`"),
 ];
