@@ -92,7 +92,7 @@ impl WalkPage<'_> {
     #[must_use]
     pub fn html(&self) -> String {
         let mut html = opened(self.title);
-        let class = if self.faults.is_empty() { "note" } else { "note bad" };
+        let class = if self.faults.is_empty() { "note good" } else { "note bad" };
         let _ = writeln!(
             html,
             "<h2>Acceptance by a walk</h2><p class=\"{class}\">{}</p>",

@@ -27,7 +27,7 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
     html.push_str("<table><thead><tr><th>Camera<th>Verdict<th class=n>Tracks<th class=n>Seen with others</tr></thead><tbody>\n");
     for WatchedCamera { id, health } in cameras {
         let class = if health.verdict == Verdict::Moved { " class=bad" } else { "" };
-        let (id, verdict) = (escape(id), health.verdict.name());
+        let (id, verdict) = (escape(id), health.verdict.name().replace('-', " "));
         let _ = writeln!(
             html,
             "<tr{class}><td><a href=\"#{id}\">{id}</a><td>{verdict}<td class=n>{}<td class=n>{}</tr>",
