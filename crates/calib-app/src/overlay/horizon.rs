@@ -20,7 +20,10 @@ impl Overlay<'_> {
         }
         let Some(family) = self.family else {
             let sigma = camera.covariance.0[Covariance::PITCH][Covariance::PITCH].sqrt();
-            let text = if sigma > 0.0 {
+            let text = if sigma > 1.0 {
+                // Of more than a radian nobody is helped by pixels.
+                "horizon, not known".into()
+            } else if sigma > 0.0 {
                 format!("horizon \u{b1} {:.0} px", (sigma * camera.focal).max(1.0))
             } else {
                 "horizon".into()

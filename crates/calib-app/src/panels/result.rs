@@ -254,7 +254,8 @@ fn floor_row(ui: &mut Ui, solution: &Solution) {
     let palette = theme::palette(ui.ctx());
     let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
-    let text = format!("\u{b1} {:.1} %", 100.0 * rel);
+    // A length that may be twice as long or nothing is not known.
+    let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "not known".into() };
     let words = format!("Length on the floor {text}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
     ui.painter().rect_filled(rect, 4.0, palette.raised);

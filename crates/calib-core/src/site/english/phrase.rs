@@ -278,7 +278,8 @@ pub(super) fn bent(px: f64, px_without_lens: f64) -> String {
 }
 
 pub(super) fn corners(px: f64) -> String {
-    let how = if px.is_finite() { format!("by \u{b1} {px:.0} px") } else { "altogether".into() };
+    // By more than an image is wide is altogether.
+    let how = if px < 4000.0 { format!("by \u{b1} {px:.0} px") } else { "altogether".into() };
     format!("The straight edges leave the corners of the image uncertain {how}.")
 }
 
