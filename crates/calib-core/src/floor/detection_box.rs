@@ -3,10 +3,9 @@
 use crate::floor::stream::named;
 
 /// What the four numbers of a box are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoxForm {
     /// Upper left corner, width and height.
-    #[default]
     CornerSize,
     /// Upper left and lower right corner.
     Corners,

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::camera::{Camera, Pixel, WorldPoint};
+use crate::floor::Extent;
 use crate::health::change::{ALARM, Changed, Sources, held_heights, held_pairs};
 use crate::health::heights::{FEATURES, SEASON, features};
 use crate::health::moments::{Foot, hash};
@@ -271,8 +272,8 @@ impl Watched {
     }
 
     fn shows(&self, point: WorldPoint) -> bool {
-        let [w, h] = self.size;
-        self.camera.world_to_pixel(point).is_some_and(|p| (0.0..w).contains(&p.u) && (0.0..h).contains(&p.v))
+        let extent = Extent { size: self.size, efov: &[] };
+        self.camera.world_to_pixel(point).is_some_and(|pixel| extent.shows(pixel))
     }
 }
 
