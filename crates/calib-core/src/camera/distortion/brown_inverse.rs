@@ -2,9 +2,10 @@
 //!
 //! The radial part alone has an inverse `g(d) = d P(|d|^2)` whose polynomial P is interpolated when a camera is
 //! prepared. With the tangential part t, `u = g(d - t(g(d)))` is right to some 1e-5; one step of Newton's method from
-//! there and one of the chord method, with the same Jacobian, end at the accuracy of the numbers. How fast the steps
-//! shrink says what is left of the error: where it is more than 1e-13, at the rim of a lens, the point is solved by
-//! itself, so that no result depends on the points beside it.
+//! there and one of the chord method, with the same Jacobian J, end at the accuracy of the numbers. What is left of
+//! the error is at most `|J^-1| H |first| |second|`, H the largest second derivative within the image: where that is
+//! more than 1e-13, at the rim of a lens, the point is solved by itself, so that no result depends on the points
+//! beside it.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -25,8 +26,10 @@ pub(crate) struct BrownInverse {
     radial: [f64; TERMS],
     /// `1 / reach^2` of the distorted radius up to which P holds.
     scale: f64,
-    /// Largest square radius of undistorted points: just within the fold.
+    /// Largest square radius of undistorted points: just within the fold, and not far beyond the reach.
     most: f64,
+    /// Square of H: no second derivative within `most` is larger.
+    curvature: f64,
 }
 
 impl BrownInverse {
@@ -34,6 +37,7 @@ impl BrownInverse {
     pub(crate) fn new(brown: &BrownConrady, reach: f64) -> Self {
         let (fold, radial) = (brown.max_radius(), brown.radial());
         let reach = reach.min(0.97 * radial.value(0.97 * fold.min(1e3)).abs());
+        let straight = radial.inverse(reach);
         // Chebyshev's nodes, of the square radius.
         let node = |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).1;
         let powers = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, k| node(i).powi(k as i32));
@@ -42,7 +46,9 @@ impl BrownInverse {
             radial.inverse(bent).map_or(1.0, |straight| straight / bent)
         });
         let radial = powers.lu().solve(&ratios).map_or([0.0; TERMS], Into::into);
-        Self { brown: *brown, radial, scale: (reach * reach).recip(), most: fold * fold * (1.0 - 1e-6) }
+        let most = (fold * (1.0 - 1e-6)).min(1.1 * straight.unwrap_or(reach));
+        let curvature = curvature_within(most, brown).powi(2);
+        Self { brown: *brown, radial, scale: (reach * reach).recip(), most: most * most, curvature }
     }
 
     /// The inverse of the radial part.
@@ -71,6 +77,7 @@ impl BrownInverse {
             let start = self.start(bent_x[i], bent_y[i]);
             let [a, b, d] = self.brown.jacobian(start.into());
             let scale = (a * d - b * b).recip();
+            let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
             let step = |(x, y): (f64, f64)| {
                 let bent = self.brown.distort_anywhere([x, y]);
                 let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
@@ -81,8 +88,7 @@ impl BrownInverse {
             let second = step(near);
             (x[i], y[i]) = (near.0 - second.0, near.1 - second.1);
             let [first, second] = [first, second].map(|(dx, dy)| dx * dx + dy * dy);
-            // What is left of the error is the last step times its ratio to the one before.
-            let has_converged = (second * second <= 1e-26 * first) | (second < 1e-28);
+            let has_converged = (inverse * self.curvature * first * second <= 1e-26) | (second < 1e-28);
             is_solved[i] = has_converged & (x[i] * x[i] + y[i] * y[i] <= self.most);
         }
         if is_solved.iter().all(|&solved| solved) {
@@ -95,6 +101,14 @@ impl BrownInverse {
             }
         }
     }
+}
+
+/// No second derivative of the distortion is larger at points up to that far from the principal point.
+fn curvature_within(radius: f64, brown: &BrownConrady) -> f64 {
+    let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(f64::abs);
+    let square = radius * radius;
+    // Of r g(r) along the radius, and twice the one of g(r), across.
+    radius * (10.0 * k1 + square * (28.0 * k2 + square * 54.0 * k3)) + 8.0 * (p1 + p2)
 }
 
 #[cfg(test)]
