@@ -9,14 +9,16 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
-use arrow::array::{
-    Array, ArrayRef, AsArray as _, DictionaryArray, Float32Array, Float64Array, Int64Array, ListArray,
-    RecordBatch, StringArray, TimestampMillisecondArray,
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::{Float64Type, Int8Type, Int32Type};
+use arrow_array::{
+    Array, ArrayRef, DictionaryArray, Float32Array, Float64Array, Int64Array, ListArray, RecordBatch,
+    StringArray, TimestampMillisecondArray,
 };
-use arrow::datatypes::{Float64Type, Int8Type, Int32Type, Schema};
-use arrow::ipc::CompressionType;
-use arrow::ipc::reader::{FileReader, StreamReader};
-use arrow::ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
+use arrow_ipc::CompressionType;
+use arrow_ipc::reader::{FileReader, StreamReader};
+use arrow_ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
+use arrow_schema::Schema;
 use calib_core::{Camera, Pixel, Site, WorldPoint};
 use calib_tests::{LENSES, Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
@@ -65,7 +67,7 @@ fn read_parquet(path: &Path) -> (Arc<Schema>, RecordBatch) {
     let builder = ParquetRecordBatchReaderBuilder::try_new(File::open(path).unwrap()).unwrap();
     let schema = Arc::clone(builder.schema());
     let batches: Vec<RecordBatch> = builder.build().unwrap().map(Result::unwrap).collect();
-    let batch = arrow::compute::concat_batches(&batches[0].schema(), &batches).unwrap();
+    let batch = arrow_select::concat::concat_batches(&batches[0].schema(), &batches).unwrap();
     (schema, batch)
 }
 
@@ -160,7 +162,7 @@ fn other_columns_pass_through_with_their_types_and_every_row_has_its_camera() {
         assert!(run.stderr.contains("7500 rows of camera \"nobody\""), "{}", run.stderr);
         let open = || File::open(scratch.path(output)).unwrap();
         let all = |batches: Vec<RecordBatch>| {
-            arrow::compute::concat_batches(&batches[0].schema(), &batches).unwrap()
+            arrow_select::concat::concat_batches(&batches[0].schema(), &batches).unwrap()
         };
         let (about, out) = match output {
             "out.parquet" => {

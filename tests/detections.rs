@@ -5,8 +5,9 @@
 use std::collections::HashMap;
 use std::process::Command;
 
-use arrow::array::{Array as _, AsArray as _, RecordBatch};
-use arrow::datatypes::DataType;
+use arrow_array::cast::AsArray as _;
+use arrow_array::{Array as _, RecordBatch};
+use arrow_schema::DataType;
 use calib_core::{
     BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Pixel, Site, SiteCamera, WorldPoint,
 };

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::process::Command;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
+use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
 use calib_core::Site;
 use calib_tests::{LENSES, Scratch, camera, engines_python, entry, program, root};
 use parquet::arrow::ArrowWriter;

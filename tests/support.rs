@@ -138,13 +138,9 @@ impl Scratch {
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        let mut command = Command::new(env!("CARGO"));
-        command.args(["build", "--quiet", "--package", "calib-cli", "--bin", "calib"]);
-        if !cfg!(debug_assertions) {
-            command.arg("--release");
+        if std::env::var_os("CALIB_IS_BUILT").is_none() {
+            build();
         }
-        let built = command.current_dir(root()).status();
-        assert!(built.is_ok_and(|status| status.success()), "calib does not build");
         // target/<profile>/deps/<test> lies beside target/<profile>/calib.
         let mut path = std::env::current_exe().unwrap_or_else(|error| panic!("{error}"));
         path.pop();
@@ -153,6 +149,16 @@ pub fn program() -> &'static Path {
         }
         path.join("calib").with_extension(std::env::consts::EXE_EXTENSION)
     })
+}
+
+fn build() {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["build", "--quiet", "--package", "calib-cli", "--bin", "calib"]);
+    if !cfg!(debug_assertions) {
+        command.arg("--release");
+    }
+    let built = command.current_dir(root()).status();
+    assert!(built.is_ok_and(|status| status.success()), "calib does not build");
 }
 
 /// The workspace.

@@ -1,6 +1,6 @@
 //! Archives of detections as people that cameras saw, for commands that watch.
 
-use arrow::array::RecordBatch;
+use arrow_array::RecordBatch;
 use calib_core::Sighting;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Rows, SightingColumns, Wanted,
@@ -98,7 +98,7 @@ impl DetectionArgs {
         name: &str,
     ) -> Result<Calibrations, Stop> {
         let schema = first.map(RecordBatch::schema);
-        let usual = |of: fn(&arrow::datatypes::Schema) -> Option<&'static str>| {
+        let usual = |of: fn(&arrow_schema::Schema) -> Option<&'static str>| {
             schema.as_ref().and_then(|schema| of(schema)).map(str::to_owned)
         };
         let column = self.camera_column.clone().or_else(|| usual(usual_camera_column));

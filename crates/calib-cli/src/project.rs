@@ -234,7 +234,7 @@ impl Table {
         if let Some(mut output) = output {
             // No row: a header, where there is one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
-            let mapped = self.map(&arrow::array::RecordBatch::new_empty(schema), calibrations)?;
+            let mapped = self.map(&arrow_array::RecordBatch::new_empty(schema), calibrations)?;
             sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
         }
         sink.map_or(Ok(()), Sink::finish)
@@ -249,9 +249,9 @@ impl Table {
 
     fn map(
         &self,
-        batch: &arrow::array::RecordBatch,
+        batch: &arrow_array::RecordBatch,
         calibrations: &mut Calibrations,
-    ) -> Result<arrow::array::RecordBatch, Stop> {
+    ) -> Result<arrow_array::RecordBatch, Stop> {
         let place = |row: usize| self.source.place(row);
         let is_broken = |row: usize| self.source.is_broken(row);
         let rows = Rows { place: &place, is_broken: &is_broken };

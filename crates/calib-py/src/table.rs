@@ -2,7 +2,7 @@
 
 use std::ffi::CString;
 
-use arrow::array::{RecordBatch, RecordBatchReader};
+use arrow_array::{RecordBatch, RecordBatchReader};
 use calib_core::Stream;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError,

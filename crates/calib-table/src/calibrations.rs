@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use arrow::array::{Array as _, ArrayRef, AsArray as _, RecordBatch};
-use arrow::compute::cast;
-use arrow::datatypes::{DataType, Schema};
+use arrow_array::cast::AsArray as _;
+use arrow_array::{Array as _, ArrayRef, RecordBatch};
+use arrow_cast::cast;
+use arrow_schema::{DataType, Schema};
 use calib_core::{
     Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap, Surface,
 };

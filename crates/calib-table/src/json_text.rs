@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, AsArray as _, StringArray};
-use arrow::datatypes::{DataType, Field};
+use arrow_array::cast::AsArray as _;
+use arrow_array::{ArrayRef, StringArray};
+use arrow_schema::{DataType, Field};
 
 const KEY: &str = "ARROW:extension:name";
 const NAME: &str = "arrow.json";

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions, StringBuilder};
-use arrow::datatypes::{Field, Schema};
+use arrow_array::builder::StringBuilder;
+use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
+use arrow_schema::{Field, Schema};
 use calib_core::{BoxForm, Pixel, Status, StreamMap, WorldPoint};
 
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};

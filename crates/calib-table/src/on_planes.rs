@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float64Array, StringBuilder};
+use arrow_array::builder::StringBuilder;
+use arrow_array::{ArrayRef, Float64Array};
 use calib_core::{SurfacePoint, SurfaceProjector};
 
 use crate::calibrations::{Calibration, Planes};

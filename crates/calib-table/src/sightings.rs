@@ -1,8 +1,9 @@
 //! Rows of a table as people that cameras saw.
 
-use arrow::array::{AsArray as _, RecordBatch};
-use arrow::compute::cast;
-use arrow::datatypes::{DataType, Schema};
+use arrow_array::RecordBatch;
+use arrow_array::cast::AsArray as _;
+use arrow_cast::cast;
+use arrow_schema::{DataType, Schema};
 use calib_core::{BoxForm, Camera, Pixel, Sighting};
 
 use crate::calibrations::{Calibrations, Choice};

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use arrow::error::ArrowError;
+use arrow_schema::ArrowError;
 
 /// Why a table cannot be mapped.
 #[derive(Debug)]

@@ -14,6 +14,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
+use crate::product::calib;
 use crate::workspace::root;
 
 const PYTHON: &str = "target/engines-venv/bin/python";
@@ -33,14 +34,7 @@ pub(crate) struct Ratios {
 pub(crate) fn measure() -> anyhow::Result<Ratios> {
     let python = root().join(PYTHON);
     ensure!(python.exists(), "{PYTHON} is absent; `cargo xtask test --install` makes it");
-    let build = ["build", "--quiet", "--release", "--package", "calib-cli"];
-    ensure!(
-        Command::new("cargo").args(build).current_dir(root()).status()?.success(),
-        "calib does not build"
-    );
-    // This program lies beside it.
-    let calib =
-        std::env::current_exe()?.with_file_name("calib").with_extension(std::env::consts::EXE_EXTENSION);
+    let calib = calib()?;
     let folder = root().join("target/bench-archives");
     std::fs::create_dir_all(&folder)?;
     let entries: Vec<(Camera, SiteCamera)> = (0..3).map(entry).collect();

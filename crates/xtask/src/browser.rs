@@ -6,6 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, ensure};
 
+use crate::product::calib;
 use crate::workspace::root;
 use crate::{serve, web};
 
@@ -62,16 +63,4 @@ fn native() -> f64 {
     1e3 * median::median(RUNS, || {
         std::hint::black_box(std::hint::black_box(&site).calibrate(&options));
     })
-}
-
-/// The command line tool, to solve what the page saved.
-pub(crate) fn calib() -> anyhow::Result<PathBuf> {
-    let mut cargo = Command::new("cargo");
-    cargo.args(["build", "--quiet", "--package", "calib-cli"]).current_dir(root());
-    if !cfg!(debug_assertions) {
-        cargo.arg("--release");
-    }
-    ensure!(cargo.status()?.success(), "calib-cli does not build");
-    let own = std::env::current_exe()?;
-    Ok(own.with_file_name("calib"))
 }

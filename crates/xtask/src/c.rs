@@ -1,12 +1,13 @@
 //! `cargo xtask c`: the library for C and C++ with its header, and its tests under the sanitizers.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, ensure};
 
 use crate::golden;
+use crate::product::{build, profile};
 use crate::workspace::{done, root};
 
 const CRATE: &str = "crates/calib-c";
@@ -35,7 +36,9 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     let [lib, include] = ["lib", "include"].map(|folder| out.join(folder));
     fs::create_dir_all(lib.join("pkgconfig"))?;
     fs::create_dir_all(&include)?;
-    let built = build(true)?;
+    let mut cargo = Command::new("cargo");
+    done(cargo.args(["build", "--quiet", "--release", "--package", "calib-c"]).current_dir(root()))?;
+    let built = profile()?.with_file_name("release");
     for name in ["libcalib.a", "libcalib.so", "libcalib.dylib", "calib.dll", "calib.lib"] {
         if built.join(name).exists() {
             fs::copy(built.join(name), lib.join(name))?;
@@ -54,25 +57,12 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Builds the libraries; where they are.
-fn build(is_release: bool) -> anyhow::Result<PathBuf> {
-    let mut cargo = Command::new("cargo");
-    cargo.args(["build", "--quiet", "--package", "calib-c"]).current_dir(root());
-    if is_release {
-        cargo.arg("--release");
-    }
-    done(&mut cargo)?;
-    let own = std::env::current_exe()?;
-    let profiles = own.parent().and_then(Path::parent).context("a program in the folder of its profile")?;
-    Ok(profiles.join(if is_release { "release" } else { "debug" }))
-}
-
 /// Compiles tests and examples with warnings as errors, and runs them under the sanitizers.
 pub(crate) fn test(golden: &Path) -> anyhow::Result<()> {
     let checked_in = fs::read_to_string(root().join(HEADER)).unwrap_or_default();
     ensure!(checked_in == header()?, "{HEADER} is not that of the sources: `cargo xtask c` writes it");
     golden::run(golden)?;
-    let (built, out) = (build(false)?, root().join("target/c-test"));
+    let (built, out) = (build(&["--package", "calib-c"])?, root().join("target/c-test"));
     fs::create_dir_all(&out)?;
     let program = |name: &str, source: &str| -> anyhow::Result<Command> {
         compile(&built, source, &out.join(name))?;

@@ -1,13 +1,13 @@
 //! `cargo xtask test`: every check there is, in the order in which they fail fastest.
 
-use std::path::Path;
+use std::ffi::OsStr;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 
 use crate::tools::{BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, TYPOS, Tool, WEB, ready};
-use crate::wasm;
 use crate::workspace::root;
 
 /// A check: its name, its command, and its tools.
@@ -21,6 +21,10 @@ struct Check {
     /// It runs without its tools, too, and says by itself what it leaves out.
     runs_without: bool,
 }
+
+/// Tells a check that the whole workspace is built: what it needs is there, and what it would build for itself has
+/// other features, so that half of the dependencies would be built again.
+pub(crate) const IS_BUILT: &str = "CALIB_IS_BUILT";
 
 /// Where all targets are built, so that what they have in common is built once.
 const FUZZ_TARGET: &str = "target/fuzz";
@@ -57,7 +61,21 @@ const CHECKS: &[Check] = &[
         command: &["cargo", "check", "--package", "calib-core", "--no-default-features"],
         ..PLAIN
     },
-    Check { name: "core and formats for wasm32", command: &["wasm32"], tools: &[&WEB], ..PLAIN },
+    // With the features of all packages together; what follows uses what lies there.
+    Check {
+        name: "build",
+        command: &[
+            "cargo",
+            "build",
+            "--workspace",
+            "--all-features",
+            "--lib",
+            "--bins",
+            "--tests",
+            "--examples",
+        ],
+        ..PLAIN
+    },
     Check {
         name: "site parser under fuzzing",
         command: &[
@@ -85,28 +103,23 @@ const CHECKS: &[Check] = &[
         ..PLAIN
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
-    Check { name: "page for the browser", command: &["cargo", "xtask", "web"], tools: &[&WEB], ..PLAIN },
+    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB], ..PLAIN },
     Check {
         name: "the package for JavaScript",
-        command: &["cargo", "xtask", "js", "--test"],
+        command: &["xtask", "js", "--test"],
         tools: &[&WEB, &BROWSER],
         ..PLAIN
     },
-    Check {
-        name: "the wheel for Python",
-        command: &["cargo", "xtask", "py", "--test"],
-        tools: &[&PYTHON],
-        ..PLAIN
-    },
+    Check { name: "the wheel for Python", command: &["xtask", "py", "--test"], tools: &[&PYTHON], ..PLAIN },
     Check {
         name: "the library for C and C++",
-        command: &["cargo", "xtask", "c", "--test"],
+        command: &["xtask", "c", "--test"],
         tools: &[&COMPILERS],
         ..PLAIN
     },
     Check {
         name: "the app in Chromium",
-        command: &["cargo", "xtask", "browser"],
+        command: &["xtask", "browser", "--as-is"],
         tools: &[&WEB, &BROWSER],
         ..PLAIN
     },
@@ -121,9 +134,11 @@ const CHECKS: &[Check] = &[
 
 /// Runs every check; with `install`, what is missing is installed first, and a skip is a failure.
 pub(crate) fn run(install: bool) -> anyhow::Result<()> {
-    let skips = root().join("target/skipped-tests.txt");
+    // By its name at the start: the build puts another in its place.
+    let runner =
+        Runner { own: std::env::current_exe()?, skips: root().join("target/skipped-tests.txt"), install };
     std::fs::create_dir_all(root().join("target"))?;
-    std::fs::write(&skips, "")?;
+    std::fs::write(&runner.skips, "")?;
     let (mut failed, mut skipped) = (Vec::new(), Vec::new());
     for check in CHECKS {
         let missing: Vec<&str> =
@@ -135,13 +150,8 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
         let start = Instant::now();
         println!("\n== {}", check.name);
         let passed = match check.command {
-            // In the page's profile, so that the page need not build them again.
-            ["wasm32"] => {
-                let packages = ["--package", "calib-core", "--package", "calib-formats", "--profile", "web"];
-                wasm::build(&packages).is_ok()
-            }
-            ["fuzz-formats"] => fuzz_formats(&skips)?,
-            _ => run_check(check, &skips)?,
+            ["fuzz-formats"] => runner.fuzz_formats()?,
+            _ => runner.run(check)?,
         };
         println!(
             "== {}: {} in {:.0} s",
@@ -153,7 +163,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
             failed.push(check.name);
         }
     }
-    let listed = std::fs::read_to_string(&skips)?;
+    let listed = std::fs::read_to_string(&runner.skips)?;
     println!();
     let count = skipped.len() + listed.lines().count();
     for line in listed.lines().chain(skipped.iter().map(String::as_str)) {
@@ -170,41 +180,69 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn run_check(check: &Check, skips: &Path) -> anyhow::Result<bool> {
-    let (program, arguments) = check.command.split_first().context("a check without a command")?;
-    if let Some(folder) = check.empty {
-        make_empty(folder)?;
-    }
-    let mut command = tool_command(program, skips)?;
-    command.args(arguments).envs(check.environment.iter().copied());
-    Ok(command.status().with_context(|| check.name)?.success())
+/// What the commands of checks share.
+struct Runner {
+    /// This program.
+    own: PathBuf,
+    /// Where tests write what they skipped.
+    skips: PathBuf,
+    install: bool,
 }
 
-/// Every importer has a target of its name; the folder is the list.
-fn fuzz_formats(skips: &Path) -> anyhow::Result<bool> {
-    const FUZZ_DIR: &str = "crates/calib-formats/fuzz";
-    let mut targets = Vec::new();
-    for entry in std::fs::read_dir(root().join(FUZZ_DIR).join("fuzz_targets"))? {
-        targets.push(entry?.path().file_stem().unwrap_or_default().to_string_lossy().into_owned());
-    }
-    targets.sort();
-    for target in &targets {
-        let corpus = format!("target/fuzz-corpus/{target}");
-        let seeds = format!("{FUZZ_DIR}/seeds/{target}");
-        make_empty(&corpus)?;
-        std::fs::create_dir_all(root().join(&seeds))?;
-        let command =
-            ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, "--target-dir", FUZZ_TARGET, &corpus, &seeds];
-        // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
-        let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
-        let mut cargo = tool_command("cargo", skips)?;
-        cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1");
-        if !cargo.status()?.success() {
-            println!("== the importer of {target}");
-            return Ok(false);
+impl Runner {
+    fn run(&self, check: &Check) -> anyhow::Result<bool> {
+        let (program, arguments) = check.command.split_first().context("a check without a command")?;
+        if let Some(folder) = check.empty {
+            make_empty(folder)?;
         }
+        let mut command = self.command(program)?;
+        command.args(arguments).envs(check.environment.iter().copied());
+        Ok(command.status().with_context(|| check.name)?.success())
     }
-    Ok(true)
+
+    /// Every importer has a target of its name; the folder is the list.
+    fn fuzz_formats(&self) -> anyhow::Result<bool> {
+        const FUZZ_DIR: &str = "crates/calib-formats/fuzz";
+        let mut targets = Vec::new();
+        for entry in std::fs::read_dir(root().join(FUZZ_DIR).join("fuzz_targets"))? {
+            targets.push(entry?.path().file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        }
+        targets.sort();
+        for target in &targets {
+            let corpus = format!("target/fuzz-corpus/{target}");
+            let seeds = format!("{FUZZ_DIR}/seeds/{target}");
+            make_empty(&corpus)?;
+            std::fs::create_dir_all(root().join(&seeds))?;
+            let command =
+                ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, "--target-dir", FUZZ_TARGET, &corpus, &seeds];
+            // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
+            let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
+            let mut cargo = self.command("cargo")?;
+            cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1");
+            if !cargo.status()?.success() {
+                println!("== the importer of {target}");
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// A command that finds the tools that were installed for the checks.
+    fn command(&self, program: &str) -> anyhow::Result<Command> {
+        let program = if program == "xtask" { self.own.as_os_str() } else { OsStr::new(program) };
+        let mut command = Command::new(program);
+        command.current_dir(root()).env("CALIB_SKIPPED_LIST", &self.skips).env(IS_BUILT, "1");
+        if self.install {
+            // It is for whoever changes a line and builds again, and doubles what lies in `target`.
+            command.env("CARGO_INCREMENTAL", "0");
+        }
+        let tools = root().join("target/tools/bin");
+        if let Some(path) = std::env::var_os("PATH") {
+            let paths = std::iter::once(tools).chain(std::env::split_paths(&path));
+            command.env("PATH", std::env::join_paths(paths)?);
+        }
+        Ok(command)
+    }
 }
 
 /// Makes a folder anew: what is tried does not depend on what was tried before.
@@ -214,16 +252,4 @@ fn make_empty(folder: &str) -> anyhow::Result<()> {
         std::fs::remove_dir_all(&folder)?;
     }
     Ok(std::fs::create_dir_all(folder)?)
-}
-
-/// A command that finds the tools that were installed for the checks.
-fn tool_command(program: &str, skips: &Path) -> anyhow::Result<Command> {
-    let mut command = Command::new(program);
-    command.current_dir(root()).env("CALIB_SKIPPED_LIST", skips);
-    let tools = root().join("target/tools/bin");
-    if let Some(path) = std::env::var_os("PATH") {
-        let paths = std::iter::once(tools).chain(std::env::split_paths(&path));
-        command.env("PATH", std::env::join_paths(paths)?);
-    }
-    Ok(command)
 }

@@ -8,8 +8,9 @@ use anyhow::{Context as _, ensure};
 use serde_json::json;
 use wasm_bindgen_cli_support::Bindgen;
 
+use crate::product::calib;
 use crate::workspace::root;
-use crate::{browser, golden, wasm};
+use crate::{golden, wasm};
 
 /// Writes the package into `out`.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
@@ -58,7 +59,7 @@ pub(crate) fn test(out: &Path) -> anyhow::Result<()> {
     let points = root().join("target/golden");
     golden::run(&points)?;
     let mut run = Command::new("node");
-    run.arg("target/js-test/package.mjs").arg(out).arg(browser::calib()?).arg(points).current_dir(root());
+    run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(points).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
     Ok(())
 }

@@ -1,29 +1,43 @@
 //! Development commands: `cargo xtask test [--install]`, `bench`, `peers`, `accuracy`, `notices`, `web`, `js`, `py`,
 //! `c`, `golden`, `serve`.
 
+#![cfg_attr(not(feature = "all"), allow(dead_code, reason = "the heavy commands use it"))]
+
 // A module uses only those above it.
 mod workspace;
 mod wasm;
 mod tools;
 mod check;
-mod coverage;
 mod notices;
-mod accuracy;
-mod archives;
-mod golden;
-mod py;
-mod c;
-mod bench;
-mod peers;
 mod serve;
-#[cfg(feature = "web")]
+#[cfg(feature = "all")]
+mod accuracy;
+#[cfg(feature = "all")]
+mod coverage;
+#[cfg(feature = "all")]
+mod product;
+#[cfg(feature = "all")]
+mod archives;
+#[cfg(feature = "all")]
+mod golden;
+#[cfg(feature = "all")]
+mod py;
+#[cfg(feature = "all")]
+mod c;
+#[cfg(feature = "all")]
+mod bench;
+#[cfg(feature = "all")]
+mod peers;
+#[cfg(feature = "all")]
 mod pictures;
-#[cfg(feature = "web")]
+#[cfg(feature = "all")]
 mod web;
-#[cfg(feature = "web")]
+#[cfg(feature = "all")]
 mod browser;
-#[cfg(feature = "web")]
+#[cfg(feature = "all")]
 mod js;
+#[cfg(feature = "all")]
+mod run;
 
 use std::path::PathBuf;
 
@@ -44,6 +58,24 @@ enum Command {
         #[arg(long)]
         install: bool,
     },
+    /// Write the notices of everything that is linked into the programs
+    Notices,
+    /// Serve a folder on this machine only, for trying
+    Serve {
+        /// Which
+        #[arg(default_value = "target/web")]
+        folder: PathBuf,
+        /// On which port; 0 takes a free one
+        #[arg(long, default_value_t = 8080)]
+        port: u16,
+    },
+    #[command(flatten)]
+    Heavy(Heavy),
+}
+
+/// What it takes is heavy, so it is built when it is asked for.
+#[derive(Debug, Subcommand)]
+enum Heavy {
     /// Measure, on one thread; prints one JSON object
     Bench {
         /// As JSON (the only form there is)
@@ -55,8 +87,6 @@ enum Command {
     },
     /// Measure the maps beside `OpenCV`'s, with AVX2 and with all there is: a table
     Peers,
-    /// Write the notices of everything that is linked into the programs
-    Notices,
     /// Build the app for the browser: static files, and one page that needs no host
     Web {
         /// Where to
@@ -114,15 +144,6 @@ enum Command {
         #[arg(long)]
         pictures: Option<PathBuf>,
     },
-    /// Serve a folder on this machine only, for trying
-    Serve {
-        /// Which
-        #[arg(default_value = "target/web")]
-        folder: PathBuf,
-        /// On which port; 0 takes a free one
-        #[arg(long, default_value_t = 8080)]
-        port: u16,
-    },
     /// Print the table of accuracy as Markdown
     Accuracy {
         /// Scenes of each kind
@@ -140,62 +161,19 @@ enum Command {
     },
 }
 
-/// Where the tests of other languages find the golden points.
-fn golden() -> PathBuf {
-    workspace::root().join("target/golden")
-}
-
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Test { install } => check::run(install),
-        Command::Bench { json: _, filter } => {
-            // An unoptimised number is worse than none.
-            if cfg!(debug_assertions) {
-                return workspace::rerun(&["--release"], &["bench".into(), filter]);
-            }
-            bench::run(&filter)
-        }
-        Command::Peers => peers::run(),
         Command::Notices => notices::run(),
-        #[cfg(feature = "web")]
-        Command::Web { out, built } => web::run(&workspace::root().join(out), built.as_deref()),
-        #[cfg(feature = "web")]
-        Command::Browser { out, script, pictures, as_is } => browser::run(
-            &workspace::root().join(out),
-            &script,
-            pictures.map(|p| workspace::root().join(p)).as_deref(),
-            as_is,
-        ),
-        #[cfg(feature = "web")]
-        Command::Js { out, test } => {
-            let out = workspace::root().join(out);
-            js::run(&out)?;
-            if test { js::test(&out) } else { Ok(()) }
-        }
-        Command::Py { out, test } => {
-            let wheel = py::run(&workspace::root().join(out), if test { "dev" } else { "release" })?;
-            if test { py::test(&wheel, &golden()) } else { Ok(()) }
-        }
-        Command::C { test: true, .. } => c::test(&golden()),
-        Command::C { out, test: false } => c::run(&workspace::root().join(out)),
-        Command::Golden { out } => golden::run(&workspace::root().join(out)),
-        // What it takes is heavy, so it is built when it is asked for.
-        #[cfg(not(feature = "web"))]
-        Command::Web { .. } | Command::Js { .. } | Command::Browser { .. } => {
-            let arguments: Vec<String> = std::env::args().skip(1).collect();
-            workspace::rerun(&["--features", "web"], &arguments)
-        }
         Command::Serve { folder, port } => {
             let site = serve::Site::new(&workspace::root().join(folder), port)?;
             println!("http://{}/", site.address()?);
             site.serve();
             Ok(())
         }
-        Command::Accuracy { real: true, .. } => coverage::run(),
-        Command::Accuracy { proposals: true, .. } => accuracy::proposals(),
-        Command::Accuracy { scenes, draws, .. } => {
-            accuracy::run(&accuracy::Extent { scenes, draws });
-            Ok(())
-        }
+        #[cfg(feature = "all")]
+        Command::Heavy(command) => run::run(command),
+        #[cfg(not(feature = "all"))]
+        Command::Heavy(_) => workspace::rerun(&[]),
     }
 }

@@ -7,6 +7,7 @@ use std::process::Command;
 use anyhow::{Context as _, ensure};
 use serde_json::{Map, Value};
 
+use crate::product::{build, calib, program};
 use crate::workspace::{done, root};
 use crate::{golden, tools};
 
@@ -60,14 +61,10 @@ pub(crate) fn test(wheel: &Path, golden: &Path) -> anyhow::Result<()> {
 /// The demonstration solved, its detections, and the tracks that the example in Rust makes of them.
 fn demonstration(golden: &Path) -> anyhow::Result<()> {
     let demo = golden.join("demo");
-    let cargo = |arguments: &[&str]| {
-        let mut cargo = Command::new("cargo");
-        cargo.args(["run", "--quiet"]).args(arguments).current_dir(root());
-        cargo
-    };
-    let calib = cargo(&["--package", "calib-cli", "--", "demo"]).arg(&demo).output()?;
+    let calib = Command::new(calib()?).arg("demo").arg(&demo).output()?;
     ensure!(calib.status.success(), "{}", String::from_utf8_lossy(&calib.stderr));
-    let mut tracker = cargo(&["--package", "calib-core", "--example", "fuse_tracks", "--"]);
+    let examples = build(&["--package", "calib-core", "--example", "fuse_tracks"])?.join("examples");
+    let mut tracker = Command::new(program(&examples, "fuse_tracks"));
     done(tracker.args(["solved.json", "detections.csv", "tracks.csv"].map(|name| demo.join(name))))
 }
 

@@ -21,11 +21,12 @@ pub(crate) fn done(command: &mut Command) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs a command of this program built in another way.
-pub(crate) fn rerun(build: &[&str], command: &[String]) -> anyhow::Result<()> {
+/// Runs what this program was asked for, built with all that it can do.
+pub(crate) fn rerun(profile: &[&str]) -> anyhow::Result<()> {
+    let command: Vec<String> = std::env::args().skip(1).collect();
     let mut cargo = Command::new("cargo");
-    cargo.args(["run", "--quiet", "--package", "xtask"]).args(build).arg("--").args(command);
-    if !cargo.current_dir(root()).status()?.success() {
+    cargo.args(["run", "--quiet", "--package", "xtask", "--features", "all"]).args(profile);
+    if !cargo.arg("--").args(&command).current_dir(root()).status()?.success() {
         bail!("{} failed", command.join(" "));
     }
     Ok(())

@@ -2,13 +2,13 @@
 
 use std::io::{BufRead as _, BufReader, Read};
 
-use ::arrow::array::RecordBatch;
-use ::arrow::buffer::Buffer;
-use ::arrow::datatypes::{Schema, SchemaRef};
-use ::arrow::error::ArrowError;
-use ::arrow::ipc::reader::StreamDecoder;
-use ::arrow::ipc::root_as_message;
-use ::arrow::ipc::writer::{FileWriter, StreamWriter};
+use arrow_array::RecordBatch;
+use arrow_buffer::Buffer;
+use arrow_ipc::reader::StreamDecoder;
+use arrow_ipc::root_as_message;
+use arrow_ipc::writer::{FileWriter, StreamWriter};
+use arrow_schema::ArrowError;
+use arrow_schema::{Schema, SchemaRef};
 
 use super::{Input, Output, Packing, Purpose, Sink, Source};
 use crate::stop::Stop;

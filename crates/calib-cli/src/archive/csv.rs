@@ -6,10 +6,13 @@ use std::io::{Read, Write as _};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use ::arrow::array::{Array, ArrayRef, AsArray as _, RecordBatch, StringBuilder};
-use ::arrow::datatypes::{DataType, Field, Float32Type, Float64Type, Schema, SchemaRef};
-use ::arrow::util::display::{ArrayFormatter, FormatOptions};
 use ::csv::{ByteRecord, Reader, ReaderBuilder, Writer};
+use arrow_array::builder::StringBuilder;
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::{Float32Type, Float64Type};
+use arrow_array::{Array, ArrayRef, RecordBatch};
+use arrow_cast::display::{ArrayFormatter, FormatOptions};
+use arrow_schema::{DataType, Field, Schema, SchemaRef};
 
 use calib_formats::runs_in_spreadsheets;
 
@@ -278,9 +281,9 @@ impl Sink for CsvSink<'_> {
 
 /// The cells of a column, in the shortest form that is read back as the same value.
 enum Cells<'a> {
-    Text(&'a ::arrow::array::StringArray),
-    Double(&'a ::arrow::array::Float64Array),
-    Single(&'a ::arrow::array::Float32Array),
+    Text(&'a arrow_array::StringArray),
+    Double(&'a arrow_array::Float64Array),
+    Single(&'a arrow_array::Float32Array),
     Other(&'a ArrayRef, ArrayFormatter<'a>),
 }
 

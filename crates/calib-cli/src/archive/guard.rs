@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 
-use ::arrow::array::RecordBatch;
-use ::arrow::datatypes::SchemaRef;
+use arrow_array::RecordBatch;
+use arrow_schema::SchemaRef;
 
 use super::{Format, Input, Packing, Purpose, Source};
 use crate::stop::Stop;

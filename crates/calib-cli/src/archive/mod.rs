@@ -15,8 +15,8 @@ mod zstd_bound;
 use std::io::Write;
 use std::path::Path;
 
-use ::arrow::array::RecordBatch;
-use ::arrow::datatypes::{Schema, SchemaRef};
+use arrow_array::RecordBatch;
+use arrow_schema::{Schema, SchemaRef};
 
 use calib_table::{is_json, json_field, plain};
 pub(crate) use input::Input;

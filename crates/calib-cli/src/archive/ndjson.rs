@@ -5,15 +5,16 @@ use std::borrow::Cow;
 use std::io::{BufRead as _, BufReader, Read};
 use std::sync::Arc;
 
-use ::arrow::array::{
-    Array, ArrayRef, AsArray as _, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
-    StringBuilder, new_null_array,
+use arrow_array::builder::StringBuilder;
+use arrow_array::cast::AsArray as _;
+use arrow_array::{
+    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, new_null_array,
 };
-use ::arrow::datatypes::{DataType, Field, FieldRef, Schema, SchemaRef};
-use ::arrow::error::ArrowError;
-use ::arrow::json::writer::{
+use arrow_json::writer::{
     Encoder, EncoderFactory, EncoderOptions, LineDelimited, NullableEncoder, Writer, WriterBuilder,
 };
+use arrow_schema::ArrowError;
+use arrow_schema::{DataType, Field, FieldRef, Schema, SchemaRef};
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
@@ -218,7 +219,7 @@ impl Source for Lines {
         }
         let fields: Vec<Field> = columns.iter().map(|(name, _)| json_field(name)).collect();
         let arrays = columns.into_iter().map(|(_, array)| array).collect();
-        let options = ::arrow::array::RecordBatchOptions::new().with_row_count(Some(self.lines.len()));
+        let options = arrow_array::RecordBatchOptions::new().with_row_count(Some(self.lines.len()));
         let batch = RecordBatch::try_new_with_options(Arc::new(Schema::new(fields)), arrays, &options);
         Some(batch.map_err(Stop::from))
     }
@@ -235,7 +236,7 @@ impl Source for Lines {
 impl Column {
     /// Rows that had no such key.
     fn pad(&mut self, rows: usize) {
-        use ::arrow::array::ArrayBuilder as _;
+        use arrow_array::builder::ArrayBuilder as _;
         let short = rows.saturating_sub(self.values.len());
         self.values.append_nulls(short);
     }
@@ -255,7 +256,7 @@ impl<'de> Visitor<'de> for Object<'_> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
-        use ::arrow::array::ArrayBuilder as _;
+        use arrow_array::builder::ArrayBuilder as _;
         // Lines mostly have the same keys in the same order.
         let mut guess = 0;
         while let Some(key) = map.next_key::<Cow<'de, str>>()? {

@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use ::arrow::array::RecordBatch;
-use ::arrow::datatypes::{DataType, Schema, SchemaRef};
 use ::parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
 };
@@ -12,6 +10,8 @@ use ::parquet::basic::{Compression, Encoding, ZstdLevel};
 use ::parquet::file::metadata::{ColumnChunkMetaData, KeyValue, ParquetMetaData};
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
 use ::parquet::schema::types::ColumnPath;
+use arrow_array::RecordBatch;
+use arrow_schema::{DataType, Schema, SchemaRef};
 
 use super::page_guard::PageGuard;
 use super::{BATCH_ROWS, Input, Output, Purpose, Sink, Source};

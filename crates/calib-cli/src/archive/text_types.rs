@@ -3,8 +3,9 @@
 use std::str::FromStr;
 use std::sync::Arc;
 
-use ::arrow::array::{Array, ArrayRef, AsArray as _, BooleanArray, Float64Array, Int64Array};
-use ::arrow::datatypes::DataType;
+use arrow_array::cast::AsArray as _;
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array};
+use arrow_schema::DataType;
 
 /// What all cells are; text where they are not of one kind, or would be read back as another text: a zero that
 /// leads is part of an id.
@@ -56,7 +57,7 @@ fn all<T: FromStr, A: FromIterator<Option<T>> + Array + 'static>(
 
 #[cfg(test)]
 mod tests {
-    use ::arrow::array::StringArray;
+    use arrow_array::StringArray;
 
     use super::*;
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use ::arrow::array::{RecordBatch, RecordBatchOptions};
-use ::arrow::compute::cast;
-use ::arrow::datatypes::{DataType, Field, FieldRef, Schema};
+use arrow_array::{RecordBatch, RecordBatchOptions};
+use arrow_cast::cast;
+use arrow_schema::{DataType, Field, FieldRef, Schema};
 
 use crate::stop::Stop;
 

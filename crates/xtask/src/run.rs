@@ -1,0 +1,44 @@
+//! The commands that need what they measure, and heavy tools.
+
+use std::path::PathBuf;
+
+use crate::workspace::{rerun, root};
+use crate::{Heavy, accuracy, bench, browser, c, coverage, golden, js, peers, py, web};
+
+/// Where the tests of other languages find the golden points.
+fn points() -> PathBuf {
+    root().join("target/golden")
+}
+
+/// Runs the command.
+pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
+    match command {
+        // An unoptimised number is worse than none.
+        Heavy::Bench { .. } if cfg!(debug_assertions) => rerun(&["--release"]),
+        Heavy::Bench { filter, .. } => bench::run(&filter),
+        Heavy::Peers => peers::run(),
+        Heavy::Web { out, built } => web::run(&root().join(out), built.as_deref()),
+        Heavy::Browser { out, script, pictures, as_is } => {
+            let pictures = pictures.map(|folder| root().join(folder));
+            browser::run(&root().join(out), &script, pictures.as_deref(), as_is)
+        }
+        Heavy::Js { out, test } => {
+            let out = root().join(out);
+            js::run(&out)?;
+            if test { js::test(&out) } else { Ok(()) }
+        }
+        Heavy::Py { out, test } => {
+            let wheel = py::run(&root().join(out), if test { "quick" } else { "release" })?;
+            if test { py::test(&wheel, &points()) } else { Ok(()) }
+        }
+        Heavy::C { test: true, .. } => c::test(&points()),
+        Heavy::C { out, test: false } => c::run(&root().join(out)),
+        Heavy::Golden { out } => golden::run(&root().join(out)),
+        Heavy::Accuracy { real: true, .. } => coverage::run(),
+        Heavy::Accuracy { proposals: true, .. } => accuracy::proposals(),
+        Heavy::Accuracy { scenes, draws, .. } => {
+            accuracy::run(&accuracy::Extent { scenes, draws });
+            Ok(())
+        }
+    }
+}
