@@ -10,7 +10,8 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use arrow_array::{Float64Array, RecordBatch, StringArray};
+use arrow_array::builder::{Int32Builder, ListBuilder};
+use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field, Schema};
 use calib_core::{
     Camera, Covariance, Lens, Method, Pixel, Plan, Site, SiteCamera, Solution, Stage, WorldPoint,
@@ -303,22 +304,24 @@ fn forged(bytes: &[u8], change: impl Fn(ColumnChunkMetaData) -> ColumnChunkMetaD
     out
 }
 
-/// The file with a page of its first column that promises to unpack to so many bytes.
-fn with_page(whole: &[u8], promised: usize, packed: &[u8]) -> Vec<u8> {
-    let varint = |number: usize| {
-        let mut number = number << 1;
-        let mut bytes = Vec::new();
-        while number > 0x7F {
-            bytes.push(number as u8 | 0x80);
-            number >>= 7;
-        }
-        bytes.push(number as u8);
-        bytes
-    };
+/// Seven bits a byte, twice the number: as Thrift writes one, and a run of equal levels its length.
+fn varint(number: usize) -> Vec<u8> {
+    let mut number = number << 1;
+    let mut bytes = Vec::new();
+    while number > 0x7F {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+    bytes
+}
+
+/// The file with a page of its first column that promises to unpack to so many bytes, and has so many values.
+fn with_page(whole: &[u8], promised: usize, values: usize, packed: &[u8]) -> Vec<u8> {
     // A data page, its unpacked and its packed size, then its values and encodings (plain, RLE, RLE).
     let sizes = [&[0x15, 0x00, 0x15][..], &varint(promised), &[0x15], &varint(packed.len())].concat();
     let values =
-        [&[0x2C, 0x15][..], &varint(3000), &[0x15, 0x00, 0x15, 0x06, 0x15, 0x06, 0x00, 0x00]].concat();
+        [&[0x2C, 0x15][..], &varint(values), &[0x15, 0x00, 0x15, 0x06, 0x15, 0x06, 0x00, 0x00]].concat();
     let page = [&sizes, &values, packed].concat();
     let length = u32::from_le_bytes(*whole[..whole.len() - 4].last_chunk().unwrap()) as usize;
     let (pages, end) = whole.split_at(whole.len() - 8 - length);
@@ -344,11 +347,11 @@ fn a_page_that_promises_too_much_takes_no_memory() {
             within_limits(&scratch, &[&TABLE[..], &["-i", "in.parquet"]].concat())
         };
         run(&whole).expect_code(0);
-        let refused = run(&with_page(&whole, i32::MAX as usize, &[7; 100])).expect_code(3);
+        let refused = run(&with_page(&whole, i32::MAX as usize, 3000, &[7; 100])).expect_code(3);
         let told = refused.stderr.contains("a page unpacks to 2147483647 bytes");
         assert!(told && refused.stderr.contains("in.parquet"), "{codec}: {refused:?}");
         // What is no page at all is refused by the library.
-        run(&with_page(&whole, 24_000, &[7; 100])).expect_code(3);
+        run(&with_page(&whole, 24_000, 3000, &[7; 100])).expect_code(3);
     }
 }
 
@@ -362,9 +365,44 @@ fn a_page_that_unpacks_to_more_than_it_promises_takes_no_memory() {
     (0..20_000).for_each(|_| bomb.extend(block(0)));
     bomb.extend(block(1));
     let whole = parquet(Compression::ZSTD(ZstdLevel::default()));
-    scratch.write("in.parquet", with_page(&whole, 24_000, &bomb));
+    scratch.write("in.parquet", with_page(&whole, 24_000, 3000, &bomb));
     let run = within_limits(&scratch, &[&TABLE[..], &["-i", "in.parquet"]].concat()).expect_code(3);
     assert!(run.stderr.contains("a page unpacks to 26"), "{}", run.stderr);
+}
+
+#[test]
+fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
+    let scratch = Scratch::new();
+    write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
+    let mut lists = ListBuilder::new(Int32Builder::new());
+    lists.append_value([None]);
+    let at = || Arc::new(Float64Array::from(vec![960.0])) as ArrayRef;
+    let row = RecordBatch::try_from_iter([
+        ("list", Arc::new(lists.finish()) as ArrayRef),
+        ("u", at()),
+        ("v", at()),
+    ]);
+    let mut whole = Vec::new();
+    let mut writer = ArrowWriter::try_new(&mut whole, row.as_ref().unwrap().schema(), None).unwrap();
+    writer.write(&row.unwrap()).unwrap();
+    writer.close().unwrap();
+    for (values, said) in
+        [(3000, None), (50_000_000, Some("a column of lists")), (400_000_000, Some("67108864"))]
+    {
+        // One that begins the row and others that continue it; then that every one is nothing, in a list.
+        let begins = [&[2, 0][..], &varint(values - 1), &[1]].concat();
+        let are = [&varint(values)[..], &[2]].concat();
+        let page: Vec<u8> = [begins, are]
+            .iter()
+            .flat_map(|runs| [&(runs.len() as u32).to_le_bytes(), &runs[..]].concat())
+            .collect();
+        scratch.write("in.parquet", with_page(&whole, page.len(), values, &page));
+        let run = within_limits(&scratch, &[&TABLE[..], &["-i", "in.parquet"]].concat());
+        match said {
+            None => drop(run.expect_code(0)),
+            Some(said) => assert!(run.code == 3 && run.stderr.contains(said), "{values}: {run:?}"),
+        }
+    }
 }
 
 #[test]

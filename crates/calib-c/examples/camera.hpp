@@ -66,6 +66,19 @@ public:
         return floor;
     }
 
+    // Four numbers a box, as `form`, a CALIB_BOX, says.
+    Floor boxes_to_floor(std::uint32_t form, const std::vector<double> &boxes, double height_m = 0.0) const
+    {
+        if (boxes.size() % 4 != 0) {
+            throw std::invalid_argument("four numbers a box are expected");
+        }
+        const std::size_t count = boxes.size() / 4;
+        Floor floor{std::vector<double>(count), std::vector<double>(count), std::vector<std::uint8_t>(count)};
+        expect(calib_camera_boxes_to_floor(camera_.get(), height_m, form, count, boxes.data(), floor.x.data(),
+                                           floor.y.data(), floor.status.data()));
+        return floor;
+    }
+
     const CalibCamera *handle() const noexcept { return camera_.get(); }
 
 private:

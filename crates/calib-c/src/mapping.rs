@@ -1,6 +1,6 @@
 //! What a camera maps: arrays of pixels and points.
 
-use calib_core::{BoxForm, FloorCovariance};
+use calib_core::BoxForm;
 
 use crate::camera::CalibCamera;
 use crate::raw::{CalibResult, Fault, apart, bytes, guarded, handle, places, values};
@@ -72,9 +72,7 @@ pub unsafe extern "C" fn calib_camera_boxes_to_floor(
         let boxes = unsafe { values(boxes, numbers)? };
         // SAFETY: the caller says that they can be written, and they are apart.
         let (floor, status) = unsafe { ([places(x, count)?, places(y, count)?], places(status, count)?) };
-        let feet = || boxes.as_chunks().0.iter().map(|&one| form.foot(one));
-        let [u, v]: [Vec<f64>; 2] = [feet().map(|[u, _]| u).collect(), feet().map(|[_, v]| v).collect()];
-        view.to_floor(finite(height_m)?, [&u, &v], floor, status);
+        view.boxes_to_floor(finite(height_m)?, (form, boxes.as_chunks().0), floor, status);
         Ok(())
     })
 }
@@ -122,12 +120,8 @@ pub unsafe extern "C" fn calib_camera_floor_covariance(
         if !(sigma_px.is_finite() && sigma_px >= 0.0) {
             return Err(CalibResult::Refused.into());
         }
-        let mut found = vec![FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: None }; count];
-        view.covariances(finite(height_m)?, pixels, sigma_px, &mut found);
-        let to = pixel.as_chunks_mut::<4>().0.iter_mut().zip(calibration.as_chunks_mut::<4>().0);
-        for (found, (pixel, calibration)) in found.iter().zip(to) {
-            [*pixel, *calibration] = found.rows();
-        }
+        let parts = [pixel, calibration].map(|part| part.as_chunks_mut().0);
+        view.covariances(finite(height_m)?, pixels, sigma_px, parts);
         Ok(())
     })
 }

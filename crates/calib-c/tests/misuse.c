@@ -46,6 +46,73 @@ static void mapping(const CalibCamera *camera)
     EXPECT(calib_camera_to_pixel(camera, 4, x, y, u, v, four, status) == CALIB_RESULT_OK);
 }
 
+/* Every function that maps, by how many pointers it takes; the last may be to bytes. */
+static const struct {
+    int pointers, bytes;
+} FUNCTIONS[] = {{5, 1}, {4, 1}, {4, 0}, {6, 1}, {3, 0}, {4, 0}};
+
+static CalibResult call(int function, const CalibCamera *camera, size_t n, void *const p[6])
+{
+    switch (function) {
+    case 0: return calib_camera_to_floor(camera, 0.0, n, p[0], p[1], p[2], p[3], p[4]);
+    case 1: return calib_camera_boxes_to_floor(camera, 0.0, CALIB_BOX_CORNERS, n, p[0], p[1], p[2], p[3]);
+    case 2: return calib_camera_floor_covariance(camera, 0.0, 1.0, n, p[0], p[1], p[2], p[3]);
+    case 3: return calib_camera_to_pixel(camera, n, p[0], p[1], p[2], p[3], p[4], p[5]);
+    case 4: return calib_camera_rays(camera, n, p[0], p[1], p[2]);
+    default: return calib_camera_undistort(camera, n, p[0], p[1], p[2], p[3]);
+    }
+}
+
+static void pointers(const CalibCamera *camera)
+{
+    static double places[6][16];
+    unsigned char *odd = (unsigned char *)places[0] + 1;
+    for (int function = 0; function < 6; function++) {
+        void *good[6], *bad[6];
+        const int count = FUNCTIONS[function].pointers;
+        for (int i = 0; i < count; i++) {
+            good[i] = places[i];
+        }
+        EXPECT(call(function, camera, 4, good) == CALIB_RESULT_OK);
+        EXPECT(call(function, NULL, 4, good) == CALIB_RESULT_NULL);
+        EXPECT(call(function, camera, SIZE_MAX, good) != CALIB_RESULT_OK);
+        for (int i = 0; i < count; i++) {
+            memcpy(bad, good, sizeof good);
+            bad[i] = NULL;
+            EXPECT(call(function, camera, 4, bad) == CALIB_RESULT_NULL);
+            EXPECT(call(function, camera, 0, bad) == CALIB_RESULT_OK);
+            bad[i] = odd;
+            if (i < count - FUNCTIONS[function].bytes) {
+                EXPECT(call(function, camera, 1, bad) == CALIB_RESULT_MISALIGNED);
+            }
+        }
+        /* What is written overlaps nothing else. */
+        memcpy(bad, good, sizeof good);
+        bad[count - 1] = good[count - 2];
+        EXPECT(call(function, camera, 4, bad) == CALIB_RESULT_OVERLAP);
+    }
+}
+
+/* Any bits are numbers, and any count that there is room for is one. */
+static void any_numbers(const CalibCamera *camera)
+{
+    static double places[6][16];
+    void *all[6];
+    uint64_t state = 88172645463325252u;
+    for (int i = 0; i < 6; i++) {
+        all[i] = places[i];
+    }
+    for (int round = 0; round < 50000; round++) {
+        for (size_t i = 0; i < 6 * 16; i++) {
+            state ^= state << 13, state ^= state >> 7, state ^= state << 17;
+            /* Half of them near what pixels and metres are. */
+            const double usual = (double)(state % 4000) - 1000.0;
+            memcpy(&places[i / 16][i % 16], state >> 63 ? (const void *)&usual : (const void *)&state, sizeof usual);
+        }
+        EXPECT(call(round % 6, camera, state % 5, all) == CALIB_RESULT_OK);
+    }
+}
+
 static void texts(const CalibSite *site)
 {
     char id[16], error[8] = "-------";
@@ -93,6 +160,8 @@ int main(void)
     EXPECT(calib_site_camera(site, "camera-2", NULL, NULL, &camera, error, sizeof error) == CALIB_RESULT_OK);
     calib_site_free(site);
     mapping(camera);
+    pointers(camera);
+    any_numbers(camera);
     calib_camera_free(camera);
     printf("%d failures\n", failures);
     return failures != 0;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context as _;
+use calib_input::{NoPlace, Part, place};
 
-use crate::part::Part;
 pub(crate) use crate::site_file::SiteFile;
 use crate::stop::Stop;
 use crate::words::visible;
@@ -16,8 +16,7 @@ use crate::words::visible;
 /// Writes a file whole or not at all; `-` is stdout. A file that is there needs `force`.
 pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), Stop> {
     if path == "-" {
-        std::io::stdout().lock().write_all(bytes)?;
-        return Ok(());
+        return print_bytes(bytes);
     }
     write_through(Path::new(path), force, |mut file| Ok(file.write_all(bytes)?))
 }
@@ -33,19 +32,12 @@ fn is_stream(path: &Path) -> bool {
     path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())
 }
 
-/// Where what is written to a path ends up: a link is followed, and stays a link.
+/// Where what is written to a path ends up.
 fn target(path: &Path, force: bool) -> Result<PathBuf, Stop> {
-    let is_link = path.symlink_metadata().is_ok_and(|about| about.is_symlink());
-    match path.canonicalize() {
-        Ok(_) if !force => Err(taken(path)),
-        Ok(real) if is_link => Ok(real),
-        Err(_) if is_link => {
-            let what =
-                format!("{} is a link that leads nowhere; remove it, or name another file", path.display());
-            Err(Stop::Failed(anyhow::anyhow!(what)))
-        }
-        _ => Ok(path.to_owned()),
-    }
+    place(path, force).map_err(|refused| match refused {
+        NoPlace::Taken(path) => taken(&path),
+        NoPlace::DeadLink(_) => Stop::Failed(refused.into()),
+    })
 }
 
 fn taken(path: &Path) -> Stop {
@@ -71,8 +63,7 @@ pub(crate) fn write_through(
         return fill(&stream).map_err(|stop| stop.while_doing(writing));
     }
     let target = target(path, force)?;
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let part = Part::new_in(folder).with_context(writing)?;
+    let part = Part::beside(&target).with_context(writing)?;
     // A full disk is that of this file.
     fill(part.file()).map_err(|stop| stop.while_doing(writing))?;
     part.persist(&target, force).map_err(|error| match error.kind() {
@@ -108,10 +99,14 @@ impl Write for Stdout {
     }
 }
 
-/// Prints data to stdout.
+/// Prints text to stdout.
 pub(crate) fn print(text: &str) -> Result<(), Stop> {
-    std::io::stdout().lock().write_all(text.as_bytes())?;
-    Ok(())
+    print_bytes(text.as_bytes())
+}
+
+fn print_bytes(data: &[u8]) -> Result<(), Stop> {
+    let written = std::io::stdout().lock().write_all(data);
+    written.map_err(|error| Stop::from(error).while_doing(|| "writing to stdout".to_owned()))
 }
 
 /// Tells the operator something that is not data.

@@ -13,7 +13,6 @@ mod files;
 mod import;
 mod merge;
 mod painting;
-mod part;
 mod picture;
 mod plan_ground;
 mod progress;

@@ -1,5 +1,5 @@
 //! What is opened, within limits: a file says how long it is before it is read, a still how large it is
-//! before it is decoded, and memory that is not there is an error.
+//! before it is decoded, and memory that is not there is an error. What is written is whole, or not there.
 //!
 //! Files and stills come from anywhere. A pipe would be waited for without end, a device read without
 //! end, and six hundred bytes can promise a picture of four thousand million pixels.
@@ -7,8 +7,12 @@
 mod file;
 mod jpeg;
 mod memory;
+#[cfg(feature = "write")]
+mod part;
 mod still;
 
 pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
+#[cfg(feature = "write")]
+pub use part::{NoPlace, Part, place};
 pub use still::{StillError, decode, size_of};

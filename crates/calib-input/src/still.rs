@@ -13,6 +13,8 @@ use crate::memory::{OutOfMemory, reserved, room_for};
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");
 /// Most memory that decoding one still may take, in bytes.
 const MAX_MEMORY: u64 = if IS_SMALL { 1 << 28 } else { 1 << 30 };
+/// Most memory that what accompanies the pixels may take, in bytes: a colour profile, words, a row.
+const MAX_METADATA: u64 = 32 << 20;
 /// Most pixels that a byte of a JPEG can stand for: a block of 64 takes a bit in a progressive one.
 const JPEG_PIXELS: u64 = 512;
 /// Most bytes that a byte of a PNG can stand for, by the way deflate packs.
@@ -46,6 +48,12 @@ pub enum StillError {
 impl fmt::Display for StillError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Broken(ImageError::Limits(_)) => write!(
+                f,
+                "what accompanies the pixels of the image, as its colour profile does, takes more than {} MiB; save \
+                 it without that",
+                MAX_METADATA >> 20
+            ),
             Self::Broken(error) => write!(f, "not a whole PNG or JPEG image: {error}"),
             Self::CutShort { size: [w, h], bytes } => write!(
                 f,
@@ -126,8 +134,9 @@ fn memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
 
 fn opened(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), StillError> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
+    // The memory for the pixels is counted before they are decoded; this is for what is read with the header.
     let mut limits = image::Limits::default();
-    limits.max_alloc = Some(MAX_MEMORY);
+    limits.max_alloc = Some(MAX_METADATA);
     reader.limits(limits);
     let format = reader.format();
     let mut decoder = reader.into_decoder()?;
@@ -196,6 +205,31 @@ mod tests {
         assert!(cut.is_err_and(|error| error.to_string().contains("truncated")));
         let bytes = encoded(ImageFormat::Png);
         assert!(decode(&bytes[..bytes.len() / 2]).is_err());
+    }
+
+    /// A PNG with a chunk before its pixels.
+    fn with_chunk(kind: [u8; 4], data: &[u8]) -> Vec<u8> {
+        let png = encoded(ImageFormat::Png);
+        let (head, rest) = png.split_at(33);
+        let mut chunk = kind.to_vec();
+        chunk.extend(data);
+        let mut sum = flate2::Crc::new();
+        sum.update(&chunk);
+        [head, &(data.len() as u32).to_be_bytes(), &chunk, &sum.sum().to_be_bytes(), rest].concat()
+    }
+
+    #[test]
+    fn a_colour_profile_does_not_unpack_without_bound() {
+        let profile = |bytes: usize| {
+            let mut packed =
+                flate2::write::ZlibEncoder::new(b"profile\0\0".to_vec(), flate2::Compression::fast());
+            std::io::Write::write_all(&mut packed, &vec![0; bytes]).unwrap();
+            with_chunk(*b"iCCP", &packed.finish().unwrap())
+        };
+        assert!(decode(&profile(1 << 20)).is_ok_and(|image| image.dimensions() == (320, 200)));
+        for refused in [size_of(&profile(64 << 20)).map(drop), decode(&profile(64 << 20)).map(drop)] {
+            assert!(refused.is_err_and(|error| error.to_string().contains("32 MiB")));
+        }
     }
 
     #[test]

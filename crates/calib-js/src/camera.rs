@@ -1,6 +1,6 @@
 //! A calibrated camera: whole columns at once, in typed arrays.
 
-use calib_core::{BoxForm, CameraView, FloorCovariance, Status};
+use calib_core::{BoxForm, CameraView, Status};
 use js_sys::{Float64Array, Uint8Array};
 use wasm_bindgen::prelude::*;
 
@@ -105,9 +105,11 @@ impl Camera {
         let (boxes, []) = boxes.as_chunks::<4>() else {
             return Err(JsError::new("boxes: four numbers each are expected"));
         };
-        let feet: Vec<[f64; 2]> = boxes.iter().map(|&one| form.foot(one)).collect();
-        let [u, v] = [0, 1].map(|axis| feet.iter().map(|foot| foot[axis]).collect::<Vec<f64>>());
-        self.to_floor(&u, &v, height)
+        let count = boxes.len();
+        let (mut x, mut y, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
+        let height = finite("height", height.unwrap_or(0.0))?;
+        self.0.boxes_to_floor(height, (form, boxes), [&mut x, &mut y], &mut status);
+        Ok(columns(["x", "y"], [&x, &y], &status))
     }
 
     /// How uncertain the points are that pixels show, for a standard deviation of `sigmaPx` pixels (1 if it is not
@@ -125,11 +127,11 @@ impl Camera {
     ) -> Result<CovarianceColumns, JsError> {
         let count = of_one_length(&[u, v])?;
         let sigma = finite("sigmaPx", sigma_px.unwrap_or(1.0))?;
-        let mut found = vec![FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: None }; count];
-        self.0.covariances(finite("height", height.unwrap_or(0.0))?, [u, v], sigma, &mut found);
-        let [pixel, calibration] =
-            [0, 1].map(|part| found.iter().flat_map(|one| one.rows()[part]).collect::<Vec<f64>>());
-        Ok(object(&[("pixel", doubles(&pixel)), ("calibration", doubles(&calibration))]))
+        let (mut pixel, mut calibration) = (vec![[0.0; 4]; count], vec![[0.0; 4]; count]);
+        let height = finite("height", height.unwrap_or(0.0))?;
+        self.0.covariances(height, [u, v], sigma, [&mut pixel, &mut calibration]);
+        let [pixel, calibration] = [pixel, calibration].map(|part| doubles(part.as_flattened()));
+        Ok(object(&[("pixel", pixel), ("calibration", calibration)]))
     }
 
     /// Points of space, in metres, to pixels.

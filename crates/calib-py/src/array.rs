@@ -107,8 +107,19 @@ pub(crate) fn read<'py>(array: &Doubles<'py>, name: &str) -> PyResult<PyReadonly
 }
 
 /// A new array of zeros.
-pub(crate) fn zeros<'py, T: numpy::Element>(py: Python<'py>, shape: &[usize]) -> Bound<'py, PyArrayDyn<T>> {
-    PyArrayDyn::<T>::zeros(py, shape, false)
+pub(crate) fn zeros<'py, T: numpy::Element>(
+    py: Python<'py>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    /// Values for which there is always memory.
+    const FEW: usize = 1 << 12;
+    if shape.iter().product::<usize>() <= FEW {
+        return Ok(PyArrayDyn::<T>::zeros(py, shape, false));
+    }
+    // Where there is no memory NumPy's own call raises, and the one above ends in a panic.
+    let made =
+        py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, numpy::dtype::<T>(py)))?;
+    Ok(made.cast_into::<PyArrayDyn<T>>()?)
 }
 
 /// An array that was handed over to be filled.
@@ -144,7 +155,7 @@ pub(crate) fn each<'py>(
     map: impl Fn(f64, f64) -> [f64; 2],
 ) -> PyResult<Pair<'py>> {
     let [first, second] = columns(values, names)?;
-    let (a, b) = (zeros::<f64>(py, first.shape()), zeros::<f64>(py, first.shape()));
+    let (a, b) = (zeros::<f64>(py, first.shape())?, zeros::<f64>(py, first.shape())?);
     {
         let (first, second) = (read(&first, names[0])?, read(&second, names[1])?);
         let (mut a, mut b) = (write(&a)?, write(&b)?);

@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{of_camera, of_site, refused};
-use crate::stream::{named, view_of};
-use crate::undistorter::{Undistorter, crop_of_name};
+use crate::stream::view_of;
+use crate::undistorter::Undistorter;
 
 /// A calibrated camera of a site, for the period that its calibration holds.
 ///
@@ -39,6 +39,19 @@ impl Camera {
     pub(crate) fn of_entry(py: Python<'_>, site: &Site, entry: &SiteCamera) -> PyResult<Self> {
         let view = site.view_of(entry).map_err(|why| of_camera(py, &entry.id, why))?;
         Ok(Self { id: entry.id.clone(), view, text: alone(site, entry) })
+    }
+
+    /// What it maps.
+    pub(crate) const fn view(&self) -> &CameraView {
+        &self.view
+    }
+
+    /// The camera as its stream shows it.
+    fn shown(&self, py: Python<'_>) -> PyResult<calib_core::Camera> {
+        self.view.camera_in_stream().ok_or_else(|| {
+            let what = "a stretched stream has no one focal: ask the camera of the still";
+            refused(py, Some(&self.id), "fit", what)
+        })
     }
 
     /// The camera for the pixels that a call speaks of.
@@ -72,18 +85,18 @@ impl Camera {
     /// Args:
     ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
     ///         or "all-pixels" (every pixel of the image, blank beyond).
-    #[pyo3(signature = (view="same-focal"))]
-    fn undistorter(&self, py: Python<'_>, view: &str) -> PyResult<Undistorter> {
-        let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
-        let crop = named(py, Some(&self.id), "view", view, crop_of_name, expected)?;
-        let Some((lens, size)) = self.view.lens_in_stream() else {
-            let what = "a stretched stream has no one focal: undistort images in the proportion of the still";
-            return Err(refused(py, Some(&self.id), "fit", what));
-        };
-        let camera = self.view.camera();
-        let ratio = camera.focal / camera.lens.focal;
-        py.detach(|| Undistorter::new(&self.id, &lens, ratio, size, crop))
-            .ok_or_else(|| refused(py, Some(&self.id), "size", "expected images of 2 x 2 to 1.4 gigapixels"))
+    ///     origin, stream_size, fit, crop: of which images, as the class says.
+    #[pyo3(
+        signature = (view="same-focal", **stream),
+        text_signature = "($self, view='same-focal', *, origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    fn undistorter(
+        &self,
+        py: Python<'_>,
+        view: &str,
+        stream: Option<Keywords<'_, '_>>,
+    ) -> PyResult<Undistorter> {
+        Undistorter::new(py, self.with_stream(stream)?, view)
     }
 
     /// The same camera for the pixels of another stream.
@@ -164,30 +177,32 @@ impl Camera {
         self.view.camera().roll.to_degrees()
     }
 
-    /// In pixels of the still.
+    /// In pixels of the stream.
     #[getter]
-    fn focal_px(&self) -> f64 {
-        self.view.camera().focal
+    fn focal_px(&self, py: Python<'_>) -> PyResult<f64> {
+        Ok(self.shown(py)?.focal)
     }
 
-    /// (u, v), in pixels of the still from its corner.
+    /// (u, v), in pixels of the stream.
     #[getter]
-    fn principal_point_px(&self) -> (f64, f64) {
-        let Pixel { u, v } = self.view.camera().lens.principal_point;
-        (u, v)
+    fn principal_point_px(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
+        let Pixel { u, v } = self.shown(py)?.lens.principal_point;
+        Ok((u, v))
     }
 
-    /// K, shape (3, 3): points of the camera's axes to undistorted pixels of the still from its corner.
+    /// K, shape (3, 3): points of the camera's axes to undistorted pixels of the stream, as OpenCV takes it where
+    /// the camera has ``origin="centre"``.
     #[getter]
     fn camera_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (camera, Pixel { u, v }) = (self.view.camera(), self.view.camera().lens.principal_point);
+        let camera = self.shown(py)?;
+        let Pixel { u, v } = camera.lens.principal_point;
         matrix(py, &[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]])
     }
 
     /// The distortion: {"model": ..., "k1": ...}, with the focal that its coefficients are for; None without one.
     #[getter]
     fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let lens = self.view.camera().lens;
+        let lens = self.shown(py)?.lens;
         let Some(model) = lens.distortion.model() else { return Ok(None) };
         let found = PyDict::new(py);
         found.set_item("model", model.row().name)?;
@@ -198,16 +213,16 @@ impl Camera {
         Ok(Some(found))
     }
 
-    /// P = K R [I | -C], shape (3, 4): points of space to undistorted pixels of the still from its corner.
+    /// P = K R [I | -C], shape (3, 4): points of space to undistorted pixels of the stream.
     #[getter]
     fn projection_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.view.camera().projection_matrix())
+        matrix(py, &self.shown(py)?.projection_matrix())
     }
 
-    /// Homography, shape (3, 3): undistorted pixels of the still from its corner to the floor.
+    /// Homography, shape (3, 3): undistorted pixels of the stream to the floor.
     #[getter]
     fn floor_from_pixel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.view.camera().homography_floor_from_pixel(0.0))
+        matrix(py, &self.shown(py)?.homography_floor_from_pixel(0.0))
     }
 
     /// Corners of the effective field of view on the floor, shape (n, 2), in metres.
@@ -217,7 +232,7 @@ impl Camera {
         if corners.is_empty() { Ok(PyArray2::zeros(py, [0, 2], false)) } else { matrix(py, &corners) }
     }
 
-    /// Covariance of the unknowns, shape (12, 12): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels) and
+    /// Covariance of the unknowns, shape (12, 12): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the still) and
     /// the coefficients of the distortion in the order of their model; zeros for what was not estimated, infinite
     /// variances where nothing is known of the errors.
     #[getter]

@@ -12,12 +12,12 @@ use serde_json::Value;
 ///     severity: "note", "warning" or "error".
 ///     message: what is so, in a sentence.
 ///     advice: what to do, in a sentence.
-#[pyclass(frozen, eq, get_all, module = "calib")]
-#[derive(Clone, Debug, PartialEq)]
+#[pyclass(frozen, eq, hash, get_all, module = "calib")]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Finding {
     camera: Option<String>,
     code: String,
-    severity: &'static str,
+    severity: String,
     message: String,
     advice: String,
 }
@@ -28,7 +28,22 @@ impl Finding {
         let place = self.camera.as_ref().map_or_else(String::new, |id| format!("camera {id:?}, "));
         format!("<Finding {place}{} ({}): {} {}>", self.code, self.severity, self.message, self.advice)
     }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'_>)> {
+        let parts = (self.camera.as_deref(), &*self.code, &*self.severity, &*self.message, &*self.advice);
+        Ok((py.get_type::<Self>().getattr("_again")?, parts))
+    }
+
+    /// What was taken apart by `__reduce__`.
+    #[staticmethod]
+    #[pyo3(name = "_again")]
+    fn again(camera: Option<&str>, code: &str, severity: &str, message: &str, advice: &str) -> Self {
+        Self::new(camera, code.to_owned(), severity, message, advice)
+    }
 }
+
+/// Camera, code, severity, message, advice.
+type Parts<'a> = (Option<&'a str>, &'a str, &'a str, &'a str, &'a str);
 
 impl Finding {
     fn of_warning(camera: Option<&str>, warning: &Warning) -> Self {
@@ -44,9 +59,15 @@ impl Finding {
         Self::new(Some(camera), name(&failure.code), "error", &failure.message, &failure.advice)
     }
 
-    fn new(camera: Option<&str>, code: String, severity: &'static str, message: &str, advice: &str) -> Self {
+    fn new(camera: Option<&str>, code: String, severity: &str, message: &str, advice: &str) -> Self {
         let camera = camera.map(str::to_owned);
-        Self { camera, code, severity, message: message.to_owned(), advice: advice.to_owned() }
+        Self {
+            camera,
+            code,
+            severity: severity.to_owned(),
+            message: message.to_owned(),
+            advice: advice.to_owned(),
+        }
     }
 }
 

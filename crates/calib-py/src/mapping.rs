@@ -1,6 +1,6 @@
 //! What a camera maps: columns of pixels and points.
 
-use calib_core::{BoxForm, CameraView, Covariance, FloorCovariance, Status};
+use calib_core::{BoxForm, CameraView, Covariance, Status};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -66,7 +66,7 @@ impl Camera {
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let [x, y] = match out {
-            None => [array::zeros(py, u.shape()), array::zeros(py, u.shape())],
+            None => [array::zeros(py, u.shape())?, array::zeros(py, u.shape())?],
             Some(out) => {
                 let Ok(pair) = out.extract::<[Bound<'py, PyAny>; 2]>() else {
                     return Err(refused(py, None, "out", "expected two arrays of float64"));
@@ -90,7 +90,7 @@ type Outputs<'py> = (Doubles<'py>, Doubles<'py>, Bound<'py, PyArrayDyn<u8>>);
 /// What was handed over to be filled, or new arrays.
 fn outputs<'py>(py: Python<'py>, shape: &[usize], out: Option<&Bound<'py, PyAny>>) -> PyResult<Outputs<'py>> {
     let Some(out) = out else {
-        return Ok((array::zeros(py, shape), array::zeros(py, shape), array::zeros(py, shape)));
+        return Ok((array::zeros(py, shape)?, array::zeros(py, shape)?, array::zeros(py, shape)?));
     };
     let Ok((first, second, status)) =
         out.extract::<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)>()
@@ -181,15 +181,15 @@ impl Camera {
                 return Err(refused(py, Some(self.id()), "boxes", what));
             }
         };
-        let (u, v) = (array::zeros::<f64>(py, &shape), array::zeros::<f64>(py, &shape));
+        let (x, y, status) = outputs(py, &shape, out)?;
         {
-            let (boxes, mut u, mut v) = (array::read(&boxes, "boxes")?, array::write(&u)?, array::write(&v)?);
-            let (boxes, us, vs) = (boxes.as_slice()?, u.as_slice_mut()?, v.as_slice_mut()?);
-            for ((&one, u), v) in boxes.as_chunks::<4>().0.iter().zip(us).zip(vs) {
-                [*u, *v] = form.foot(one);
-            }
+            let boxes = array::read(&boxes, "boxes")?;
+            let (mut x, mut y, mut status) = (array::write(&x)?, array::write(&y)?, array::write(&status)?);
+            let (boxes, status) = (boxes.as_slice()?.as_chunks().0, status.as_slice_mut()?);
+            let floor = [x.as_slice_mut()?, y.as_slice_mut()?];
+            py.detach(|| view.boxes_to_floor(height, (form, boxes), floor, status));
         }
-        Self::points(py, &view, height, [&u, &v], out)
+        (x, y, status).into_pyobject(py)
     }
 
     /// How uncertain the points are that pixels show, in two parts.
@@ -225,13 +225,13 @@ impl Camera {
         }
         let [u, v] = array::columns([u, v], ["u", "v"])?;
         let shape = with(u.shape(), [2, 2]);
-        let parts = [array::zeros::<f64>(py, &shape), array::zeros::<f64>(py, &shape)];
+        let parts = [array::zeros::<f64>(py, &shape)?, array::zeros::<f64>(py, &shape)?];
         {
             let (u, v) = (array::read(&u, "u")?, array::read(&v, "v")?);
             let (mut pixel, mut calibration) = (array::write(&parts[0])?, array::write(&parts[1])?);
             let pixels = [u.as_slice()?, v.as_slice()?];
-            let to = [pixel.as_slice_mut()?, calibration.as_slice_mut()?];
-            py.detach(|| write_covariances(&view, height, pixels, sigma_px, to));
+            let to = [pixel.as_slice_mut()?, calibration.as_slice_mut()?].map(|part| part.as_chunks_mut().0);
+            py.detach(|| view.covariances(height, pixels, sigma_px, to));
         }
         Ok(parts.into())
     }
@@ -257,7 +257,7 @@ impl Camera {
     ) -> PyResult<Doubles<'py>> {
         let (py, view) = (u.py(), self.of(stream)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let found = array::zeros::<f64>(py, &with(u.shape(), [2, Covariance::SIZE]));
+        let found = array::zeros::<f64>(py, &with(u.shape(), [2, Covariance::SIZE]))?;
         {
             let (u, v, mut to) = (array::read(&u, "u")?, array::read(&v, "v")?, array::write(&found)?);
             let (pixels, to) = ([u.as_slice()?, v.as_slice()?], to.as_slice_mut()?);
@@ -331,7 +331,7 @@ impl Camera {
     ) -> PyResult<Doubles<'py>> {
         let (py, view) = (u.py(), self.of(stream)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let found = array::zeros::<f64>(py, &with(u.shape(), [3]));
+        let found = array::zeros::<f64>(py, &with(u.shape(), [3]))?;
         {
             let (u, v, mut to) = (array::read(&u, "u")?, array::read(&v, "v")?, array::write(&found)?);
             let (pixels, to) = ([u.as_slice()?, v.as_slice()?], to.as_slice_mut()?);
@@ -360,7 +360,7 @@ impl Camera {
     ) -> PyResult<(Doubles<'py>, Doubles<'py>)> {
         let (py, view) = (u.py(), self.of(stream)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let straight = [array::zeros::<f64>(py, u.shape()), array::zeros::<f64>(py, u.shape())];
+        let straight = [array::zeros::<f64>(py, u.shape())?, array::zeros::<f64>(py, u.shape())?];
         {
             let (u, v) = (array::read(&u, "u")?, array::read(&v, "v")?);
             let (mut to_u, mut to_v) = (array::write(&straight[0])?, array::write(&straight[1])?);
@@ -368,22 +368,5 @@ impl Camera {
             py.detach(|| view.undistort(pixels, to));
         }
         Ok(straight.into())
-    }
-}
-
-/// Both parts, matrix after matrix.
-fn write_covariances(
-    view: &CameraView,
-    height: f64,
-    pixels: [&[f64]; 2],
-    sigma: f64,
-    [pixel, calibration]: [&mut [f64]; 2],
-) {
-    const NONE: FloorCovariance = FloorCovariance { pixel: [[f64::NAN; 2]; 2], calibration: None };
-    let mut found = vec![NONE; pixels[0].len()];
-    view.covariances(height, pixels, sigma, &mut found);
-    let to = pixel.as_chunks_mut::<4>().0.iter_mut().zip(calibration.as_chunks_mut::<4>().0);
-    for (found, (pixel, calibration)) in found.iter().zip(to) {
-        [*pixel, *calibration] = found.rows();
     }
 }

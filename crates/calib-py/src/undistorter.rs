@@ -5,7 +5,9 @@ use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
 use crate::array;
+use crate::camera::Camera;
 use crate::error::refused;
+use crate::stream::named;
 
 /// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``.
 ///
@@ -18,7 +20,9 @@ use crate::error::refused;
 #[pyclass(frozen, module = "calib")]
 #[derive(Debug)]
 pub(crate) struct Undistorter {
-    camera: String,
+    camera: Camera,
+    /// By its name.
+    view: String,
     remap: Remap,
     #[pyo3(get)]
     size: (usize, usize),
@@ -29,7 +33,7 @@ pub(crate) struct Undistorter {
 }
 
 /// Which part of the undistorted plane, by its name.
-pub(crate) fn crop_of_name(name: &str) -> Option<Crop> {
+fn crop_of_name(name: &str) -> Option<Crop> {
     match name {
         "same-focal" => Some(Crop::SameFocal),
         "all-valid" => Some(Crop::AllValid),
@@ -39,14 +43,34 @@ pub(crate) fn crop_of_name(name: &str) -> Option<Crop> {
 }
 
 impl Undistorter {
-    /// Of a lens whose images are of this size, of a camera whose focal is so many times its own; `None` where they
-    /// are too small or too large.
-    pub(crate) fn new(id: &str, lens: &Lens, ratio: f64, size: [f64; 2], crop: Crop) -> Option<Self> {
+    /// For the images of the stream of a camera.
+    pub(crate) fn new(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
+        let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
+        let crop = named(py, Some(camera.id()), "view", view, crop_of_name, expected)?;
+        let refused = |field: &str, what: &str| refused(py, Some(camera.id()), field, what);
+        let Some((lens, size)) = camera.view().lens_in_stream() else {
+            let what = "a stretched stream has no one focal: undistort images in the proportion of the still";
+            return Err(refused("fit", what));
+        };
+        let ratio = camera.view().camera().focal / camera.view().camera().lens.focal;
+        let made = py.detach(|| Self::made(&camera, view, &lens, ratio, size, crop));
+        made.ok_or_else(|| refused("size", "expected images of 2 x 2 to 1.4 gigapixels"))
+    }
+
+    fn made(
+        camera: &Camera,
+        view: &str,
+        lens: &Lens,
+        ratio: f64,
+        size: [f64; 2],
+        crop: Crop,
+    ) -> Option<Self> {
         let [width, height] = size.map(|side| side as usize);
         let undistortion = calib_core::Undistortion::new(lens, width, height, crop)?;
         let centre = undistortion.principal_point();
         Some(Self {
-            camera: id.to_owned(),
+            camera: camera.clone(),
+            view: view.to_owned(),
             remap: undistortion.remap(),
             size: (width, height),
             focal: undistortion.focal(ratio * lens.focal),
@@ -77,7 +101,7 @@ impl Undistorter {
         let shape = image.shape();
         let straight = match out {
             Some(out) => array::output::<u8>(out, shape, "uint8")?,
-            None => array::zeros::<u8>(py, shape),
+            None => array::zeros::<u8>(py, shape)?,
         };
         {
             let raw = image.try_readonly().map_err(|why| self.refused(py, why))?;
@@ -87,11 +111,21 @@ impl Undistorter {
         }
         Ok(straight)
     }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (&str,))> {
+        let camera = Bound::new(py, self.camera.clone())?;
+        Ok((camera.getattr("undistorter")?, (&self.view,)))
+    }
+
+    fn __repr__(&self) -> String {
+        let (width, height) = self.size;
+        format!("<Undistorter of camera {:?}, {width} x {height} pixels, {}>", self.camera.id(), self.view)
+    }
 }
 
 impl Undistorter {
     fn refused(&self, py: Python<'_>, what: impl std::fmt::Display) -> PyErr {
-        refused(py, Some(&self.camera), "image", what)
+        refused(py, Some(self.camera.id()), "image", what)
     }
 
     /// The image row by row.

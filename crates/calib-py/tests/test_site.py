@@ -3,6 +3,10 @@
 import copy
 import json
 import pickle
+import subprocess
+import sys
+import threading
+import time
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -107,6 +111,69 @@ def test_everything_goes_to_other_processes(site: calib.Site) -> None:
         assert copied == camera and copied.to_floor(480.0, 500.0)[2] == camera.to_floor(480.0, 500.0)[2]
         assert np.array_equal(copied.covariance, camera.covariance)
         np.testing.assert_array_equal(copied.to_floor([480.0], [500.0])[0], camera.to_floor([480.0], [500.0])[0])
+
+
+    undistorter = site.camera("camera-2", stream_size=(960, 540)).undistorter("all-valid")
+    image = np.random.default_rng(1).integers(0, 255, (540, 960), dtype="u1")
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(undistorter))(image), undistorter(image))
+    weak = calib.Site(calib.site_document([calib.camera_entry("a", (1920, 1080), LINES[:1])])).calibrate()
+    assert weak.findings and set(pickle.loads(pickle.dumps(weak.findings))) == set(weak.findings)
+
+
+def test_the_matrices_of_a_stream_are_those_of_its_pixels(site: calib.Site) -> None:
+    for keywords in [{}, {"stream_size": (960, 540), "origin": "centre"}, {"stream_size": (640, 640), "fit": "letterbox"}]:
+        camera = site.camera("camera-2", **keywords)
+        x, y = camera.to_floor(500.0, 480.0)[:2]
+        shown = camera.projection_matrix @ [x, y, 0.0, 1.0]
+        straight = camera.undistort([500.0], [480.0])
+        np.testing.assert_allclose(shown[:2] / shown[2], np.ravel(straight), atol=1e-6)
+        floor = camera.floor_from_pixel @ [straight[0][0], straight[1][0], 1.0]
+        np.testing.assert_allclose(floor[:2] / floor[2], [x, y], rtol=1e-6)
+        u, v = camera.principal_point_px
+        assert np.array_equal(camera.camera_matrix, [[camera.focal_px, 0, u], [0, camera.focal_px, v], [0, 0, 1]])
+    assert site.camera("camera-2").undistorter(stream_size=(960, 540)).size == (960, 540)
+    with pytest.raises(calib.CalibError, match="stretched"):
+        site.camera("camera-2", stream_size=(640, 640), fit="stretch").camera_matrix
+
+
+def test_memory_that_is_not_there_is_an_exception(folder: Path) -> None:
+    script = """
+import resource, sys
+import numpy as np
+import calib
+camera = calib.Site.open(sys.argv[1]).camera("camera-2")
+u = np.full(10_000_000, 960.0)
+used = 1024 * int(next(line for line in open("/proc/self/status") if line.startswith("VmSize")).split()[1])
+resource.setrlimit(resource.RLIMIT_AS, (used + (100 << 20),) * 2)
+for call in [camera.to_floor, camera.floor_covariance, camera.floor_jacobian, camera.rays, camera.undistort]:
+    try:
+        call(u, u)
+    except MemoryError:
+        continue
+    sys.exit(f"{call}: no MemoryError")
+"""
+    if not sys.platform.startswith("linux"):
+        pytest.skip("limits of memory are tried on Linux")
+    subprocess.run([sys.executable, "-c", script, str(folder / "site.json")], check=True)
+
+
+def test_bulk_work_leaves_other_threads_to_run(site: calib.Site) -> None:
+    camera = site.camera("camera-2")
+    boxes = np.tile([[900.0, 400.0, 960.0, 700.0]], (2_000_000, 1))
+    ticks, done = [], threading.Event()
+
+    def tick() -> None:
+        while not done.wait(0.001):
+            ticks.append(time.perf_counter())
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    begin = time.perf_counter()
+    camera.boxes_to_floor(boxes, form="xyxy")
+    end = time.perf_counter()
+    done.set()
+    thread.join()
+    assert sum(begin < at < end for at in ticks) >= 3, f"{len(ticks)} ticks in {end - begin} s"
 
 
 def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:

@@ -13,7 +13,16 @@ use crate::workspace::{done, root};
 const CRATE: &str = "crates/calib-c";
 const HEADER: &str = "crates/calib-c/include/calib.h";
 /// What the static library wants of the system.
-const SYSTEM: [&str; 3] = ["-lpthread", "-ldl", "-lm"];
+const SYSTEM: &str = if cfg!(windows) {
+    "-lkernel32 -lntdll -luserenv -lws2_32"
+} else if cfg!(target_os = "macos") {
+    "-lSystem -lc -lm"
+} else {
+    "-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc"
+};
+/// What is built, by the names of all systems.
+const LIBRARIES: [&str; 6] =
+    ["libcalib.a", "libcalib.so", "libcalib.dylib", "calib.dll", "calib.dll.lib", "calib.lib"];
 const STRICT: [&str; 6] = ["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"];
 
 /// The header, as the sources say it.
@@ -33,28 +42,28 @@ fn header() -> anyhow::Result<String> {
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(root().join(CRATE).join("include"))?;
     fs::write(root().join(HEADER), header()?)?;
+    let mut cargo = Command::new("cargo");
+    done(cargo.args(["build", "--quiet", "--release", "--package", "calib-c"]).current_dir(root()))?;
+    gather(&profile()?.with_file_name("release"), out)?;
+    println!("{}", out.display());
+    Ok(())
+}
+
+/// What was built, as it lies under a prefix, wherever that is.
+fn gather(built: &Path, out: &Path) -> anyhow::Result<()> {
     let [lib, include] = ["lib", "include"].map(|folder| out.join(folder));
     fs::create_dir_all(lib.join("pkgconfig"))?;
     fs::create_dir_all(&include)?;
-    let mut cargo = Command::new("cargo");
-    done(cargo.args(["build", "--quiet", "--release", "--package", "calib-c"]).current_dir(root()))?;
-    let built = profile()?.with_file_name("release");
-    for name in ["libcalib.a", "libcalib.so", "libcalib.dylib", "calib.dll", "calib.lib"] {
+    for name in LIBRARIES {
         if built.join(name).exists() {
             fs::copy(built.join(name), lib.join(name))?;
         }
     }
     fs::copy(root().join(HEADER), include.join("calib.h"))?;
     let template = fs::read_to_string(root().join(CRATE).join("calib.pc.in"))?;
-    let words = [
-        ("@prefix@", out.display().to_string()),
-        ("@version@", env!("CARGO_PKG_VERSION").to_owned()),
-        ("@private@", SYSTEM.join(" ")),
-    ];
+    let words = [("@version@", env!("CARGO_PKG_VERSION")), ("@private@", SYSTEM)];
     let about = words.iter().fold(template, |text, (word, value)| text.replace(word, value));
-    fs::write(lib.join("pkgconfig/calib.pc"), about)?;
-    println!("{}", out.display());
-    Ok(())
+    Ok(fs::write(lib.join("pkgconfig/calib.pc"), about)?)
 }
 
 /// Compiles tests and examples with warnings as errors, and runs them under the sanitizers.
@@ -76,7 +85,47 @@ pub(crate) fn test(golden: &Path) -> anyhow::Result<()> {
     done(
         program("boxes_to_floor", "examples/boxes_to_floor.c")?.arg(golden.join("site.json")).arg("camera-0"),
     )?;
+    installed(&built, &out, &golden.join("site.json"))?;
     gstreamer(&out)
+}
+
+/// The example for C++ finds the library as programs do, shared and static, from a prefix that was moved.
+fn installed(built: &Path, out: &Path, site: &Path) -> anyhow::Result<()> {
+    let [first, prefix] = ["prefix", "moved"].map(|name| out.join(name));
+    for folder in [&first, &prefix] {
+        if folder.exists() {
+            fs::remove_dir_all(folder)?;
+        }
+    }
+    gather(built, &first)?;
+    fs::rename(&first, &prefix)?;
+    for linking in [None, Some("--static")] {
+        let flags = flags(
+            Command::new("pkg-config")
+                .args(linking)
+                .args(["--cflags", "--libs", "calib"])
+                .env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig")),
+        )?;
+        let program = out.join("installed");
+        let mut command = Command::new("c++");
+        command.args(["-std=c++17"]).args(STRICT).arg(root().join(CRATE).join("examples/boxes_to_floor.cpp"));
+        // The static library where both lie is the one that is named.
+        let flags = flags.split_whitespace().map(|flag| match (linking, flag) {
+            (Some(_), "-lcalib") => "-l:libcalib.a",
+            _ => flag,
+        });
+        done(command.args(flags).arg("-o").arg(&program))?;
+        let mut run = Command::new(&program);
+        done(run.arg(site).arg("camera-0").env("LD_LIBRARY_PATH", prefix.join("lib")))?;
+    }
+    Ok(())
+}
+
+/// What pkg-config says.
+fn flags(packages: &mut Command) -> anyhow::Result<String> {
+    let found = packages.stderr(Stdio::null()).output()?;
+    ensure!(found.status.success(), "{packages:?} finds nothing");
+    Ok(String::from_utf8(found.stdout)?)
 }
 
 /// With the shared library, so that what it wants of the system is its own.
@@ -93,11 +142,9 @@ fn compile(built: &Path, source: &str, to: &Path) -> anyhow::Result<()> {
 
 /// The probe compiles where the headers of `GStreamer` are.
 fn gstreamer(out: &Path) -> anyhow::Result<()> {
-    let mut packages = Command::new("pkg-config");
-    packages.args(["--cflags", "gstreamer-1.0", "gstreamer-video-1.0"]).stderr(Stdio::null());
-    let found = packages.output().ok().filter(|output| output.status.success());
-    let found = found.context("GStreamer's headers: libgstreamer-plugins-base1.0-dev")?;
-    let flags = String::from_utf8(found.stdout)?;
+    let packages = ["--cflags", "gstreamer-1.0", "gstreamer-video-1.0"];
+    let flags = flags(Command::new("pkg-config").args(packages))
+        .context("GStreamer's headers: libgstreamer-plugins-base1.0-dev")?;
     // Its headers are not ours to warn of.
     let flags = flags.split_whitespace().map(|flag| flag.replacen("-I", "-isystem", 1));
     let mut command = Command::new("cc");

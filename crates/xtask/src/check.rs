@@ -7,7 +7,9 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 
-use crate::tools::{BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, TYPOS, Tool, WEB, ready};
+use crate::tools::{
+    BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, TYPOS, Tool, ULTRALYTICS, WEB, ready,
+};
 use crate::workspace::root;
 
 /// A check: its name, its command, and its tools.
@@ -111,6 +113,12 @@ const CHECKS: &[Check] = &[
         ..PLAIN
     },
     Check { name: "the wheel for Python", command: &["xtask", "py", "--test"], tools: &[&PYTHON], ..PLAIN },
+    Check {
+        name: "the wheel beside Ultralytics",
+        command: &["xtask", "py", "--ultralytics"],
+        tools: &[&PYTHON, &ULTRALYTICS],
+        ..PLAIN
+    },
     Check {
         name: "the library for C and C++",
         command: &["xtask", "c", "--test"],

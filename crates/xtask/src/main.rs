@@ -113,6 +113,9 @@ enum Heavy {
         /// Build it quickly, install it into target/python-venv, and run its tests
         #[arg(long)]
         test: bool,
+        /// Try the one that was built for the tests on what Ultralytics finds
+        #[arg(long, conflicts_with = "test")]
+        ultralytics: bool,
     },
     /// Write the header for C and C++, and build the library
     C {

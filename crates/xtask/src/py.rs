@@ -15,6 +15,9 @@ use crate::{golden, tools};
 const VENV: &str = "target/python-venv";
 const CRATE: &str = "crates/calib-py";
 
+/// The profile that is quick to build.
+pub(crate) const QUICK: &str = "quick";
+
 fn tool(name: &str) -> Command {
     let mut command = Command::new(root().join(VENV).join("bin").join(name));
     command.current_dir(root().join(CRATE));
@@ -29,9 +32,27 @@ pub(crate) fn run(out: &Path, profile: &str) -> anyhow::Result<PathBuf> {
         fs::remove_dir_all(&wheels)?;
     }
     done(tool("maturin").args(["build", "--quiet", "--locked", "--profile", profile, "--out"]).arg(&wheels))?;
-    let wheel = fs::read_dir(&wheels)?.next().context("maturin made no wheel")??.path();
+    let wheel = wheel_in(&wheels)?;
     eprintln!("{}", wheel.display());
     Ok(wheel)
+}
+
+fn wheel_in(folder: &Path) -> anyhow::Result<PathBuf> {
+    Ok(fs::read_dir(folder)?.next().context("maturin made no wheel")??.path())
+}
+
+/// The test of the adapter with the real package, whose `PyTorch` is not among the other tools.
+pub(crate) fn ultralytics(out: &Path, golden: &Path) -> anyhow::Result<()> {
+    let python = || {
+        let mut command = Command::new(root().join("target/ultralytics-venv/bin/python"));
+        command.current_dir(root().join(CRATE)).arg("-m");
+        command
+    };
+    let install = ["pip", "install", "--quiet", "--force-reinstall", "--no-deps"];
+    done(python().args(install).arg(wheel_in(&out.join(QUICK))?))?;
+    // Its warnings are its own.
+    let test = ["pytest", "--quiet", "-W", "default", "tests/test_adapters.py", "-k", "ultralytics"];
+    done(python().args(test).env("CALIB_GOLDEN", golden).env("CALIB_ULTRALYTICS", "1"))
 }
 
 /// Installs the wheel beside the tools, and checks it: its tests, its types, its metadata, what it links to.
@@ -48,12 +69,15 @@ pub(crate) fn test(wheel: &Path, golden: &Path) -> anyhow::Result<()> {
         "python/calib",
         "examples",
         "tests/golden.py",
+        "tests/test_adapters.py",
     ]))?;
     // Of names that only the types have.
     done(tool("stubtest").args(["calib", "--allowlist", "tests/stubtest.txt"]))?;
     done(tool("twine").args(["check", "--strict"]).arg(wheel))?;
     if cfg!(target_os = "linux") {
-        done(tool("auditwheel").arg("show").arg(wheel))?;
+        let shown = tool("auditwheel").arg("show").arg(wheel).output()?;
+        let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
+        ensure!(shown.contains("manylinux") || shown.contains("musllinux"), "for one system alone: {shown}");
     }
     Ok(())
 }

@@ -27,8 +27,9 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
             js::run(&out)?;
             if test { js::test(&out) } else { Ok(()) }
         }
-        Heavy::Py { out, test } => {
-            let wheel = py::run(&root().join(out), if test { "quick" } else { "release" })?;
+        Heavy::Py { out, ultralytics: true, .. } => py::ultralytics(&root().join(out), &points()),
+        Heavy::Py { out, test, .. } => {
+            let wheel = py::run(&root().join(out), if test { py::QUICK } else { "release" })?;
             if test { py::test(&wheel, &points()) } else { Ok(()) }
         }
         Heavy::C { test: true, .. } => c::test(&points()),

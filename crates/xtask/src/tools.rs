@@ -68,6 +68,53 @@ pub(crate) const PYTHON: Tool = python!(
      pyarrow==26.0.1 polars==2.1.0 pandas==3.1.0"
 );
 
+/// Ultralytics, with Debian's `PyTorch`: that of `PyPI` is of gigabytes for graphics processors.
+pub(crate) const ULTRALYTICS: Tool = Tool {
+    name: "Ultralytics with Debian's PyTorch",
+    is_there: || {
+        runs("target/ultralytics-venv/bin/python", &["-c", "import ultralytics.engine.results, pytest"])
+    },
+    install: &[
+        &["apt-get", "update", "--quiet"],
+        &[
+            "apt-get",
+            "install",
+            "--quiet",
+            "--yes",
+            "--no-install-recommends",
+            "python3-torch",
+            "python3-torchvision",
+            "python3-venv",
+        ],
+        &["/usr/bin/python3", "-m", "venv", "--clear", "--system-site-packages", "target/ultralytics-venv"],
+        &[
+            "target/ultralytics-venv/bin/python",
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "numpy==1.26.4",
+            "opencv-python-headless==4.11.0.86",
+            "matplotlib==3.10.9",
+            "pillow",
+            "pyyaml",
+            "requests",
+            "psutil",
+            "pytest==9.2.0",
+        ],
+        // Without what it asks for: another `PyTorch`.
+        &[
+            "target/ultralytics-venv/bin/python",
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-deps",
+            "ultralytics==8.4.190",
+        ],
+    ],
+};
+
 pub(crate) const COMPILERS: Tool = Tool {
     name: "compilers for C and C++, and GStreamer's headers",
     is_there: || is_on_path("cc") && is_on_path("c++") && finds("gstreamer-video-1.0"),

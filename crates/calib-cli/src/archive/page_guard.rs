@@ -1,9 +1,11 @@
 //! A Parquet file whose pages may not promise more than is read: memory is taken for what a header says, before
 //! anything is unpacked.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Cursor, Read as _};
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use ::parquet::basic::Compression;
 use ::parquet::errors::{ParquetError, Result};
@@ -17,14 +19,27 @@ use super::zstd_bound;
 const MOST: u64 = 256 << 20;
 /// Most that a byte of gzip stands for.
 const GZIP: u64 = 1032;
-/// Most that the fields of a page's header take up to its sizes: three numbers of 32 bits with their names.
-const HEAD: u64 = 24;
+/// Most values that the lists of one column may hold in a group of rows: a single row may have all of them, and
+/// nothing takes no bytes.
+const MOST_LISTED: u64 = 64 << 20;
+/// What a value of a list takes, in bytes: itself, and two levels.
+const LISTED_BYTES: u64 = 12;
+/// Most that the fields of a page's header take up to its number of values: five numbers of 32 bits with their
+/// names, and a struct's beginning.
+const HEAD: u64 = 40;
 
 /// The pages of a file.
 pub(super) struct PageGuard {
     file: File,
-    /// Where the pages of every column chunk are, and how they are packed.
-    chunks: Vec<(Range<u64>, Compression)>,
+    chunks: Vec<Chunk>,
+}
+
+/// The pages of a column in a group of rows.
+struct Chunk {
+    range: Range<u64>,
+    packed: Compression,
+    /// How many values every page says it has, by where it begins; of lists.
+    listed: Option<Mutex<BTreeMap<u64, u64>>>,
 }
 
 impl PageGuard {
@@ -32,18 +47,40 @@ impl PageGuard {
         let columns = about.row_groups().iter().flat_map(|group| group.columns());
         let chunks = columns.map(|column| {
             let (start, length) = column.byte_range();
-            (start..start.saturating_add(length), column.compression())
+            let has_lists = column.column_descr().max_rep_level() > 0;
+            Chunk {
+                range: start..start.saturating_add(length),
+                packed: column.compression(),
+                listed: has_lists.then(Mutex::default),
+            }
         });
         let mut chunks: Vec<_> = chunks.collect();
-        chunks.sort_by_key(|(range, _)| range.start);
+        chunks.sort_by_key(|chunk| chunk.range.start);
         Self { file, chunks }
     }
 
-    /// How the chunk at a place is packed.
-    fn packed(&self, at: u64) -> Option<Compression> {
-        let index = self.chunks.partition_point(|(range, _)| range.start <= at).checked_sub(1)?;
-        let (range, packed) = &self.chunks[index];
-        range.contains(&at).then_some(*packed)
+    /// The chunk at a place.
+    fn chunk(&self, at: u64) -> Option<&Chunk> {
+        let index = self.chunks.partition_point(|chunk| chunk.range.start <= at).checked_sub(1)?;
+        self.chunks.get(index).filter(|chunk| chunk.range.contains(&at))
+    }
+}
+
+impl Chunk {
+    /// Refuses a page that begins there if it, or its column so far, promises too much.
+    fn check(&self, at: u64, head: &[u8]) -> Result<()> {
+        let header = || {
+            PageHeader::of(head).ok_or_else(|| {
+                ParquetError::General("the header of a page does not begin with its sizes".into())
+            })
+        };
+        if self.packed != Compression::UNCOMPRESSED {
+            check(header()?.unpacked)?;
+        }
+        let Some(listed) = &self.listed else { return Ok(()) };
+        let mut pages = listed.lock().unwrap_or_else(PoisonError::into_inner);
+        pages.insert(at, header()?.values);
+        check_listed(pages.values().sum())
     }
 }
 
@@ -61,19 +98,14 @@ impl ChunkReader for PageGuard {
         let mut rest = self.file.get_read(start)?;
         let mut head = Vec::new();
         rest.by_ref().take(HEAD).read_to_end(&mut head)?;
-        if self.packed(start).is_some_and(|packed| packed != Compression::UNCOMPRESSED) {
-            let promised = promised(&head).ok_or_else(|| {
-                ParquetError::General("the header of a page does not begin with its sizes".into())
-            })?;
-            check(promised)?;
-        }
+        self.chunk(start).map_or(Ok(()), |chunk| chunk.check(start, &head))?;
         Ok(Cursor::new(head).chain(rest))
     }
 
     /// The bytes of a page.
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
         let bytes = self.file.get_bytes(start, length)?;
-        match self.packed(start) {
+        match self.chunk(start).map(|chunk| chunk.packed) {
             Some(Compression::ZSTD(_)) => check(zstd_bound::unpacked(&bytes))?,
             Some(Compression::GZIP(_)) if GZIP * length as u64 > MOST => check(gunzipped(&bytes))?,
             _ => {}
@@ -90,27 +122,56 @@ fn check(unpacked: u64) -> Result<()> {
     calib_input::room_for(unpacked).map_err(|error| ParquetError::General(format!("a page {error}")))
 }
 
+fn check_listed(values: u64) -> Result<()> {
+    if values > MOST_LISTED {
+        let what = format!(
+            "the lists of a column hold {values} values in one group of rows; at most {MOST_LISTED} are read: write \
+             the file with smaller groups, or without that column"
+        );
+        return Err(ParquetError::General(what));
+    }
+    let room = calib_input::room_for(LISTED_BYTES * values);
+    room.map_err(|error| ParquetError::General(format!("a column of lists {error}")))
+}
+
 /// How much a page unpacks to, by unpacking it into nothing.
 fn gunzipped(bytes: &[u8]) -> u64 {
     let unpacked = flate2::read::MultiGzDecoder::new(bytes).take(MOST + 1);
     std::io::copy(&mut { unpacked }, &mut std::io::sink()).unwrap_or_default()
 }
 
-/// What a page unpacks to, by its header in Thrift's compact protocol: type, unpacked size, packed size are its
-/// first fields, in this order, with every writer.
-fn promised(head: &[u8]) -> Option<u64> {
-    /// The next field, of 32 bits.
-    const NEXT_NUMBER: u8 = 0x15;
-    let mut rest = head;
-    let mut values = [0; 2];
-    for value in &mut values {
-        rest = rest.strip_prefix(&[NEXT_NUMBER])?;
-        let end = rest.iter().position(|byte| byte & 0x80 == 0)? + 1;
-        *value = rest[..end].iter().rev().fold(0_u64, |number, byte| number << 7 | u64::from(byte & 0x7F));
-        rest = &rest[end..];
+/// What a page promises.
+#[derive(Debug, PartialEq)]
+struct PageHeader {
+    /// In bytes.
+    unpacked: u64,
+    /// How many there are, with those that are nothing.
+    values: u64,
+}
+
+impl PageHeader {
+    /// In Thrift's compact protocol, with every writer: type, unpacked size, packed size, perhaps a checksum, then
+    /// a struct for the kind of page, whose first field is the number of values.
+    fn of(head: &[u8]) -> Option<Self> {
+        const STRUCT: u8 = 0x0C;
+        let (_, rest) = number(head)?;
+        let (unpacked, rest) = number(rest)?;
+        let (_, rest) = number(rest)?;
+        let rest = number(rest).map_or(rest, |(_, rest)| rest);
+        let (_, inside) = rest.split_first().filter(|(begin, _)| **begin & 0x0F == STRUCT)?;
+        let (values, _) = number(inside)?;
+        Some(Self { unpacked, values })
     }
-    // Signs alternate; a negative size is refused by the library.
-    Some(values[1] >> 1)
+}
+
+/// The next field, of 32 bits, and what follows. Signs alternate; a negative one is refused by the library.
+fn number(head: &[u8]) -> Option<(u64, &[u8])> {
+    const NEXT_NUMBER: u8 = 0x15;
+    let rest = head.strip_prefix(&[NEXT_NUMBER])?;
+    let end = rest.iter().position(|byte| byte & 0x80 == 0)? + 1;
+    let (digits, rest) = rest.split_at(end);
+    let value = digits.iter().rev().fold(0_u64, |number, byte| number << 7 | u64::from(byte & 0x7F));
+    Some((value >> 1, rest))
 }
 
 #[cfg(test)]
@@ -119,12 +180,13 @@ mod tests {
 
     #[test]
     fn the_promise_of_a_page_is_read_from_its_header() {
-        assert_eq!(
-            promised(&[0x15, 0x00, 0x15, 0xFE, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0x02]),
-            Some(0x7FFF_FFFF)
-        );
-        assert_eq!(promised(&[0x15, 0x04, 0x15, 0x14, 0x15]), Some(10));
-        assert_eq!(promised(&[0x2C, 0x15, 0x04]), None);
-        assert_eq!(promised(&[]), None);
+        const SIZES: [u8; 10] = [0x15, 0x00, 0x15, 0xFE, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0x02];
+        let told = Some(PageHeader { unpacked: 0x7FFF_FFFF, values: 5 });
+        assert_eq!(PageHeader::of(&[&SIZES[..], &[0x2C, 0x15, 0x0A]].concat()), told);
+        let with_checksum = [&SIZES[..], &[0x15, 0xFE, 0x01, 0x4C, 0x15, 0x0A]].concat();
+        assert_eq!(PageHeader::of(&with_checksum), told);
+        assert_eq!(PageHeader::of(&SIZES), None);
+        assert_eq!(PageHeader::of(&[0x2C, 0x15, 0x04]), None);
+        assert_eq!(PageHeader::of(&[]), None);
     }
 }

@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Lens, Pixel, WorldPoint};
+use crate::floor::detection_box::BoxForm;
 use crate::floor::extent::Extent;
 use crate::floor::point_projector::PointProjector;
 use crate::floor::projector::FloorProjector;
@@ -90,6 +91,20 @@ impl CameraView {
         (!is_stretched).then_some((Lens { principal_point, focal, ..lens }, size))
     }
 
+    /// The camera as the images of the stream show it, its pixels counted as the stream's are, its covariance that of
+    /// the still; `None` where the stream is stretched, so that it has no one focal.
+    #[must_use]
+    pub fn camera_in_stream(&self) -> Option<Camera> {
+        let camera = self.camera();
+        if self.map == StreamMap::STILL {
+            return Some(*camera);
+        }
+        let (mut lens, _) = self.lens_in_stream()?;
+        let Pixel { u, v } = camera.lens.principal_point;
+        lens.principal_point = Pixel { u: self.map.in_stream(0, u), v: self.map.in_stream(1, v) };
+        Some(Camera { lens, focal: camera.focal / camera.lens.focal * lens.focal, ..*camera })
+    }
+
     /// Corners of the EFOV on the floor, in metres.
     #[must_use]
     pub fn efov(&self) -> &[FloorPoint] {
@@ -147,6 +162,30 @@ impl CameraView {
         });
     }
 
+    /// As [`Self::to_floor`], of the points on which what boxes hold stands.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn boxes_to_floor(
+        &self,
+        height: f64,
+        (form, boxes): (BoxForm, &[[f64; 4]]),
+        [x, y]: [&mut [f64]; 2],
+        status: &mut [u8],
+    ) {
+        assert!(boxes.len() == status.len(), "columns of one length");
+        let mut feet = [[0.0; CHUNK]; 2];
+        for first in (0..boxes.len()).step_by(CHUNK) {
+            let range = first..boxes.len().min(first + CHUNK);
+            for (i, &one) in boxes[range.clone()].iter().enumerate() {
+                [feet[0][i], feet[1][i]] = form.foot(one);
+            }
+            let feet = [&feet[0][..range.len()], &feet[1][..range.len()]];
+            let floor = [&mut x[range.clone()], &mut y[range.clone()]];
+            self.to_floor(height, feet, floor, &mut status[range]);
+        }
+    }
+
     /// At most [`CHUNK`] pixels of the still to what each shows first.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
@@ -175,26 +214,45 @@ impl CameraView {
     }
 
     /// How uncertain the points of the plane at `height` are that pixels show, for a standard deviation of
-    /// `sigma` pixels of the stream; square metres.
+    /// `sigma` pixels of the stream: xx, xy, yx, yy in square metres, of the pixel and of the calibration.
     ///
     /// # Panics
     /// When the columns are not of one length.
-    pub fn covariances(&self, height: f64, pixels: [&[f64]; 2], sigma: f64, of: &mut [FloorCovariance]) {
+    pub fn covariances(
+        &self,
+        height: f64,
+        pixels: [&[f64]; 2],
+        sigma: f64,
+        [pixel, calibration]: [&mut [[f64; 4]]; 2],
+    ) {
         let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
-        assert!(of.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, [u, v]| {
+        assert!(pixel.len() == pixels[0].len(), "columns of one length");
+        self.in_still(pixels, |range, still @ [u, v]| {
+            let found = &mut [FloorCovariance::NONE; CHUNK][..range.len()];
             if self.surfaces.is_empty() {
-                plane.floor_covariances(u, v, sigma, &mut of[range]);
-                return;
+                plane.floor_covariances(u, v, sigma, found);
+            } else {
+                self.covariances_on_surfaces(height, still, sigma, found);
             }
-            let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
-            for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
-                let pixel = Pixel { u, v };
-                let shown = self.camera().pixel_to_surface(pixel, height, &self.surfaces);
-                let found = shown.and_then(|shown| projector.covariance(pixel, sigma, shown.surface));
-                *of = found.unwrap_or(FloorCovariance::NONE);
-            }
+            let to = pixel[range.clone()].iter_mut().zip(&mut calibration[range]);
+            found.iter().zip(to).for_each(|(one, (pixel, calibration))| [*pixel, *calibration] = one.rows());
         });
+    }
+
+    fn covariances_on_surfaces(
+        &self,
+        height: f64,
+        [u, v]: [&[f64]; 2],
+        sigma: f64,
+        of: &mut [FloorCovariance],
+    ) {
+        let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+        for ((of, &u), &v) in of.iter_mut().zip(u).zip(v) {
+            let pixel = Pixel { u, v };
+            let shown = self.camera().pixel_to_surface(pixel, height, &self.surfaces);
+            let found = shown.and_then(|shown| projector.covariance(pixel, sigma, shown.surface));
+            *of = found.unwrap_or(FloorCovariance::NONE);
+        }
     }
 
     /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.
@@ -312,6 +370,9 @@ mod tests {
             view.undistort([&u, &v], [&mut a, &mut b]);
             // Counted from the centre of the first pixel.
             let (lens, shown) = view.lens_in_stream().unwrap();
+            let in_stream = view.camera_in_stream().unwrap();
+            let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
+            view.to_floor(height, [&u, &v], [&mut x, &mut y], &mut status);
             prop_assert_eq!(shown, [640.0, 640.0]);
             for i in 0..u.len() {
                 let by_lens = lens.undistort(Pixel::new(u[i] + 0.5, v[i] + 0.5));
@@ -319,6 +380,11 @@ mod tests {
                 prop_assert!(a[i].is_nan() || off < 1e-6 * (1.0 + a[i].hypot(b[i])), "{off}");
                 let straight = camera.undistort(Pixel::new(in_still[0][i], in_still[1][i]));
                 prop_assert_eq!(straight.is_none(), a[i].is_nan());
+                let floor = in_stream.pixel_to_floor(Pixel::new(u[i], v[i]), height);
+                prop_assert_eq!(floor.is_none(), x[i].is_nan());
+                let range = floor.map_or(0.0, |floor| floor.distance(camera.position.on_floor()));
+                let off = floor.map_or(0.0, |floor| (floor.x - x[i]).hypot(floor.y - y[i]));
+                prop_assert!(off < 1e-9 * (1.0 + range).powi(2), "{off} at {range}");
                 let off = straight.map_or(0.0, |s| (map.in_still(0, a[i]) - s.u).hypot(map.in_still(1, b[i]) - s.v));
                 prop_assert!(off < 1e-6, "{off}");
             }
@@ -337,8 +403,8 @@ mod tests {
             let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
             let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
             view.to_floor(0.0, [&u, &v], [&mut x, &mut y], &mut status);
-            let mut of = vec![FloorCovariance::NONE; u.len()];
-            view.covariances(0.0, [&u, &v], 0.0, &mut of);
+            let (mut pixel, mut calibration) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
+            view.covariances(0.0, [&u, &v], 0.0, [&mut pixel, &mut calibration]);
             for i in 0..u.len() {
                 let Some(deck) = camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, 0.7) else { continue };
                 if deck.distance(foot) > 39.0 {
@@ -347,7 +413,9 @@ mod tests {
                 prop_assert!((deck.x - x[i]).hypot(deck.y - y[i]) < 1e-7, "{deck:?}");
                 // 2 cm of height move the point along its ray.
                 let along = 0.02 * deck.distance(foot) / (camera.position.z - 0.7);
-                prop_assert!((of[i].worst_sigma().unwrap() - along).abs() < 1e-6);
+                // All of it lies along the ray: its trace is its one variance.
+                let variance = calibration[i][0] + calibration[i][3];
+                prop_assert!(variance.is_nan() || (variance.sqrt() - along).abs() < 1e-6);
             }
         }
 

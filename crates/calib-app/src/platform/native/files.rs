@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use calib_core::MAX_BYTES;
 use calib_editor::FileResult;
 use calib_editor::file_name::is_image;
+use calib_input::Part;
 
 /// Reads a file of any size a site or image may have.
 ///
@@ -32,22 +33,16 @@ pub(super) fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
 }
 
 fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
-    let what = |error: std::io::Error| format!("{}: {error}", path.display());
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(what)?;
-    }
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = std::fs::File::create(&part).and_then(|mut file| {
-        file.write_all(bytes)?;
-        if waits { file.sync_data() } else { Ok(()) }
+    let place = calib_input::place(path, true).map_err(|error| error.to_string())?;
+    let written = place.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| {
+        let part = Part::beside(&place)?;
+        part.file().write_all(bytes)?;
+        if waits {
+            part.file().sync_data()?;
+        }
+        part.persist(&place, true)
     });
-    written.and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
-        // Best effort: the error that matters is the first.
-        let _ = std::fs::remove_file(&part);
-        what(error)
-    })
+    written.map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Where autosaves and the demonstration's images live.
