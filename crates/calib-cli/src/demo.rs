@@ -12,6 +12,7 @@ use crate::files::{self, SiteFile, say};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::plan_ground::plan_view;
+use crate::pulse::Pulse;
 use crate::render::{Extras, camera_view};
 use crate::solve::Format;
 use crate::stop::Stop;
@@ -42,6 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     claim(folder, args.force)?;
     let demo = if args.no_plan { calib_demo::demo_site_without_plan() } else { calib_demo::demo_site() };
     let steps = demo.site.cameras.len() * 2 + 2;
+    let _pulse = Pulse::beside_a_bar("rendering the demonstration");
     let progress = ProgressBar::new(steps as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
         progress.set_style(style);

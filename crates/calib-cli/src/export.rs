@@ -10,7 +10,6 @@ use crate::args::{SiteArgs, size};
 use crate::files::{self, SiteFile};
 use crate::picture;
 use crate::stop::Stop;
-use crate::table_parquet;
 
 /// A type of the table that the formats leave to this program: it has what writes it.
 const PARQUET: &str = "parquet";
@@ -72,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     })?;
     if is_parquet {
         for file in &mut export.files {
-            (file.name, file.bytes) = ("cameras.parquet".into(), table_parquet::encode(&file.bytes)?);
+            (file.name, file.bytes) = ("cameras.parquet".into(), as_parquet(&file.bytes)?);
         }
     }
     agree(args, format, &export)?;
@@ -92,6 +91,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         return Err(Stop::Unsolved(format!("left out because they are not calibrated: {ids}")));
     }
     Ok(())
+}
+
+#[cfg(feature = "archives")]
+use crate::table_parquet::encode as as_parquet;
+
+#[cfg(not(feature = "archives"))]
+fn as_parquet(_: &[u8]) -> Result<Vec<u8>, Stop> {
+    Err(Stop::Usage("parquet: this program was built without its feature `archives`".into()))
 }
 
 fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, Stop> {

@@ -3,10 +3,12 @@
 //! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
+#[cfg(feature = "archives")]
 mod archive;
 mod args;
 mod check;
 mod demo;
+#[cfg(feature = "archives")]
 mod detections;
 mod export;
 mod files;
@@ -15,9 +17,12 @@ mod merge;
 mod painting;
 mod picture;
 mod plan_ground;
+#[cfg(feature = "archives")]
 mod progress;
+#[cfg(feature = "archives")]
 mod project;
 mod propose;
+mod pulse;
 mod render;
 mod report;
 mod sigma_map;
@@ -25,10 +30,14 @@ mod site_file;
 mod site_summary;
 mod solve;
 mod stop;
+#[cfg(feature = "archives")]
 mod stream;
+#[cfg(feature = "archives")]
 mod table_parquet;
 mod undistort;
+#[cfg(feature = "archives")]
 mod walk;
+#[cfg(feature = "archives")]
 mod watch;
 mod words;
 
@@ -57,6 +66,7 @@ enum Command {
     /// Propose the calibration of stills from the edges in them; exit 4 where one has none that is accepted
     Propose(propose::Args),
     /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
+    #[cfg(feature = "archives")]
     Project(project::Args),
     /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
@@ -65,8 +75,10 @@ enum Command {
     /// Quality gate: exit 4 when a camera is unsolved, or camera or site are worse than asked
     Check(check::Args),
     /// Find cameras that moved by the people that they see: since when, by how much; exit 4 when one did
+    #[cfg(feature = "archives")]
     Watch(watch::Args),
     /// Acceptance by a walker whom several cameras see: floor error by zone, cameras that disagree; exit 4 when it fails
+    #[cfg(feature = "archives")]
     Walk(walk::Args),
     /// Write one self-contained HTML page to hand over: every overlay, number and warning
     Report(report::Args),
@@ -90,11 +102,14 @@ fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Propose(args) => propose::run(&args),
+        #[cfg(feature = "archives")]
         Command::Project(args) => project::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),
+        #[cfg(feature = "archives")]
         Command::Watch(args) => watch::run(&args),
+        #[cfg(feature = "archives")]
         Command::Walk(args) => walk::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),

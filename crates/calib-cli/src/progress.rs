@@ -3,17 +3,15 @@
 use std::cell::Cell;
 use std::io::IsTerminal as _;
 use std::rc::Rc;
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::say;
+use crate::pulse::LINES;
 
 /// How long nothing is shown: most work is done by then.
 const QUIET: Duration = Duration::from_secs(1);
-/// Between two lines of a log.
-const LINES: Duration = Duration::from_secs(10);
 
 /// How far a table is read.
 pub(crate) struct Progress {
@@ -86,25 +84,5 @@ impl Drop for Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-    }
-}
-
-/// Says every ten seconds that work goes on of which nobody knows how much is left, until it is dropped.
-pub(crate) struct Pulse {
-    /// Dropped with the pulse, which ends the thread that listens.
-    _end: Sender<()>,
-}
-
-impl Pulse {
-    /// Of this work.
-    pub(crate) fn new(work: &'static str) -> Self {
-        let (end, ends) = channel::<()>();
-        let start = Instant::now();
-        std::thread::spawn(move || {
-            while ends.recv_timeout(LINES) == Err(RecvTimeoutError::Timeout) {
-                say(format_args!("calib: {work}, {} s", start.elapsed().as_secs()));
-            }
-        });
-        Self { _end: end }
     }
 }

@@ -8,6 +8,7 @@ use crate::args::{OutputArgs, SiteArgs};
 use crate::files::SiteFile;
 use crate::painting::draw_on;
 use crate::plan_ground::plan_view;
+use crate::pulse::Pulse;
 use crate::sigma_map;
 use crate::stop::Stop;
 
@@ -47,6 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(id) = &args.camera {
         file.camera(id)?;
     }
+    let _pulse = Pulse::new("drawing");
     let (ground, svg) = match &args.camera {
         Some(id) => camera_view(&file, file.camera(id)?, args.extras)?,
         None => plan_view(&file.site, file.plan_image()?),

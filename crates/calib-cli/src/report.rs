@@ -8,6 +8,7 @@ use image::RgbImage;
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files::{SiteFile, say};
 use crate::picture;
+use crate::pulse::Pulse;
 use crate::stop::Stop;
 
 /// Arguments of `calib report`.
@@ -23,7 +24,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.output.check_free()?;
     let file = args.site.read()?;
+    let pulse = Pulse::new("drawing the page");
     let page = page(&file)?;
+    drop(pulse);
     args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
     crate::solve::unsolved(&cameras)

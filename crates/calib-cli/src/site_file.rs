@@ -9,7 +9,7 @@ use image::RgbImage;
 use sha2::{Digest as _, Sha256};
 
 use crate::files::say;
-use crate::progress::Pulse;
+use crate::pulse::Pulse;
 use crate::stop::Stop;
 use calib_report::few;
 

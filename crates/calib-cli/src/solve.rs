@@ -9,7 +9,7 @@ use clap::ValueEnum;
 
 use crate::args::ImageArgs;
 use crate::files::{self, SiteFile};
-use crate::progress::Pulse;
+use crate::pulse::Pulse;
 use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;

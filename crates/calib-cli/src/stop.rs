@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+#[cfg(feature = "archives")]
 use calib_table::TableError;
 
 /// The end of a command that is not success.
@@ -45,6 +46,7 @@ impl Stop {
     }
 
     /// Why a table cannot be mapped.
+    #[cfg(feature = "archives")]
     pub(crate) fn of_table(error: TableError) -> Self {
         match error {
             TableError::Usage(what) => Self::Usage(what),

@@ -95,7 +95,13 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
     let like = entry.and_then(|lens| lens.like.as_ref());
     let distortion = entry.and_then(|lens| lens.distortion.as_ref());
     let edges = drawn(session, camera, Kind::Straight).0;
-    let is_fitted = session.solved.solution(camera).is_some_and(|solution| solution.distortion.is_some());
+    let solution = session.solved.solution(camera);
+    let is_fitted = solution.is_some_and(|solution| solution.distortion.is_some());
+    let says_little = |warnings: &[calib_core::Warning]| {
+        warnings.iter().any(|warning| warning.code == Code::UninformativePolyline)
+    };
+    let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));
+    let counted = if edges == 1 { "1 straight edge".to_owned() } else { format!("{edges} straight edges") };
     if let Some(px) = bent_px(session, camera) {
         return (format!("bent by {px:.0} px, not fitted"), false);
     }
@@ -103,10 +109,11 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
         (Some(like), ..) => format!("like {like}"),
         (_, Some(given), _) if given.fit.is_none() => "given".into(),
         (.., 0) => "taken as straight".into(),
-        (.., edges) if is_fitted => format!("from {edges} straight edges"),
-        (.., edges) => format!("{edges} straight edges, not fitted"),
+        _ if is_fitted && is_vague => format!("from {counted}: too little"),
+        _ if is_fitted => format!("from {counted}"),
+        _ => format!("{counted}, not fitted"),
     };
-    (from, is_fitted || like.is_some())
+    (from, (is_fitted && !is_vague) || like.is_some())
 }
 
 /// The steps of a camera, in the order in which they are done.

@@ -34,6 +34,7 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
             "app_frame_16_cameras_worst_ms",
             "app_drag_solve_ms",
             "app_pan_12_megapixels_ms",
+            "app_plan_wheel_40_cameras_ms",
         ],
     ),
 ];

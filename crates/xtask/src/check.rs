@@ -94,7 +94,7 @@ const CHECKS: &[Check] = &[
             "--",
             // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
             "-seed=1",
-            "-runs=40000",
+            "-runs=20000",
             "-max_len=16384",
             "-dict=crates/calib-core/fuzz/site.dict",
         ],
@@ -224,7 +224,7 @@ impl Runner {
             let command =
                 ["fuzz", "run", target, "--fuzz-dir", FUZZ_DIR, "--target-dir", FUZZ_TARGET, &corpus, &seeds];
             // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
-            let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
+            let options = ["--", "-seed=1", "-runs=10000", "-max_len=8192", "-rss_limit_mb=1024"];
             let mut cargo = self.command("cargo")?;
             cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1");
             if !cargo.status()?.success() {
