@@ -30,6 +30,7 @@ impl App {
             self.poll_stills();
             self.poll_plan();
             self.poll_refining();
+            self.poll_proposing(ctx);
             self.poll_arrivals(ctx);
             self.poll_shelf();
         }

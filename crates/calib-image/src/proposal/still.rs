@@ -15,6 +15,7 @@ use super::drawn::{Group, entry, groups, solved, stroke};
 use super::line::Line;
 use super::mixture::Mixture;
 use super::search::{Hypothesis, hypotheses};
+use super::straight::straight;
 use super::strokes::strokes;
 use super::verdict::{Reason, Verdict};
 use super::{bend, join, search};
@@ -34,6 +35,8 @@ const NEARLY_SQUARE: f64 = 0.4;
 /// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
 const SURE: f64 = 0.06;
 const CHECK: f64 = 0.10;
+/// That of a focal of which nothing is known.
+const OPEN: f64 = 10.0;
 /// Sigmas of what is believed of cameras from which one wants a look, and from which it is not believed.
 const UNUSUAL: f64 = 2.0;
 const UNBELIEVED: f64 = 3.0;
@@ -54,7 +57,7 @@ pub struct Still {
 }
 
 /// What a still proposes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Proposal {
     /// Whether to believe it.
     pub verdict: Verdict,
@@ -62,6 +65,9 @@ pub struct Proposal {
     pub reasons: Vec<Reason>,
     /// The strokes, direction by direction; empty where nothing was found.
     pub groups: Vec<Group>,
+    /// Edges that the lens bends, each a polyline, from which the distortion can be fitted; none where the lens is known
+    /// or does not bend.
+    pub straight: Vec<Vec<Pixel>>,
     /// The camera as it would be drawn, without an image.
     pub camera: Option<SiteCamera>,
     /// What the solve makes of it.
@@ -98,7 +104,10 @@ impl Proposal {
         };
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > LEAST_EVIDENCE => {
-                Self::of(&grouping, best, &others, still.size)
+                let straight = straight(&grouping.lines, &still.segments, &grouping.lens);
+                // What is known of the lens already is not asked for.
+                let straight = if still.lens.is_some() { Vec::new() } else { straight };
+                Self { straight, ..Self::of(&grouping, best, &others, still.size) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -109,6 +118,7 @@ impl Proposal {
             verdict: Verdict::None,
             reasons,
             groups: Vec::new(),
+            straight: Vec::new(),
             camera: None,
             solution: None,
             focal_sigma_rel: None,
@@ -130,7 +140,7 @@ impl Proposal {
         };
         let scatter = Scatter::new(best, others);
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
-        let own = WIDENING * own / solution.focal_px;
+        let own = (WIDENING * own / solution.focal_px).min(OPEN);
         let sigma = own.hypot(scatter.sigma);
         let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
         proposal.judge([sigma, own, unusual], &scatter, &solution);
@@ -208,6 +218,17 @@ impl Still {
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
         Self { segments, size, principal_point: None, lens: None }
+    }
+
+    /// The still of a camera: its lens is known where its distortion is given.
+    #[must_use]
+    pub fn of_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
+        let is_known = camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+        Self {
+            principal_point: Some(camera.principal_point()),
+            lens: is_known.then(|| camera.lens()),
+            ..Self::new(segments, camera.size_px)
+        }
     }
 
     /// The likeliest grouping, and all other cameras with their log evidence less its own.
