@@ -125,6 +125,8 @@ impl Overlay<'_> {
 
     /// The name of a floor direction stands on its longest line: all of them have one colour.
     fn name_group(&self, painter: &Painter, group: &ProposedGroup) {
+        /// Of a name, in points.
+        const ROOM: f32 = 64.0;
         if group.kind != Kind::Parallel {
             return;
         }
@@ -134,12 +136,13 @@ impl Overlay<'_> {
         let Some((a, b)) = longest.and_then(|path| path.first().copied().zip(path.last().copied())) else {
             return;
         };
-        tag(
-            painter,
-            a.lerp(b, 0.5) + Vec2::new(8.0, 0.0),
-            Align2::LEFT_CENTER,
-            group.title(),
-            theme::kind(group.kind),
-        );
+        let at = a.lerp(b, 0.5);
+        // At the right end of the view a name has no room beside its line.
+        let (by, align) = if at.x + ROOM < painter.clip_rect().right() {
+            (8.0, Align2::LEFT_CENTER)
+        } else {
+            (-8.0, Align2::RIGHT_CENTER)
+        };
+        tag(painter, at + Vec2::new(by, 0.0), align, group.title(), theme::kind(group.kind));
     }
 }

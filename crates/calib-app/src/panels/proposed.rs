@@ -21,6 +21,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let lines = proposed.count();
         heading(ui, "Proposed", &format!("{lines} {}", if lines == 1 { "line" } else { "lines" }));
         judgement(app, ui, &proposed);
+        whole(app, ui, &proposed);
         let next = app.editor.preview().and_then(|preview| preview.next);
         let picked = app.editor.session().picked().map(|(group, _)| group);
         for (index, group) in proposed.groups.iter().enumerate() {
@@ -35,7 +36,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 app.lit_group = Some(index);
             }
         }
-        whole(app, ui, &proposed);
     });
     if let Some(wish) = wish {
         app.send(Action::OnProposed(wish));
@@ -46,7 +46,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
 fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
     let palette = theme::palette(ui.ctx());
     let solution = app.editor.preview().and_then(|preview| preview.solution.as_ref());
-    let focal = solution.map(|solution| format!("focal {:.0} px", solution.focal_px));
+    let focal = solution.map(|solution| {
+        let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px);
+        let sure = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.0}"));
+        format!("focal {:.0}{sure} px", solution.focal_px)
+    });
     let (fill, colour, icon, words) = match proposed.verdict {
         Verdict::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
         Verdict::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely, have a look"),
@@ -108,6 +112,7 @@ impl Row<'_> {
         let palette = theme::palette(ui.ctx());
         let tool = TOOLS.iter().find(|tool| tool.kind == Some(self.group.kind));
         let icon = tool.map_or(Icon::Vertical, |tool| tool.icon.into());
+        let is_narrow = ui.available_width() < 220.0;
         ui.horizontal(|ui| {
             icons::inline(ui, icon, theme::kind_icon(self.group.kind, ui.visuals().dark_mode));
             let name = RichText::new(capital(self.group.title())).font(theme::medium(12.0));
@@ -118,12 +123,17 @@ impl Row<'_> {
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let count = self.group.lines.len();
-                let text = match self.group.kind {
-                    Kind::Straight => count.to_string(),
-                    _ => format!("{count}, {:.0} %", 100.0 * self.group.probability()),
+                // In a narrow panel the number speaks for itself.
+                let noun = match (is_narrow, count) {
+                    (true, _) => "",
+                    (false, 1) => " line",
+                    (false, _) => " lines",
                 };
-                let label = ui.label(RichText::new(text).color(palette.text2));
-                label.on_hover_text("Lines, and the probability that they belong together");
+                let label = ui.label(RichText::new(format!("{count}{noun}")).color(palette.text2));
+                if self.group.kind != Kind::Straight {
+                    let share = 100.0 * self.group.probability();
+                    label.on_hover_text(format!("They belong together with a probability of {share:.0} %"));
+                }
             });
         });
     }
@@ -147,7 +157,8 @@ impl Row<'_> {
             _ => {}
         }
         button(ui, "Delete", "Leave these lines out", OnProposed::Delete(self.index));
-        if self.group.kind == Kind::Parallel {
+        // What is chosen can be told more of; in every row it would be noise.
+        if self.group.kind == Kind::Parallel && self.is_picked {
             self.direction(ui, wish);
         }
     }
@@ -175,7 +186,6 @@ fn capital(words: &str) -> String {
 
 /// All of it at once.
 fn whole(app: &mut App, ui: &mut Ui, proposed: &Proposed) {
-    ui.add_space(4.0);
     ui.horizontal_wrapped(|ui| {
         let is_offered = proposed.verdict != Verdict::None && !proposed.groups.is_empty();
         if is_offered && ui.button("Accept all   Enter").clicked() {

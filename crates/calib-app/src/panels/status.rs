@@ -47,7 +47,12 @@ fn proposal_hint(app: &App) -> Option<String> {
     Some(match picked {
         Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
         None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
-        None => "Enter accepts all proposed lines, Esc dismisses them; a click on one chooses it.".into(),
+        None => {
+            let count = proposed.count();
+            format!(
+                "{count} lines proposed: Enter accepts all, Esc dismisses them, a click on one chooses it."
+            )
+        }
     })
 }
 

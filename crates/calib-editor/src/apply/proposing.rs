@@ -16,16 +16,17 @@ impl Editor {
         let Some(entry) = self.session.site.cameras.iter().find(|entry| entry.id == camera) else { return };
         let proposed = Proposed::new(entry, proposal);
         let note = match (proposed.count(), proposed.verdict) {
-            (0, Verdict::None) => format!("The still of {camera} proposes nothing."),
-            (0, _) => format!("What the still of {camera} proposes is drawn already."),
-            (count, _) => format!("{count} lines are proposed for {camera}."),
+            (0, Verdict::None) => Some(format!("The still of {camera} proposes nothing.")),
+            (0, _) => Some(format!("What the still of {camera} proposes is drawn already.")),
+            // What keys do with it is said as long as it is there.
+            _ => None,
         };
         let all = Arc::make_mut(&mut self.session.proposed);
         all.retain(|known| known.camera != camera);
         all.push(proposed);
         self.session.picked = None;
         self.session.commit(format!("propose lines on {camera}"));
-        self.session.note = Some(note);
+        self.session.note = note;
     }
 
     /// A command on the group that is chosen, else on the one that would tell most.

@@ -138,6 +138,12 @@ impl Proposal {
             proposal.camera = Some(camera);
             return proposal;
         };
+        if is_other(&solution, &best.camera) {
+            // The strokes alone allow a camera that nobody set up; its numbers would be read as an answer.
+            proposal.reasons = vec![Reason::TwoHypotheses { focals: [best.camera.focal, solution.focal_px] }];
+            proposal.camera = Some(camera);
+            return proposal;
+        }
         let scatter = Scatter::new(best, others);
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
         let own = (WIDENING * own / solution.focal_px).min(OPEN);
@@ -301,6 +307,16 @@ impl Still {
         let (k1, _) = bend::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
         self.bent(k1)
     }
+}
+
+/// Whether the solve of the strokes stands the camera on its head, or turns it from that of all edges about its axis or
+/// up and down by more than any noise would.
+fn is_other(solution: &Solution, camera: &Orientation) -> bool {
+    /// In radians.
+    const TURNED: f64 = 0.5;
+    let turned =
+        |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > TURNED);
+    turned(solution.roll_deg, camera.roll) || turned(solution.pitch_deg, camera.pitch)
 }
 
 /// The mixtures of a hypothesis: with no right angle, and with each that may be one.
