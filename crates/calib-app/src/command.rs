@@ -33,7 +33,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         // What is open above the window is closed first.
         Group::Gesture(Gesture::Cancel) if app.close_sheets() => {}
         Group::Gesture(Gesture::Cancel) if app.decides_proposal(ctx) => {
-            app.act(Action::OnProposed(OnProposed::Dismiss))
+            app.act(Action::OnProposed(OnProposed::Dismiss));
         }
         Group::Gesture(Gesture::Accept) if app.decides_proposal(ctx) => {
             app.act(Action::OnProposed(OnProposed::AcceptAll));

@@ -152,7 +152,7 @@ impl Row<'_> {
         match self.group.kind {
             Kind::Vertical => button(ui, "Flip", "They lie flat: floor lines", OnProposed::Flip(self.index)),
             Kind::Parallel => {
-                button(ui, "Flip", "They stand upright: verticals", OnProposed::Flip(self.index))
+                button(ui, "Flip", "They stand upright: verticals", OnProposed::Flip(self.index));
             }
             _ => {}
         }
