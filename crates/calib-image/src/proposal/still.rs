@@ -138,7 +138,7 @@ impl Proposal {
             proposal.camera = Some(camera);
             return proposal;
         };
-        if is_other(&solution, &best.camera) {
+        if is_other([solution.roll_deg, solution.pitch_deg], &best.camera) {
             // The strokes alone allow a camera that nobody set up; its numbers would be read as an answer.
             proposal.reasons = vec![Reason::TwoHypotheses { focals: [best.camera.focal, solution.focal_px] }];
             proposal.camera = Some(camera);
@@ -305,18 +305,26 @@ impl Still {
             Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + bend::log_density(k1))
         };
         let (k1, _) = bend::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
-        self.bent(k1)
+        let lens = bend::lens(k1, self.centre(), self.sides());
+        let lines = self.lines(&lens);
+        // So near to the coarse step the same cameras are worth working out: nothing is sought anew.
+        let starts =
+            coarse.mixtures.iter().map(|from| (from.camera, from.azimuths.clone(), from.tied.clone()));
+        let mut mixtures: Vec<Mixture> =
+            starts.filter_map(|start| Mixture::fitted(&lines, start, &belief)).collect();
+        mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        Grouping { lens, k1, lines, mixtures }
     }
 }
 
 /// Whether the solve of the strokes stands the camera on its head, or turns it from that of all edges about its axis or
 /// up and down by more than any noise would.
-fn is_other(solution: &Solution, camera: &Orientation) -> bool {
+fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
     /// In radians.
     const TURNED: f64 = 0.5;
     let turned =
         |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > TURNED);
-    turned(solution.roll_deg, camera.roll) || turned(solution.pitch_deg, camera.pitch)
+    turned(found_deg[0], camera.roll) || turned(found_deg[1], camera.pitch)
 }
 
 /// The mixtures of a hypothesis: with no right angle, and with each that may be one.
@@ -329,4 +337,17 @@ fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mix
     let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
     ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solve_that_stands_the_camera_on_its_head_is_of_another_camera() {
+        let camera = Orientation { roll: -0.03, pitch: 0.4, focal: 1000.0 };
+        assert!(!is_other([Some(1.5), Some(25.0)], &camera), "that is noise");
+        assert!(is_other([Some(169.0), Some(20.0)], &camera), "it stands on its head");
+        assert!(is_other([Some(-2.0), Some(70.0)], &camera), "it looks at its feet");
+    }
 }
