@@ -7,7 +7,7 @@ mod desk;
 use calib_app::demo;
 use calib_core::{Annotation, Camera, Options, Site, SiteCamera, Solution};
 use calib_editor::{Action, Images, Pane};
-use calib_image::{Proposal, Still, Verdict};
+use calib_image::{LineSegment, Proposal, Still, Verdict};
 use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
@@ -158,4 +158,22 @@ fn a_camera_without_an_image_says_so_and_work_can_be_cancelled() {
     desk.tell(calib_app::command::Command::StopWork);
     desk.wait(|app| !app.is_working());
     assert!(desk.app().editor.session().proposed().is_none());
+}
+
+#[test]
+fn a_proposal_survives_the_way_out_of_a_worker() {
+    let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);
+    let lines = drawn.annotations.iter().flat_map(|drawn| drawn.polylines().collect::<Vec<_>>());
+    let segment =
+        |line: Vec<calib_core::Pixel>| LineSegment { ends: [line[0], line[line.len() - 1]], sigma: 0.5 };
+    let edges: Vec<LineSegment> = lines.map(segment).collect();
+    let sent = serde_json::to_vec(&(&drawn, &edges)).unwrap();
+    let (camera, received): (SiteCamera, Vec<LineSegment>) = serde_json::from_slice(&sent).unwrap();
+    assert!(camera == drawn && received == edges);
+    let few = edges.iter().take(3).copied().collect();
+    for edges in [edges, few, Vec::new()] {
+        let proposal = Proposal::new(&Still::new(edges, drawn.size_px));
+        let text = serde_json::to_vec(&proposal).unwrap();
+        assert_eq!(serde_json::from_slice::<Proposal>(&text).unwrap(), proposal);
+    }
 }
