@@ -1,7 +1,7 @@
 //! What commands do: those on the document are actions of the editor, those on the view are done here.
 
-use calib_editor::command::{Files, Gesture, Group, Nudge, Selection, Solving, Switch, View};
-use calib_editor::{Action, Pane};
+use calib_editor::command::{Files, Gesture, Group, Nudge, Proposing, Selection, Solving, Switch, View};
+use calib_editor::{Action, OnProposed, Pane};
 use egui::{Context, Modifiers, Vec2};
 
 pub use calib_editor::Command;
@@ -32,10 +32,18 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         Group::Files(command) => on_files(app, ctx, command),
         // What is open above the window is closed first.
         Group::Gesture(Gesture::Cancel) if app.close_sheets() => {}
+        Group::Gesture(Gesture::Cancel) if app.decides_proposal(ctx) => {
+            app.act(Action::OnProposed(OnProposed::Dismiss));
+        }
+        Group::Gesture(Gesture::Accept) if app.decides_proposal(ctx) => {
+            app.act(Action::OnProposed(OnProposed::AcceptAll));
+        }
         Group::Gesture(command) => app.act(Action::Gesture(command)),
         Group::Selection(command) => on_selection(app, command),
         Group::Nudge(step) => nudge(app, step, modifiers.shift),
         Group::Lines(command) => app.act(Action::Lines(command)),
+        Group::Proposing(Proposing::Propose) => app.propose(),
+        Group::Proposing(command) => app.act(Action::Proposing(command)),
         Group::View(command) => on_view(app, command),
         Group::Cameras(command) => app.act(Action::Cameras(command)),
         Group::Solving(command) => on_solving(app, ctx, command),

@@ -14,10 +14,11 @@ const ON_PLAN: [&[Command]; 3] = [
     &[Command::Coverage, Command::Blend, Command::Snap, Command::Beside],
     &[Command::Fit, Command::SavePicture],
 ];
-const ON_IMAGE: [&[Command]; 4] = [
+const ON_IMAGE: [&[Command]; 5] = [
     &[Command::Accept, Command::StepBack, Command::Cancel],
     &[Command::UseAnyway, Command::OnOff, Command::PullOntoEdge, Command::Duplicate, Command::Delete],
-    &[Command::TakeSuggestion, Command::NewGroup, Command::PasteLines, Command::SelectAll],
+    &[Command::AcceptGroup, Command::FlipGroup, Command::DeleteGroup, Command::AcceptProposed],
+    &[Command::Propose, Command::TakeSuggestion, Command::NewGroup, Command::PasteLines, Command::SelectAll],
     &[Command::Fit, Command::SavePicture],
 ];
 

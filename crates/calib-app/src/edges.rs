@@ -29,15 +29,20 @@ impl Edges {
             return &[];
         }
         let look = || State::Looking(Here::find_edges(ctx, image));
-        let state = self.stills.entry(name.to_owned()).or_insert_with(look);
-        if let State::Looking(task) = state
-            && let Some(edges) = task.poll()
-        {
-            *state = State::Found(edges);
-        }
-        match state {
+        match self.stills.entry(name.to_owned()).or_insert_with(look) {
             State::Found(edges) => edges,
             State::Looking(_) => &[],
+        }
+    }
+
+    /// Begins a frame: finished work arrives, whether anybody asks for it or not.
+    pub fn begin_frame(&mut self) {
+        for state in self.stills.values_mut() {
+            if let State::Looking(task) = state
+                && let Some(edges) = task.poll()
+            {
+                *state = State::Found(edges);
+            }
         }
     }
 

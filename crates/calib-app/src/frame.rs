@@ -24,12 +24,14 @@ impl App {
     /// What is done before anything is shown: finished work, dropped files, keys.
     pub fn logic(&mut self, ctx: &Context) {
         self.pictures.begin_frame(ctx);
+        self.edges.begin_frame();
         // What comes in waits until the hand is empty: it would end the gesture that is under way.
         if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_at_rest()) {
             self.poll_dialog(ctx);
             self.poll_stills();
             self.poll_plan();
             self.poll_refining();
+            self.poll_proposing(ctx);
             self.poll_arrivals(ctx);
             self.poll_shelf();
         }

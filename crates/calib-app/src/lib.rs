@@ -17,6 +17,7 @@ pub mod canvas;
 pub mod picture;
 pub mod edges;
 pub mod refine;
+pub mod propose;
 pub mod files;
 pub mod autosave;
 pub mod recent;

@@ -4,10 +4,11 @@ use std::cell::RefCell;
 
 use calib_core::Pixel;
 use calib_editor::{Icon, OldStill, Pane, Part, TOOLS, hit};
+use calib_image::Verdict;
 use egui::{Color32, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
-use crate::overlay::Overlay;
+use crate::overlay::{Ghosts, Overlay};
 use crate::picture::Piece;
 use crate::state::{App, Mode, Place};
 use crate::theme;
@@ -46,6 +47,14 @@ pub(crate) fn blend_old(
         let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
         whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
     }
+}
+
+/// What is proposed for a camera, on its own canvas.
+fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
+    let is_shown = place == Place::Main && camera == app.editor.session().camera;
+    let proposed = app.shown_proposal().filter(|_| is_shown)?;
+    let is_believed = proposed.verdict != Verdict::None;
+    Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.lit_group })
 }
 
 /// What lies on the image of a camera.
@@ -100,6 +109,7 @@ pub(crate) fn overlay<'a>(
             }),
         begun: app.editor.tool().begun(app.editor.session()),
         suggested: Vec::new(),
+        proposed: ghosts(app, camera, place),
         names_elements: app.mode == Mode::All,
         named: RefCell::default(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,

@@ -6,12 +6,14 @@ use std::sync::Arc;
 use calib_core::{
     Annotation, ControlPointEntry, Distance, Known, LensEntry, Link, Mark, MarkKind, Placement, Plan, Site,
 };
+use calib_image::Proposal;
 use image::RgbImage;
 
-use crate::command::{Cameras, Gesture, Lines, Nudge, Selection};
+use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};
 use crate::hit::Part;
 use crate::images::Images;
 use crate::planes::Planes;
+use crate::proposed::OnProposed;
 use crate::tools::{Pane, Pointer};
 
 /// A site to be opened.
@@ -111,6 +113,13 @@ pub enum Action {
     },
     /// A command on lines.
     Lines(Lines),
+
+    /// The still of the camera of this id proposes this.
+    Propose(String, Box<Proposal>),
+    /// Decides on what the still of the camera in hand proposes.
+    OnProposed(OnProposed),
+    /// A command on what is proposed.
+    Proposing(Proposing),
 
     /// A command on the list of cameras.
     Cameras(Cameras),

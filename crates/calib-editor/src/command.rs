@@ -31,6 +31,10 @@ pub enum Needs {
     Camera,
     /// Something that is selected.
     Selection,
+    /// Something that is selected, or a proposed line that is chosen.
+    Chosen,
+    /// Lines that the still proposes.
+    Proposed,
     /// A gesture to take back.
     Undo,
     /// A gesture to do again.
@@ -150,7 +154,7 @@ commands! {
     }
     /// What is selected.
     Selection {
-        Delete "Delete what is selected" [Selection] NONE Delete;
+        Delete "Delete what is selected" [Chosen] NONE Delete;
         Duplicate "Duplicate the selected lines into a group of their own" [Selection] NONE D;
         OnOff "Switch what is selected on or off" [Selection] NONE X;
         UseAnyway "Use a suspected line anyway" [Selection];
@@ -178,6 +182,15 @@ commands! {
         TakeSecondSolution "Use the second solution's field of view" [SecondSolution];
         CopyLines "Copy this camera's annotations" [Camera] CTRL_SHIFT C;
         PasteLines "Paste annotations onto this camera" [Copied] CTRL_SHIFT V;
+    }
+    /// What the still proposes.
+    Proposing {
+        Propose "Propose lines from the edges of this image" [Camera] SHIFT P;
+        AcceptProposed "Accept all proposed lines" [Proposed];
+        DismissProposed "Dismiss all proposed lines" [Proposed];
+        AcceptGroup "Accept the chosen group of proposed lines" [Proposed];
+        FlipGroup "Flip the chosen group of proposed lines: verticals or floor lines" [Proposed];
+        DeleteGroup "Delete the chosen group of proposed lines" [Proposed];
     }
     /// How it is looked at.
     View {

@@ -7,6 +7,7 @@ use calib_core::{Annotation, Camera, Code, Kind, Site, SiteCamera};
 use crate::command::{self, Command, Needs};
 use crate::family::Family;
 use crate::images::Images;
+use crate::preview::Preview;
 use crate::session::Session;
 use crate::tools::{TOOLS, Tool};
 
@@ -39,6 +40,8 @@ pub struct Editor {
     pub(crate) compared: Option<Site>,
     /// What else fits the camera of this index as well.
     pub(crate) family: Option<(usize, Family)>,
+    /// The camera in hand with all that is proposed.
+    pub(crate) preview: Option<Preview>,
     /// What went wrong, until it is closed.
     pub(crate) error: Option<String>,
 }
@@ -54,6 +57,7 @@ impl Default for Editor {
             old_still: None,
             compared: None,
             family: None,
+            preview: None,
             error: None,
         }
     }
@@ -163,6 +167,27 @@ impl Editor {
         self.family.as_ref().map(|(camera, family)| (*camera, family))
     }
 
+    /// Finds out what the camera in hand would be with all that is proposed, for whoever shows it.
+    pub fn find_preview(&mut self) -> Option<&Preview> {
+        let session = &self.session;
+        let (Some(entry), Some(proposed)) = (session.entry(), session.proposed()) else {
+            self.preview = None;
+            return None;
+        };
+        // While a line is in the hand the last answer stands.
+        let is_known = |preview: &Preview| preview.is_of(entry, proposed) || !self.tool().is_idle();
+        if !self.preview.as_ref().is_some_and(is_known) {
+            self.preview = Some(Preview::new(entry, session.pose(), proposed));
+        }
+        self.preview.as_ref()
+    }
+
+    /// What was found out of it.
+    #[must_use]
+    pub fn preview(&self) -> Option<&Preview> {
+        self.preview.as_ref().filter(|_| self.session.proposed().is_some())
+    }
+
     /// Poses to be shown as ghosts: those before the gesture under way; else, where `wanted`, those of a
     /// compared version or before refining.
     #[must_use]
@@ -186,6 +211,8 @@ impl Editor {
             Needs::Cameras => !session.site.cameras.is_empty(),
             Needs::Camera => session.entry().is_some(),
             Needs::Selection => !session.selection.is_empty(),
+            Needs::Chosen => !session.selection.is_empty() || session.picked.is_some(),
+            Needs::Proposed => session.proposed().is_some(),
             Needs::Undo => session.history.undo_name().is_some() || !self.tool().is_idle(),
             Needs::Redo => session.history.redo_name().is_some() && self.tool().is_idle(),
             Needs::Suggestion => session.proposal().is_some(),

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use calib_core::{Site, SiteCamera};
 
+use crate::proposed::Proposed;
+
 /// A site at a moment. Cameras that did not change are shared between moments.
 #[derive(Clone, Debug)]
 struct Snapshot {
@@ -111,6 +113,8 @@ struct Step {
     /// What the gesture did, as it reads after "Undo": "move V2".
     name: String,
     after: Snapshot,
+    /// What was proposed then and not decided.
+    proposed: Arc<Vec<Proposed>>,
     /// The joint result that the site had then.
     joint: Option<u64>,
 }
@@ -121,6 +125,8 @@ pub struct History {
     first: Snapshot,
     /// The joint result that the site was opened with.
     first_joint: Option<u64>,
+    /// With a site that is opened nothing is proposed.
+    nothing: Arc<Vec<Proposed>>,
     steps: Vec<Step>,
     /// How many of the steps are done.
     done: usize,
@@ -130,7 +136,13 @@ impl History {
     /// A history that begins here.
     #[must_use]
     pub fn new(site: &Site) -> Self {
-        Self { first: Snapshot::of(site, None), first_joint: None, steps: Vec::new(), done: 0 }
+        Self {
+            first: Snapshot::of(site, None),
+            first_joint: None,
+            nothing: Arc::default(),
+            steps: Vec::new(),
+            done: 0,
+        }
     }
 
     fn now(&self) -> &Snapshot {
@@ -171,15 +183,22 @@ impl History {
     }
 
     /// Ends a gesture. What was undone before is gone. `false` when the gesture changed nothing.
-    pub fn commit(&mut self, name: impl Into<String>, site: &Site) -> bool {
-        if self.is_at(site) {
+    pub fn commit(&mut self, name: impl Into<String>, site: &Site, proposed: &Arc<Vec<Proposed>>) -> bool {
+        if self.is_at(site) && self.proposed() == proposed {
             return false;
         }
         let after = Snapshot::of(site, Some(self.now()));
         self.steps.truncate(self.done);
-        self.steps.push(Step { name: name.into(), after, joint: None });
+        self.steps.push(Step { name: name.into(), after, proposed: Arc::clone(proposed), joint: None });
         self.done += 1;
         true
+    }
+
+    /// What was proposed and not decided as the last finished gesture left it.
+    #[must_use]
+    pub fn proposed(&self) -> &Arc<Vec<Proposed>> {
+        let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
+        last.map_or(&self.nothing, |step| &step.proposed)
     }
 
     /// Every camera as the last finished gesture left it.
@@ -271,7 +290,7 @@ mod tests {
         let states: Vec<Site> = (0..20).map(site).collect();
         let mut history = History::new(&states[0]);
         for (i, state) in states.iter().enumerate().skip(1) {
-            assert!(history.commit(format!("step {i}"), state));
+            assert!(history.commit(format!("step {i}"), state, &Arc::default()));
         }
         for state in states.iter().rev().skip(1) {
             assert_eq!(history.undo().unwrap().0, *state);
@@ -303,7 +322,7 @@ mod tests {
     #[test]
     fn a_gesture_that_changed_nothing_is_no_step() {
         let mut history = History::new(&site(2));
-        assert!(!history.commit("nothing", &site(2)));
+        assert!(!history.commit("nothing", &site(2), &Arc::default()));
         assert_eq!(history.undo_name(), None);
     }
 
@@ -312,7 +331,7 @@ mod tests {
         let mut history = History::new(&site(3));
         let mut changed = site(3);
         changed.cameras[1].sigma_px = Some(2.0);
-        history.commit("change", &changed);
+        history.commit("change", &changed, &Arc::default());
         assert!(Arc::ptr_eq(&history.first.cameras[0], &history.now().cameras[0]));
     }
 }

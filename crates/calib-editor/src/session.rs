@@ -13,6 +13,8 @@ use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
 use crate::joint::Joint;
+use crate::preview;
+use crate::proposed::Proposed;
 use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
@@ -49,6 +51,10 @@ pub struct Session {
     pub pivot: Option<[f64; 2]>,
     /// What was suggested for which camera and is not to be suggested again, by its id.
     pub(crate) dismissed: Vec<(String, Drawing)>,
+    /// What stills propose and is not decided, at most once a camera.
+    pub(crate) proposed: Arc<Vec<Proposed>>,
+    /// The group and line that are chosen of what is proposed for the camera in hand.
+    pub(crate) picked: Option<(usize, usize)>,
     /// What lengths are shown in.
     pub units: Units,
     /// What is dragged on the plan snaps to round numbers.
@@ -113,6 +119,8 @@ impl Session {
             measured: None,
             pivot: None,
             dismissed: Vec::new(),
+            proposed: Arc::default(),
+            picked: None,
             units: Units::default(),
             snap: false,
             note: None,
@@ -144,6 +152,40 @@ impl Session {
     /// The camera in hand, to be changed.
     pub fn entry_mut(&mut self) -> Option<&mut SiteCamera> {
         self.site.cameras.get_mut(self.camera)
+    }
+
+    /// What the still of the camera in hand proposes and is not decided.
+    #[must_use]
+    pub fn proposed(&self) -> Option<&Proposed> {
+        let camera = self.entry()?;
+        self.proposed.iter().find(|own| own.camera == camera.id)
+    }
+
+    /// The group and line that are chosen of it.
+    #[must_use]
+    pub const fn picked(&self) -> Option<(usize, usize)> {
+        self.picked
+    }
+
+    /// The camera in hand as a proposal begins: nothing drawn, and its lens given where it is known by now.
+    #[must_use]
+    pub fn undrawn(&self) -> Option<SiteCamera> {
+        Some(preview::undrawn(self.entry()?, self.pose()))
+    }
+
+    /// What was proposed for a camera that is gone, or for another still, is gone too.
+    fn forget_stale(&mut self) {
+        let (before, site) = (self.history.cameras(), &self.site);
+        let still = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
+        let is_stale = |own: &Proposed| {
+            let now = site.cameras.iter().find(|camera| camera.id == own.camera);
+            let was = before.iter().find(|camera| camera.id == own.camera);
+            now.is_none_or(|now| was.is_some_and(|was| still(now) != still(was)))
+        };
+        if self.proposed.iter().any(is_stale) {
+            Arc::make_mut(&mut self.proposed).retain(|own| !is_stale(own));
+            self.picked = None;
+        }
     }
 
     /// The result of the camera in hand.
@@ -238,7 +280,10 @@ impl Session {
         if is_solved {
             self.refine_on_the_way();
         }
-        if self.history.commit(name, &self.site) {
+        self.forget_stale();
+        let is_other = !self.history.is_at(&self.site);
+        self.history.commit(name, &self.site, &self.proposed);
+        if is_other {
             self.generation += 1;
             self.before_refine = None;
         }
@@ -268,12 +313,14 @@ impl Session {
     }
 
     fn restore(&mut self, site: Site, note: String) {
+        self.generation += u64::from(self.site != site);
         self.site = site;
+        self.proposed = Arc::clone(self.history.proposed());
         self.selection.clear();
+        self.picked = None;
         self.plane = self.plane.filter(|&plane| plane < self.site.planes.len());
         self.before_refine = None;
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
-        self.generation += 1;
         self.note = Some(note);
         self.is_put_off = false;
         self.solved.descend_from(self.history.joint());
@@ -288,6 +335,7 @@ impl Session {
         if camera != self.camera && camera < self.site.cameras.len() {
             self.camera = camera;
             self.selection.clear();
+            self.picked = None;
             self.pivot = None;
         }
     }

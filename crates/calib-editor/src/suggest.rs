@@ -45,7 +45,7 @@ pub fn on_edges(next: &DrawNext, camera: &Camera, entry: &SiteCamera, edges: &[E
 }
 
 /// Whether a line is drawn along an edge: both of its ends lie beside it, or those of the line beside the edge.
-fn is_drawn(edge: &Edge, entry: &SiteCamera) -> bool {
+pub(crate) fn is_drawn(edge: &Edge, entry: &SiteCamera) -> bool {
     /// In pixels.
     const BESIDE: f64 = 8.0;
     let along =

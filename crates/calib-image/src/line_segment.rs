@@ -3,7 +3,7 @@
 use calib_core::Pixel;
 
 /// A straight edge with its noise.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LineSegment {
     /// Its ends, raw pixels.
     pub ends: [Pixel; 2],

@@ -278,6 +278,8 @@ fn report(app: &App) -> Value {
         "behind": app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
         "reading": app.pictures.loading() + app.edges.looking() + app.arriving.len(),
         "refining": app.refining.is_some(),
+        "proposing": app.proposing.is_some(),
+        "proposed": session.proposed().map(|own| json!({"verdict": own.verdict.name(), "lines": own.count()})),
         "error": app.editor.error(),
         "note": session.note,
         "milliseconds": session.solved.milliseconds,

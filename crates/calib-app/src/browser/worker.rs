@@ -1,13 +1,14 @@
-//! The same program in a worker: it decodes, renders, looks for edges and refines while the page goes on.
+//! The same program in a worker: it decodes, renders, looks for edges, proposes and refines while the page goes on.
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::edges;
+use calib_image::{LineSegment, Proposal, Still, line_segments};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
 use crate::demo;
-use crate::platform::web::REFINE;
+use crate::platform::web::{PROPOSE, REFINE};
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {
@@ -30,10 +31,14 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
             numbers(&calib_editor::decode(&bytes)?, &bytes)
         }
         "edges" => {
-            let height = bytes.len() as u32 / (3 * width.max(1));
-            let image =
-                RgbImage::from_raw(width, height, bytes.to_vec()).ok_or("an image of another size")?;
+            let image = of_bytes(width, bytes)?;
             Ok(Array::of1(&Float64Array::from(&*edges::to_numbers(&edges::find(&image))).into()))
+        }
+        PROPOSE if width > 0 => written(&line_segments(&of_bytes(width, bytes)?)),
+        PROPOSE => {
+            let (camera, edges): (SiteCamera, Vec<LineSegment>) =
+                serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+            written(&Proposal::new(&Still::of_camera(&camera, edges)))
         }
         REFINE => {
             let site = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
@@ -42,6 +47,16 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
         }
         other => Err(format!("no work of the kind {other}")),
     }
+}
+
+fn of_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
+    let height = bytes.len() as u32 / (3 * width.max(1));
+    RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "an image of another size".into())
+}
+
+fn written(answer: &impl serde::Serialize) -> Result<Array, String> {
+    let text = serde_json::to_vec(answer).map_err(|error| error.to_string())?;
+    Ok(Array::of1(&Uint8Array::from(&*text).into()))
 }
 
 fn numbers(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {

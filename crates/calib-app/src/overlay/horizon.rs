@@ -51,7 +51,7 @@ impl Overlay<'_> {
     }
 
     /// A horizon, and what it is at this share of the width.
-    fn paint_named(
+    pub(crate) fn paint_named(
         &self,
         painter: &Painter,
         camera: &Camera,

@@ -2,6 +2,7 @@
 
 mod horizon;
 mod lines;
+mod proposed;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -18,6 +19,8 @@ use crate::canvas::Mapping;
 use crate::paint::{Pen, handle, line, ring, tag};
 use crate::state::Layers;
 use crate::theme::{self, on_image};
+
+pub use proposed::Ghosts;
 
 /// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +71,8 @@ pub struct Overlay<'a> {
     pub begun: Option<usize>,
     /// Edges on which the lines that would help most can be drawn.
     pub suggested: Vec<Edge>,
+    /// What the still proposes, where it is shown.
+    pub proposed: Option<Ghosts<'a>>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
     /// Whether links and marks say their names without being asked, where that covers no other name.
@@ -108,16 +113,27 @@ impl Overlay<'_> {
         let solution = self.session.solved.solution(self.camera);
         let shown = Shown(self.session);
         let view = ImageView::new(&shown, self.camera);
-        self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
+        match &self.proposed {
+            // One grid and one horizon: those of the camera that is proposed.
+            Some(ghosts) if ghosts.is_camera() => self.paint_supposed(painter, ghosts),
+            _ => {
+                self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
+                if let (Some(camera), Some(_)) = (pose, solution) {
+                    self.paint_horizon(painter, camera, entry);
+                }
+            }
+        }
         if let (Some(camera), Some(_)) = (pose, solution) {
-            self.paint_horizon(painter, camera, entry);
             self.paint_guide(painter, camera);
         }
         self.paint_items(painter, &items_on_image(&view, &self.drawn()));
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
         }
-        self.paint_suggestion(painter, solution);
+        match &self.proposed {
+            Some(ghosts) => self.paint_proposed(painter, ghosts),
+            None => self.paint_suggestion(painter, solution),
+        }
         self.paint_selection(painter);
     }
 

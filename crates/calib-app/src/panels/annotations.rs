@@ -30,8 +30,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if annotations.is_empty() {
         let palette = theme::palette(ui.ctx());
         ui.label(
-            RichText::new("Nothing drawn yet. V draws verticals, P parallels, R right angles.")
-                .color(palette.text2),
+            RichText::new(
+                "Nothing drawn yet. Shift+P proposes lines; V draws verticals, P parallels, R right angles.",
+            )
+            .color(palette.text2),
         );
     }
     let mut wishes = Vec::new();

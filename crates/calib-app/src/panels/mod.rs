@@ -18,6 +18,7 @@ pub mod distances;
 pub mod export;
 pub mod marks;
 pub mod palette;
+pub mod proposed;
 pub mod planes;
 pub mod result;
 pub mod placement;
@@ -125,6 +126,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     }
     out_of_date::show(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        proposed::show(app, ui);
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
         if app.editor.compared().is_some() {

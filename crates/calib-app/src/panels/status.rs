@@ -2,6 +2,7 @@
 
 use calib_core::{Pixel, SurfacePoint, SurfaceProjector};
 use calib_editor::{Pane, plan_scale};
+use calib_image::Verdict;
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::icons::{self, Icon, Look};
@@ -19,7 +20,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             _ if app.editor.session().site.cameras.is_empty() => {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
-            _ => app.editor.tool().hint(app.editor.session()),
+            _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let is_narrow = ui.ctx().content_rect().width() < super::NARROW;
@@ -36,6 +37,23 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if stop {
         app.stop_work();
     }
+}
+
+/// What keys do with what is proposed.
+fn proposal_hint(app: &App) -> Option<String> {
+    let proposed =
+        app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;
+    let picked = app.editor.session().picked().and_then(|(group, _)| proposed.groups.get(group));
+    Some(match picked {
+        Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
+        None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
+        None => {
+            let count = proposed.count();
+            format!(
+                "{count} lines proposed: Enter accepts all, Esc dismisses them, a click on one chooses it."
+            )
+        }
+    })
 }
 
 /// Whether a note is new enough to be read instead of what the next click does.
@@ -66,6 +84,10 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
         ui.spinner();
         let text = format!("refining {} cameras", refining.from.cameras.len());
         ui.label(RichText::new(text).color(palette.text2));
+    }
+    if let Some(proposing) = &app.proposing {
+        ui.spinner();
+        ui.label(RichText::new(proposing.doing()).color(palette.text2));
     }
     let waiting = app.waiting();
     if waiting > 0 {

@@ -3,6 +3,7 @@
 use calib_editor::steps::{bent_px, steps};
 use egui::{RichText, Ui};
 
+use crate::command::Command;
 use crate::icons::{self, Icon};
 use crate::panels::{heading, lens};
 use crate::state::App;
@@ -33,6 +34,18 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.add(egui::Label::new(RichText::new(step.state).color(palette.text2)).truncate());
             });
         });
+    }
+    let is_blank = app
+        .editor
+        .session()
+        .entry()
+        .is_some_and(|entry| entry.image.is_some() && entry.annotations.is_empty());
+    let waits = app.proposing.is_none() && app.editor.session().proposed().is_none();
+    if is_blank
+        && waits
+        && ui.button("Propose lines   Shift+P").on_hover_text("From the edges of the image").clicked()
+    {
+        app.tell(Command::Propose);
     }
     if bent && ui.button("Fit k1, k2").on_hover_text("Fit the lens to the straight edges").clicked() {
         lens::fit(app);

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Source};
+use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 
@@ -106,6 +107,15 @@ pub(crate) trait Platform {
 
     /// Finds the straight edges of an image.
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;
+
+    /// Finds the straight edges of an image to a fraction of a pixel, each with its noise.
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>>;
+
+    /// What edges propose for a camera, whose lens is known as far as it is entered.
+    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>>;
+
+    /// Nobody waits for edges that are measured, or for what they propose, any more.
+    fn stop_proposing();
 
     /// Improves all cameras of a site together; it waits for no other work.
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>>;

@@ -17,6 +17,7 @@ use crate::dialog::Dialog;
 use crate::edges::Edges;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
+use crate::propose::Proposing;
 use crate::recent::{self, Recent};
 use crate::refine::Refining;
 use crate::shelf::Shelf;
@@ -57,6 +58,8 @@ pub struct App {
     pub orbit: Option<Orbit>,
     /// The line whose row is under the cursor.
     pub lit: Option<(usize, usize)>,
+    /// The group of proposed lines whose row is under the cursor.
+    pub lit_group: Option<usize>,
     /// When the suspect changed, for its blinking, in seconds.
     pub suspect_since: f64,
     pub(crate) suspect: Option<(usize, usize, usize)>,
@@ -108,6 +111,7 @@ pub struct App {
     pub(crate) replacing: Option<Task<Read>>,
     pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
+    pub(crate) proposing: Option<Proposing>,
 }
 
 impl App {
@@ -133,6 +137,7 @@ impl App {
             show_before: true,
             orbit: None,
             lit: None,
+            lit_group: None,
             suspect_since: 0.0,
             suspect: None,
             compares_views: false,
@@ -164,6 +169,7 @@ impl App {
             replacing: None,
             planning: None,
             refining: None,
+            proposing: None,
         }
     }
 

@@ -14,6 +14,7 @@ mod export;
 mod reading;
 mod app;
 mod suggested;
+mod proposed;
 mod work;
 mod plan;
 

@@ -351,6 +351,39 @@ async function refine() {
   await desk.context.close();
 }
 
+/** One key has the still propose its lines in a worker, which can be stopped; another draws them, as one step. */
+async function propose() {
+  const desk = await Desk.open(browser, `${address}?test=1`);
+  await desk.press("Open the demonstration site");
+  await desk.settled();
+  const drawn = (state) => state.site.cameras[0].annotations.length;
+  const before = drawn(await desk.state());
+  // A worker that does not end: the page goes on, and the button acts.
+  await desk.page.evaluate(() => { globalThis.own = calib.work; calib.work = () => new Promise(() => {}); });
+  await desk.key("Shift+P");
+  await desk.until("under way", (state) => state.proposing);
+  await desk.press("Cancel what is under way");
+  const stopped = await desk.until("stopped", (state) => !state.proposing);
+  assert.match(stopped.note, /nothing is proposed/);
+  await desk.page.evaluate(() => { calib.work = globalThis.own; });
+  const start = Date.now();
+  await desk.key("Shift+P");
+  const { proposed } = await desk.until("a proposal", (state) => !state.proposing && state.proposed);
+  console.log(`a proposal of 1920x1080 in ${((Date.now() - start) / 1000).toFixed(1)} s: ${proposed.verdict}, ${proposed.lines} lines`);
+  assert.notEqual(proposed.verdict, "none");
+  assert(proposed.lines > 4, `${proposed.lines} lines`);
+  assert.equal(drawn(await desk.state()), before);
+  await desk.picture("proposed");
+  await desk.key("Enter");
+  await desk.until("drawn", (state) => !state.proposed && drawn(state) > before);
+  await desk.key("Control+z");
+  await desk.until("proposed again", (state) => state.proposed && drawn(state) === before);
+  await desk.key("Escape");
+  await desk.until("dismissed", (state) => !state.proposed);
+  desk.fine();
+  await desk.context.close();
+}
+
 /** A drawing becomes the picture of the plan. */
 async function drawing() {
   const desk = await Desk.open(browser, `${address}?test=1`);
@@ -489,6 +522,7 @@ await step("context", context);
 await step("offline", offline);
 await step("versions", versions);
 await step("refine", refine);
+await step("propose", propose);
 await step("drawing", drawing);
 await step("touch", touch);
 await step("forbidden", forbidden);

@@ -94,8 +94,9 @@ impl Editor {
             session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
         let marks =
             session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
+        let proposed = std::sync::Arc::make_mut(&mut session.proposed).iter_mut().map(|own| &mut own.camera);
         let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
-        for name in links.chain(marks).chain(like).filter(|name| **name == old) {
+        for name in links.chain(marks).chain(like).chain(proposed).filter(|name| **name == old) {
             id.clone_into(name);
         }
         session.commit(format!("rename {old}"));

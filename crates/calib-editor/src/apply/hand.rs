@@ -4,6 +4,7 @@ use calib_core::MarkKind;
 
 use crate::command::{Gesture, Selection};
 use crate::editor::Editor;
+use crate::hit;
 use crate::tools::{Pane, Phase, Pointer, TOOLS, ToolRow, tool_called};
 
 impl Editor {
@@ -11,11 +12,31 @@ impl Editor {
         if pointer.phase == Phase::Press {
             self.session.note = None;
         }
+        if self.picks(pointer) {
+            return;
+        }
         let acts = pointer.pane != Pane::Plan || TOOLS.get(self.tool_row).is_none_or(ToolRow::acts_on_plan);
         let is_plans = !self.on_plan.is_idle() || (!acts && self.tool.is_idle());
         let tool = if is_plans { &mut self.on_plan } else { &mut self.tool };
         tool.pointer(&mut self.session, pointer);
         self.rest();
+    }
+
+    /// Whether the press chooses a proposed line: what is drawn comes first, as does a tool that draws.
+    fn picks(&mut self, pointer: &Pointer) -> bool {
+        let is_free = self.tool_row == 0 && self.tool.is_idle() && pointer.phase == Phase::Press;
+        let session = &mut self.session;
+        let at = pointer.pixel().filter(|(camera, _)| is_free && *camera == session.camera);
+        let Some((camera, at)) = at else { return false };
+        let pose = session.solved.pose(camera);
+        let is_drawn =
+            hit::pick(&session.site, camera, pose, at, pointer.radius, &session.selection).is_some();
+        let under = session.proposed().and_then(|own| own.under(at, pointer.radius));
+        session.picked = under.filter(|_| !is_drawn);
+        if session.picked.is_some() {
+            session.selection.clear();
+        }
+        session.picked.is_some()
     }
 
     /// After what the hand did: a tool that has made what it makes is laid down.

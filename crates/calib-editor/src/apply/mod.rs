@@ -3,6 +3,7 @@
 mod hand;
 mod selection;
 mod lines;
+mod proposing;
 mod cameras;
 mod places;
 mod elements;
@@ -38,6 +39,9 @@ impl Editor {
             Action::Selection(command, still) => self.on_selection(command, still.as_deref()),
             Action::Nudge { step, coarse, pane } => self.nudge(step, coarse, pane),
             Action::Lines(command) => self.on_lines(command),
+            Action::Propose(camera, proposal) => self.propose(&camera, &proposal),
+            Action::OnProposed(action) => self.on_proposed(action),
+            Action::Proposing(command) => self.proposing(command),
             Action::Cameras(command) => self.on_cameras(command),
             Action::AddCamera(still) => self.add_camera(still),
             Action::ReplaceStill(id, still) => self.replace_still(&id, still),

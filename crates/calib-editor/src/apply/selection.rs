@@ -8,6 +8,7 @@ use image::RgbImage;
 use crate::command::{Nudge, Selection};
 use crate::editor::Editor;
 use crate::hit::{self, Part};
+use crate::proposed::OnProposed;
 use crate::tools::Pane;
 use crate::{edit, snap};
 
@@ -34,7 +35,10 @@ impl Editor {
         let name = self.session.selection_name();
         let parts = self.session.selection.clone();
         match command {
-            Selection::Delete => self.delete(&parts, &name),
+            Selection::Delete => match self.session.picked.filter(|_| parts.is_empty()) {
+                Some((group, line)) => self.on_proposed(OnProposed::LeaveOut(group, line)),
+                None => self.delete(&parts, &name),
+            },
             Selection::Duplicate => self.duplicate(&parts, &name),
             Selection::OnOff => {
                 self.flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off);

@@ -18,6 +18,7 @@ impl Editor {
         (self.session.units, self.session.snap) = (units, snap);
         self.session.generation = u64::from(is_unsaved);
         (self.compared, self.error, self.family, self.old_still) = (None, None, None, None);
+        self.preview = None;
         self.take_tool(0);
     }
 

@@ -10,7 +10,7 @@ use super::mixture::Mixture;
 use super::strokes::Stroke;
 
 /// Edges of one direction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Group {
     /// As they would be drawn.
     pub annotation: Annotation,

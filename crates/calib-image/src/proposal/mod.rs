@@ -8,6 +8,7 @@
 //! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
 //! - `bend` the distortion under which the grouping is likeliest;
 //! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
+//! - `straight` edges that the lens bends, to fit its distortion to;
 //! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
 
 mod frame;
@@ -19,6 +20,7 @@ mod mixture;
 mod bend;
 mod strokes;
 mod drawn;
+mod straight;
 mod verdict;
 mod still;
 

@@ -15,6 +15,7 @@ use super::drawn::{Group, entry, groups, solved, stroke};
 use super::line::Line;
 use super::mixture::Mixture;
 use super::search::{Hypothesis, hypotheses};
+use super::straight::straight;
 use super::strokes::strokes;
 use super::verdict::{Reason, Verdict};
 use super::{bend, join, search};
@@ -34,6 +35,8 @@ const NEARLY_SQUARE: f64 = 0.4;
 /// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
 const SURE: f64 = 0.06;
 const CHECK: f64 = 0.10;
+/// That of a focal of which nothing is known.
+const OPEN: f64 = 10.0;
 /// Sigmas of what is believed of cameras from which one wants a look, and from which it is not believed.
 const UNUSUAL: f64 = 2.0;
 const UNBELIEVED: f64 = 3.0;
@@ -54,7 +57,7 @@ pub struct Still {
 }
 
 /// What a still proposes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Proposal {
     /// Whether to believe it.
     pub verdict: Verdict,
@@ -62,6 +65,9 @@ pub struct Proposal {
     pub reasons: Vec<Reason>,
     /// The strokes, direction by direction; empty where nothing was found.
     pub groups: Vec<Group>,
+    /// Edges that the lens bends, each a polyline, from which the distortion can be fitted; none where the lens is known
+    /// or does not bend.
+    pub straight: Vec<Vec<Pixel>>,
     /// The camera as it would be drawn, without an image.
     pub camera: Option<SiteCamera>,
     /// What the solve makes of it.
@@ -98,7 +104,10 @@ impl Proposal {
         };
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > LEAST_EVIDENCE => {
-                Self::of(&grouping, best, &others, still.size)
+                let straight = straight(&grouping.lines, &still.segments, &grouping.lens);
+                // What is known of the lens already is not asked for.
+                let straight = if still.lens.is_some() { Vec::new() } else { straight };
+                Self { straight, ..Self::of(&grouping, best, &others, still.size) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -109,6 +118,7 @@ impl Proposal {
             verdict: Verdict::None,
             reasons,
             groups: Vec::new(),
+            straight: Vec::new(),
             camera: None,
             solution: None,
             focal_sigma_rel: None,
@@ -128,9 +138,15 @@ impl Proposal {
             proposal.camera = Some(camera);
             return proposal;
         };
+        if is_other([solution.roll_deg, solution.pitch_deg], &best.camera) {
+            // The strokes alone allow a camera that nobody set up; its numbers would be read as an answer.
+            proposal.reasons = vec![Reason::TwoHypotheses { focals: [best.camera.focal, solution.focal_px] }];
+            proposal.camera = Some(camera);
+            return proposal;
+        }
         let scatter = Scatter::new(best, others);
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
-        let own = WIDENING * own / solution.focal_px;
+        let own = (WIDENING * own / solution.focal_px).min(OPEN);
         let sigma = own.hypot(scatter.sigma);
         let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
         proposal.judge([sigma, own, unusual], &scatter, &solution);
@@ -210,6 +226,17 @@ impl Still {
         Self { segments, size, principal_point: None, lens: None }
     }
 
+    /// The still of a camera: its lens is known where its distortion is given.
+    #[must_use]
+    pub fn of_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
+        let is_known = camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+        Self {
+            principal_point: Some(camera.principal_point()),
+            lens: is_known.then(|| camera.lens()),
+            ..Self::new(segments, camera.size_px)
+        }
+    }
+
     /// The likeliest grouping, and all other cameras with their log evidence less its own.
     fn grouping(&self) -> Option<(Grouping, Vec<(f64, Orientation)>)> {
         let straight = self.grouped(self.lens.unwrap_or(bend::lens(0.0, self.centre(), self.sides())), 0.0);
@@ -278,8 +305,26 @@ impl Still {
             Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + bend::log_density(k1))
         };
         let (k1, _) = bend::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
-        self.bent(k1)
+        let lens = bend::lens(k1, self.centre(), self.sides());
+        let lines = self.lines(&lens);
+        // So near to the coarse step the same cameras are worth working out: nothing is sought anew.
+        let starts =
+            coarse.mixtures.iter().map(|from| (from.camera, from.azimuths.clone(), from.tied.clone()));
+        let mut mixtures: Vec<Mixture> =
+            starts.filter_map(|start| Mixture::fitted(&lines, start, &belief)).collect();
+        mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+        Grouping { lens, k1, lines, mixtures }
     }
+}
+
+/// Whether the solve of the strokes stands the camera on its head, or turns it from that of all edges about its axis or
+/// up and down by more than any noise would.
+fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
+    /// In radians.
+    const TURNED: f64 = 0.5;
+    let turned =
+        |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > TURNED);
+    turned(found_deg[0], camera.roll) || turned(found_deg[1], camera.pitch)
 }
 
 /// The mixtures of a hypothesis: with no right angle, and with each that may be one.
@@ -292,4 +337,17 @@ fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mix
     let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
     ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solve_that_stands_the_camera_on_its_head_is_of_another_camera() {
+        let camera = Orientation { roll: -0.03, pitch: 0.4, focal: 1000.0 };
+        assert!(!is_other([Some(1.5), Some(25.0)], &camera), "that is noise");
+        assert!(is_other([Some(169.0), Some(20.0)], &camera), "it stands on its head");
+        assert!(is_other([Some(-2.0), Some(70.0)], &camera), "it looks at its feet");
+    }
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// Whether a proposal is to be believed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub enum Verdict {
     /// It may be used as it is.
     Sure,
@@ -26,7 +26,7 @@ impl Verdict {
 }
 
 /// Why a proposal is not sure.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Reason {
     /// There are fewer straight edges than directions could be told from.
     FewEdges {

@@ -10,8 +10,9 @@ mod work;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Source};
+use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 
@@ -103,6 +104,17 @@ impl Platform for Native {
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
         work::find_edges(ctx, image)
     }
+
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+        work::measure_edges(ctx, image)
+    }
+
+    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>> {
+        work::propose(ctx, camera, edges)
+    }
+
+    // The thread ends by itself; nobody hears of what it finds.
+    fn stop_proposing() {}
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
         work::refine(ctx, site)

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::{Edge, Source, decode, edges, refined};
+use calib_image::{LineSegment, Proposal, Still, line_segments};
 use egui::Context;
 use image::RgbImage;
 
@@ -39,6 +40,19 @@ pub(super) fn size_of<T: Send + 'static>(
 pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
     let image = Arc::clone(image);
     Task::spawn(ctx, move || edges::find(&image))
+}
+
+pub(super) fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+    let image = Arc::clone(image);
+    Task::spawn_apart(ctx, move || Ok(line_segments(&image)))
+}
+
+pub(super) fn propose(
+    ctx: &Context,
+    camera: SiteCamera,
+    edges: Vec<LineSegment>,
+) -> Task<Result<Proposal, String>> {
+    Task::spawn_apart(ctx, move || Ok(Proposal::new(&Still::of_camera(&camera, edges))))
 }
 
 pub(super) fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {

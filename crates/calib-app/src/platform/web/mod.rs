@@ -8,8 +8,9 @@ mod worker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Source};
+use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 use js_sys::{Reflect, Uint8Array};
@@ -22,7 +23,7 @@ use crate::platform::{Answer, Platform};
 
 pub use task::Task;
 
-pub(crate) use worker::REFINE;
+pub(crate) use worker::{PROPOSE, REFINE};
 
 /// A browser.
 #[derive(Clone, Copy, Debug)]
@@ -132,6 +133,20 @@ impl Platform for Web {
         let image = Arc::clone(image);
         // Without them one draws by hand.
         Task::wait(ctx, async move { worker::edges(&image).await.unwrap_or_default() })
+    }
+
+    fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+        let image = Arc::clone(image);
+        Task::wait(ctx, async move { worker::measure_edges(&image).await })
+    }
+
+    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>> {
+        Task::wait(ctx, async move { worker::propose(&camera, &edges).await })
+    }
+
+    // It computes for nobody any more.
+    fn stop_proposing() {
+        worker::stop_proposing();
     }
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {

@@ -1,7 +1,8 @@
 //! What the page has its workers do, and what they answer.
 
-use calib_core::Site;
+use calib_core::{Site, SiteCamera};
 use calib_editor::{Edge, Source, edges};
+use calib_image::{LineSegment, Proposal};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
@@ -11,6 +12,8 @@ use crate::platform::Platform as _;
 
 /// What has a worker of its own, so that it can be stopped.
 pub(crate) const REFINE: &str = "refine";
+/// The same: with an image its edges are measured, without one they propose.
+pub(crate) const PROPOSE: &str = "propose";
 
 async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     let answer = JsFuture::from(page::work(kind, name, width, &Uint8Array::from(bytes))).await;
@@ -63,6 +66,27 @@ pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
     let text =
         String::from_utf8(Uint8Array::new(&answer.get(0)).to_vec()).map_err(|error| error.to_string())?;
     Site::from_json(&text).map_err(|error| error.to_string())
+}
+
+/// Measures edges in a worker of its own.
+pub(crate) async fn measure_edges(image: &RgbImage) -> Result<Vec<LineSegment>, String> {
+    parsed(&ask(PROPOSE, "", image.width(), image).await?)
+}
+
+/// Has edges propose in the worker that measured them.
+pub(crate) async fn propose(camera: &SiteCamera, edges: &[LineSegment]) -> Result<Proposal, String> {
+    let asked = serde_json::to_vec(&(camera, edges)).map_err(|error| error.to_string())?;
+    parsed(&ask(PROPOSE, "", 0, &asked).await?)
+}
+
+/// Lets go of the worker that proposes.
+pub(crate) fn stop_proposing() {
+    page::dismiss(PROPOSE);
+}
+
+fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {
+    let text = Uint8Array::new(&answer.get(0)).to_vec();
+    serde_json::from_slice(&text).map_err(|error| error.to_string())
 }
 
 /// Lets go of the worker that refines.

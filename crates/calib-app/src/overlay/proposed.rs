@@ -1,0 +1,148 @@
+//! What the still proposes, faint over the image: its lines by their kinds, with horizon and grid of the camera that
+//! they would make.
+
+use calib_core::{Camera, Kind, Pixel, Plane, Site, Solution};
+use calib_draw::{ImageLayer, ImageView, Look, Meaning, Scene, on_image as items_on_image};
+use calib_editor::{Preview, ProposedGroup};
+use egui::{Align2, Painter, Pos2, Vec2};
+
+use crate::overlay::{Overlay, Shown, grid_step};
+use crate::paint::{Pen, line, tag};
+use crate::theme;
+
+/// A session in which one camera is what all that is proposed makes of it.
+#[derive(Debug)]
+struct Supposed<'a> {
+    shown: Shown<'a>,
+    camera: usize,
+    preview: &'a Preview,
+}
+
+impl Scene for Supposed<'_> {
+    fn site(&self) -> &Site {
+        self.shown.site()
+    }
+
+    fn pose(&self, camera: usize) -> Option<Camera> {
+        if camera == self.camera { self.preview.pose } else { self.shown.pose(camera) }
+    }
+
+    fn solution(&self, camera: usize) -> Option<&Solution> {
+        if camera == self.camera { self.preview.solution.as_ref() } else { self.shown.solution(camera) }
+    }
+
+    fn plane(&self, id: Option<&str>) -> Plane {
+        self.shown.plane(id)
+    }
+}
+
+/// What is proposed, as it is looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Ghosts<'a> {
+    /// What it would make of the camera.
+    pub preview: &'a Preview,
+    /// Whether that is to be believed.
+    pub is_believed: bool,
+    /// The group whose row is under the cursor.
+    pub lit: Option<usize>,
+}
+
+impl Ghosts<'_> {
+    /// Whether it makes a camera that is to be believed.
+    pub(crate) fn is_camera(&self) -> bool {
+        self.is_believed && self.preview.pose.is_some()
+    }
+}
+
+impl Overlay<'_> {
+    /// Grid and horizon of the proposed camera, and the horizon of its rival.
+    pub(crate) fn paint_supposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
+        let (Some(entry), Some(pose), Some(solution)) =
+            (self.entry(), &ghosts.preview.pose, &ghosts.preview.solution)
+        else {
+            return;
+        };
+        if self.layers.grid {
+            let supposed =
+                Supposed { shown: Shown(self.session), camera: self.camera, preview: ghosts.preview };
+            let step = grid_step(&solution.efov_m, self.session.units);
+            let view = ImageView::new(&supposed, self.camera);
+            self.paint_items(painter, &items_on_image(&view, &[ImageLayer::Grid(step)]));
+        }
+        if !self.layers.horizon {
+            return;
+        }
+        self.paint_named(painter, pose, entry, (1.0, "proposed horizon"));
+        let rival = self.session.proposed().and_then(|proposed| proposed.alternative);
+        if let Some(rival) = rival {
+            let rival = Camera { roll: rival.roll, pitch: rival.pitch, focal: rival.focal, ..*pose };
+            self.paint_named(painter, &rival, entry, (0.25, "or here"));
+        }
+    }
+
+    /// The lines that are proposed: the chosen group, or that whose row is under the cursor, stands out.
+    pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
+        let Some(proposed) = self.session.proposed() else { return };
+        let (picked, over) =
+            (self.session.picked(), self.cursor.and_then(|at| proposed.under(at, self.near())));
+        let lit = ghosts.lit.or(over.map(|(group, _)| group));
+        for (index, group) in proposed.groups.iter().enumerate() {
+            let is_bright = lit == Some(index) || picked.is_some_and(|(chosen, _)| chosen == index);
+            for (number, points) in group.lines.iter().enumerate() {
+                let is_picked = picked == Some((index, number));
+                self.paint_ghost(painter, group.kind, points, [is_bright, is_picked]);
+            }
+            if self.labels {
+                self.name_group(painter, group);
+            }
+        }
+    }
+
+    /// How near to a line the pointer means it, in pixels.
+    fn near(&self) -> f64 {
+        self.mapping.units(theme::HIT)
+    }
+
+    fn paint_ghost(
+        &self,
+        painter: &Painter,
+        kind: Kind,
+        points: &[Pixel],
+        [is_bright, is_picked]: [bool; 2],
+    ) {
+        let path = self.path(points);
+        let colour = theme::kind(kind);
+        let pen = Pen::of(Look::of(Meaning::Suggestion(kind))).coloured(colour);
+        match (is_picked, is_bright) {
+            (true, _) => {
+                line(painter, &path, Pen::new(theme::on_image::ACCENT, 7.0).faint());
+                line(painter, &path, Pen::new(colour, 3.0));
+            }
+            (false, true) => line(painter, &path, Pen::new(colour, 2.5)),
+            (false, false) => line(painter, &path, pen),
+        }
+    }
+
+    /// The name of a floor direction stands on its longest line: all of them have one colour.
+    fn name_group(&self, painter: &Painter, group: &ProposedGroup) {
+        /// Of a name, in points.
+        const ROOM: f32 = 64.0;
+        if group.kind != Kind::Parallel {
+            return;
+        }
+        let paths = group.lines.iter().map(|points| self.path(points));
+        let length = |path: &Vec<Pos2>| path.first().zip(path.last()).map_or(0.0, |(a, b)| a.distance(*b));
+        let longest = paths.max_by(|a, b| length(a).total_cmp(&length(b)));
+        let Some((a, b)) = longest.and_then(|path| path.first().copied().zip(path.last().copied())) else {
+            return;
+        };
+        let at = a.lerp(b, 0.5);
+        // At the right end of the view a name has no room beside its line.
+        let (by, align) = if at.x + ROOM < painter.clip_rect().right() {
+            (8.0, Align2::LEFT_CENTER)
+        } else {
+            (-8.0, Align2::RIGHT_CENTER)
+        };
+        tag(painter, at + Vec2::new(by, 0.0), align, group.title(), theme::kind(group.kind));
+    }
+}

@@ -1,0 +1,134 @@
+//! What the still of a camera proposes: taken, turned, left out, put aside.
+
+use std::sync::Arc;
+
+use calib_core::Kind;
+use calib_image::{Proposal, Verdict};
+
+use crate::command::Proposing;
+use crate::editor::Editor;
+use crate::proposed::{OnProposed, Proposed, ProposedGroup};
+
+impl Editor {
+    /// Shows what the still of a camera proposes, in place of what was shown before.
+    pub(super) fn propose(&mut self, camera: &str, proposal: &Proposal) {
+        self.cancel();
+        let Some(entry) = self.session.site.cameras.iter().find(|entry| entry.id == camera) else { return };
+        let proposed = Proposed::new(entry, proposal);
+        let note = match (proposed.count(), proposed.verdict) {
+            (0, Verdict::None) => Some(format!("The still of {camera} proposes nothing.")),
+            (0, _) => Some(format!("What the still of {camera} proposes is drawn already.")),
+            // What keys do with it is said as long as it is there.
+            _ => None,
+        };
+        let all = Arc::make_mut(&mut self.session.proposed);
+        all.retain(|known| known.camera != camera);
+        all.push(proposed);
+        self.session.picked = None;
+        self.session.commit(format!("propose lines on {camera}"));
+        self.session.note = note;
+    }
+
+    /// A command on the group that is chosen, else on the one that would tell most.
+    pub(super) fn proposing(&mut self, command: Proposing) {
+        let mut group = || self.group_in_hand();
+        let action = match command {
+            // Whoever has the pixels does it.
+            Proposing::Propose => None,
+            Proposing::AcceptProposed => Some(OnProposed::AcceptAll),
+            Proposing::DismissProposed => Some(OnProposed::Dismiss),
+            Proposing::AcceptGroup => group().map(OnProposed::Accept),
+            Proposing::FlipGroup => group().map(OnProposed::Flip),
+            Proposing::DeleteGroup => group().map(OnProposed::Delete),
+        };
+        if let Some(action) = action {
+            self.on_proposed(action);
+        }
+    }
+
+    fn group_in_hand(&mut self) -> Option<usize> {
+        let picked = self.session.picked.map(|(group, _)| group);
+        picked.or_else(|| self.find_preview()?.next)
+    }
+
+    pub(super) fn on_proposed(&mut self, action: OnProposed) {
+        self.cancel();
+        match action {
+            OnProposed::Pick(picked) => self.session.picked = picked,
+            OnProposed::AcceptAll => self.accept_all(),
+            OnProposed::Accept(group) => self.accept(|index| index == group, "accept the proposed"),
+            OnProposed::Flip(group) => self.change_group(group, "flip", ProposedGroup::flip),
+            OnProposed::Turn(group, direction) => self.change_group(group, "turn", |group| {
+                (group.kind, group.direction) = (Kind::Parallel, direction);
+            }),
+            OnProposed::Delete(group) => self.change_group(group, "delete", |group| group.lines.clear()),
+            OnProposed::LeaveOut(group, line) => self.change_group(group, "leave out one of", |group| {
+                if line < group.lines.len() {
+                    group.lines.remove(line);
+                    group.probabilities.remove(line);
+                }
+            }),
+            OnProposed::Dismiss => self.dismiss_proposed(),
+        }
+    }
+
+    fn accept_all(&mut self) {
+        let is_believed = self.session.proposed().is_some_and(|proposed| proposed.verdict != Verdict::None);
+        if is_believed {
+            self.accept(|_| true, "accept all that is proposed on");
+        } else {
+            self.session.note =
+                Some("Nothing of it is sure: look at the groups, and accept those that are right.".into());
+        }
+    }
+
+    /// Draws groups; what is left stays proposed, and nothing left is nothing proposed.
+    fn accept(&mut self, which: impl Fn(usize) -> bool, verb: &str) {
+        let Some(proposed) = self.session.proposed().cloned() else { return };
+        let chosen = || (0..proposed.groups.len()).filter(|&group| which(group));
+        let name = match chosen().collect::<Vec<_>>()[..] {
+            [] => return,
+            [one] if proposed.groups.len() > 1 => format!("{verb} {}", proposed.groups[one].title()),
+            _ => format!("accept all that is proposed on {}", proposed.camera),
+        };
+        if let Some(entry) = self.session.entry_mut() {
+            *entry = proposed.drawn(entry, &which);
+        }
+        self.change_proposed(|own| {
+            let mut index = 0..;
+            own.groups.retain(|_| !index.next().is_some_and(&which));
+        });
+        self.session.commit(name);
+    }
+
+    fn change_group(&mut self, group: usize, verb: &str, change: impl FnOnce(&mut ProposedGroup)) {
+        let title =
+            self.session.proposed().and_then(|own| own.groups.get(group)).map(|own| own.title().to_owned());
+        let Some(title) = title else { return };
+        self.change_proposed(|own| {
+            if let Some(group) = own.groups.get_mut(group) {
+                change(group);
+            }
+            own.groups.retain(|group| !group.lines.is_empty());
+        });
+        self.session.commit(format!("{verb} the proposed {title}"));
+    }
+
+    /// Changes what is proposed for the camera in hand; without a group there is nothing proposed.
+    fn change_proposed(&mut self, change: impl FnOnce(&mut Proposed)) {
+        let Some(camera) = self.session.entry().map(|entry| entry.id.clone()) else { return };
+        let all = Arc::make_mut(&mut self.session.proposed);
+        if let Some(own) = all.iter_mut().find(|own| own.camera == camera) {
+            change(own);
+        }
+        all.retain(|own| own.camera != camera || !own.groups.is_empty());
+        self.session.picked = None;
+    }
+
+    fn dismiss_proposed(&mut self) {
+        let Some(camera) = self.session.proposed().map(|own| own.camera.clone()) else { return };
+        Arc::make_mut(&mut self.session.proposed).retain(|own| own.camera != camera);
+        self.session.picked = None;
+        self.session.commit(format!("dismiss what is proposed on {camera}"));
+    }
+}

@@ -1,0 +1,129 @@
+//! Edges that the lens bends, as an operator would trace them.
+//!
+//! On the image such an edge is an arc, found in pieces that are straight. The line of least squares through an arc
+//! `v = c u^2` of length L is `v = c L^2 / 12`: it crosses the arc at `L / (2 sqrt 3)` to either side of its middle,
+//! whatever its curvature. These two points of a piece are points of the edge; its ends lie beside it.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use calib_core::{Lens, Pixel, UndistortedPixel};
+
+use crate::line_segment::LineSegment;
+
+use super::line::Line;
+
+/// Edges that are shown at most.
+const MOST: usize = 8;
+/// So many sigmas of its points an arc rises above its chord at least.
+const LEAST_RISE: f64 = 4.0;
+/// Edges whose middles are nearer than this share of the diagonal say the same.
+const APART: f64 = 0.06;
+
+/// An edge that is bent, and by how much in sigmas.
+struct Arc {
+    points: Vec<Pixel>,
+    rise: f64,
+}
+
+/// The edges that tell most of a lens, the most bent first.
+pub(super) fn straight(lines: &[Line], segments: &[LineSegment], lens: &Lens) -> Vec<Vec<Pixel>> {
+    let mut arcs: Vec<Arc> = lines.iter().filter_map(|line| arc(line, segments, lens)).collect();
+    arcs.sort_by(|a, b| b.rise.total_cmp(&a.rise));
+    let diagonal = 2.0 * lens.principal_point.distance(Pixel::new(0.0, 0.0));
+    let mut shown: Vec<Vec<Pixel>> = Vec::new();
+    for Arc { points, .. } in arcs {
+        let is_apart = |other: &Vec<Pixel>| middle(other).distance(middle(&points)) > APART * diagonal;
+        if shown.len() < MOST && shown.iter().all(is_apart) {
+            shown.push(points);
+        }
+    }
+    shown
+}
+
+fn middle(points: &[Pixel]) -> Pixel {
+    let count = points.len().max(1) as f64;
+    let sum = |of: fn(&Pixel) -> f64| points.iter().map(of).sum::<f64>() / count;
+    Pixel::new(sum(|p| p.u), sum(|p| p.v))
+}
+
+/// The arc of an edge that was found in several pieces; none where it is hardly bent.
+fn arc(line: &Line, segments: &[LineSegment], lens: &Lens) -> Option<Arc> {
+    let pieces: Vec<&LineSegment> = line.pieces.iter().filter_map(|&index| segments.get(index)).collect();
+    if pieces.len() < 2 {
+        return None;
+    }
+    let rise = rise(line, lens)? / line.end_sigma;
+    let [a, b] = line.ends;
+    let along = |p: &Pixel| p.u * (b[0] - a[0]) + p.v * (b[1] - a[1]);
+    let mut points: Vec<Pixel> = pieces.into_iter().flat_map(on_arc).collect();
+    points.sort_by(|p, q| along(p).total_cmp(&along(q)));
+    (rise > LEAST_RISE).then_some(Arc { points, rise })
+}
+
+/// The points of a piece that are on the edge, however that is bent.
+fn on_arc(piece: &LineSegment) -> [Pixel; 2] {
+    /// From the middle, as a share of half the length.
+    const SHARE: f64 = 0.577_350_269_189_625_8;
+    let [a, b] = piece.ends;
+    let at = |t: f64| {
+        Pixel::new(0.5 * ((1.0 - t) * a.u + (1.0 + t) * b.u), 0.5 * ((1.0 - t) * a.v + (1.0 + t) * b.v))
+    };
+    [at(-SHARE), at(SHARE)]
+}
+
+/// How far the lens lifts the middle of an edge above the chord of its ends, in pixels.
+fn rise(line: &Line, lens: &Lens) -> Option<f64> {
+    let centre = lens.principal_point;
+    let shown = |p: [f64; 2]| lens.distort(UndistortedPixel { u: p[0] + centre.u, v: p[1] + centre.v });
+    let [a, b] = line.ends;
+    let (from, to) = (shown(a)?, shown(b)?);
+    let top = shown([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])])?;
+    let across = (to.u - from.u) * (top.v - from.v) - (to.v - from.v) * (top.u - from.u);
+    // Both ends are as uncertain as the middle.
+    Some(across.abs() * FRAC_1_SQRT_2 / from.distance(to))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::proposal::{bend, join};
+
+    /// A level edge at this height, as a lens with this k1 shows it, in pieces as a detector finds them.
+    fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
+        let lens = lens(k1);
+        let at = |u: f64| lens.distort(UndistortedPixel { u, v }).unwrap();
+        let piece = |i: u32| {
+            let (from, to) = (100.0 + 280.0 * f64::from(i), 370.0 + 280.0 * f64::from(i));
+            let points: Vec<Pixel> = (0..=60).map(|k| at(from + (to - from) * f64::from(k) / 60.0)).collect();
+            let mean = |of: &dyn Fn(&Pixel) -> f64| points.iter().map(of).sum::<f64>() / 61.0;
+            let (mu, mv) = (mean(&|p| p.u), mean(&|p| p.v));
+            let tilt = mean(&|p| (p.u - mu) * (p.v - mv)) / mean(&|p| (p.u - mu).powi(2));
+            let end = |u: f64| Pixel::new(u, mv + tilt * (u - mu));
+            LineSegment { ends: [end(points[0].u), end(points[60].u)], sigma: 0.3 }
+        };
+        (0..6).map(piece).collect()
+    }
+
+    fn lens(k1: f64) -> Lens {
+        bend::lens(k1, Pixel::new(960.0, 540.0), [1920.0, 1080.0])
+    }
+
+    #[test]
+    fn an_arc_that_was_found_in_straight_pieces_is_traced_on_the_edge() {
+        let (k1, v) = (-0.2, 60.0);
+        let segments = pieces(k1, v);
+        let lines = join::lines(&segments, &lens(k1));
+        let found = straight(&lines, &segments, &lens(k1));
+        assert!(found.len() == 1 && found[0].len() >= 8, "{found:?}");
+        let off = |p: &Pixel| (lens(k1).undistort(*p).unwrap().v - v).abs();
+        let traced = found[0].iter().map(off).fold(0.0, f64::max);
+        let ends = segments.iter().flat_map(|s| s.ends).map(|p| off(&p)).fold(0.0, f64::max);
+        assert!(traced < 0.1 && ends > 3.0 * traced, "{traced} px beside the edge, the ends {ends} px");
+    }
+
+    #[test]
+    fn what_the_lens_leaves_straight_says_nothing_of_it() {
+        let segments = pieces(0.0, 60.0);
+        assert!(straight(&join::lines(&segments, &lens(0.0)), &segments, &lens(0.0)).is_empty());
+    }
+}
