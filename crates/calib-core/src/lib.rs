@@ -21,7 +21,7 @@
 //! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
 //!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
 //! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
-//! - `health`: whether calibrations still hold, by the people that cameras see;
+//! - `health`: whether calibrations still hold, by the people that cameras see and by edges that moved;
 //! - `site`: the site document, its checks, and the pipeline from document to results.
 //!
 //! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
@@ -146,8 +146,8 @@ pub use floor::{
     position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use health::{
-    CameraHealth, Change, Disagreement, HeightThen, Memory, Movement, Sighting, Verdict, Walk, WalkMoment,
-    WalkResult, Watch, Zone, Zones,
+    CameraHealth, Change, Disagreement, EdgeOffset, HeightThen, Memory, Movement, Sighting, TURN_AND_STEP, Turn,
+    TurnFit, Turned, Verdict, Walk, WalkMoment, WalkResult, Watch, Zone, Zones, floor_nearness, ray_in_camera,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,

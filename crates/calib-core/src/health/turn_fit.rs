@@ -1,0 +1,209 @@
+//! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves bear
+//! out.
+//!
+//! At a place of an edge the offset across it is `d`, and a small turn `x` would make it `a' x`. The estimate minimises
+//!
+//! ```text
+//! sum over places of rho((d - a' x) / s),   s^2 = sigma^2 + tau^2
+//! ```
+//!
+//! with Tukey's `rho` (Beaton and Tukey 1974), from a start of least absolute deviations: things that moved by themselves
+//! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
+//! that of the median. Neighbours share what moves them (one shelf, one shadow, one fault of the lens), so the covariance
+//! is that of the delete-one jackknife over blocks of the image (Efron and Stein 1981), not that of independent places.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::health::sigmas::sigmas;
+use crate::health::turn::Turn;
+
+/// Parameters of a turn, and after them those of a step beside it.
+pub const TURN_AND_STEP: usize = Turn::SIZE + 3;
+
+/// How far an edge is, across itself, from where it is looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeOffset {
+    /// In pixels.
+    pub offset: f64,
+    /// Its noise, in pixels.
+    pub sigma: f64,
+    /// Derivatives of where the edge is, across itself, by a turn and by a step.
+    pub by: [f64; TURN_AND_STEP],
+    /// Which part of the image it is in.
+    pub block: usize,
+}
+
+/// What edges say together.
+#[derive(Clone, Debug)]
+pub struct TurnFit {
+    /// The turn, and the step where it is estimated.
+    pub estimate: DVector<f64>,
+    /// Its covariance.
+    pub covariance: DMatrix<f64>,
+    /// Scatter of places beyond their own noise, in pixels.
+    pub scatter: f64,
+    /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
+    pub weights: Vec<f64>,
+    /// Blocks that tell anything.
+    pub blocks: usize,
+}
+
+/// Where Tukey's weights end, in scales: 95 % efficient where errors are normal.
+const TUKEY: f64 = 4.685;
+/// Of a normal number, the standard deviation over the median deviation.
+const MEDIAN: f64 = 1.4826;
+/// No offset is known better than this, in pixels.
+const FINEST: f64 = 0.01;
+/// Rounds of weighing.
+const ROUNDS: usize = 12;
+
+impl TurnFit {
+    /// The fit of a turn, and of a step besides it; `None` where the edges do not determine it.
+    #[must_use]
+    pub fn new(offsets: &[EdgeOffset], with_step: bool) -> Option<Self> {
+        let rows = Rows { offsets, unknowns: if with_step { TURN_AND_STEP } else { Turn::SIZE } };
+        let mut estimate = rows.least_deviations()?;
+        let mut weights = vec![1.0; offsets.len()];
+        let mut scatter = 0.0;
+        for _ in 0..ROUNDS {
+            let residuals = rows.residuals(&estimate);
+            scatter = excess(&residuals, offsets);
+            let scale = |i: usize| offsets[i].sigma.hypot(scatter).max(FINEST);
+            weights = (0..offsets.len()).map(|i| tukey(residuals[i] / scale(i))).collect();
+            let precisions: Vec<f64> = (0..offsets.len()).map(|i| weights[i] / scale(i).powi(2)).collect();
+            estimate = rows.solve(&precisions)?;
+        }
+        let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter).max(FINEST).powi(2);
+        let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
+        let (covariance, blocks) = rows.jackknife(&precisions, &estimate)?;
+        Some(Self { estimate, covariance, scatter, weights, blocks })
+    }
+
+    /// The turn.
+    #[must_use]
+    pub fn turn(&self) -> Turn {
+        Turn::of(std::array::from_fn(|i| self.estimate[i]))
+    }
+
+    /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.
+    ///
+    /// The covariance is itself estimated from a few blocks: Hotelling's (1931) square is brought to a chi-square by its
+    /// expectation, `(m - k - 1) / m`.
+    #[must_use]
+    pub fn clear(&self, from: usize, to: usize) -> f64 {
+        let (count, blocks) = (to - from, self.blocks as f64);
+        let part = self.covariance.view((from, from), (count, count)).into_owned();
+        let estimate = self.estimate.rows(from, count).into_owned();
+        let Some(inverse) = part.cholesky() else { return 0.0 };
+        let square = estimate.dot(&inverse.solve(&estimate));
+        let shrunk = square * ((blocks - count as f64 - 1.0) / blocks).max(0.0);
+        sigmas(shrunk, count as f64)
+    }
+}
+
+/// The places as rows of a linear system.
+struct Rows<'a> {
+    offsets: &'a [EdgeOffset],
+    unknowns: usize,
+}
+
+impl Rows<'_> {
+    fn residuals(&self, estimate: &DVector<f64>) -> Vec<f64> {
+        let told = |row: &EdgeOffset| (0..self.unknowns).map(|k| row.by[k] * estimate[k]).sum::<f64>();
+        self.offsets.iter().map(|row| row.offset - told(row)).collect()
+    }
+
+    /// Least absolute deviations by weighted least squares (Schlossmacher 1973).
+    fn least_deviations(&self) -> Option<DVector<f64>> {
+        /// Nearer than this to the estimate all deviations count the same, in pixels.
+        const NEAR: f64 = 0.05;
+        let mut estimate = DVector::zeros(self.unknowns);
+        for _ in 0..ROUNDS {
+            let residuals = self.residuals(&estimate);
+            let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
+            estimate = self.solve(&weights)?;
+        }
+        Some(estimate)
+    }
+
+    fn solve(&self, precisions: &[f64]) -> Option<DVector<f64>> {
+        let mut sum = Sum::nothing(self.unknowns);
+        self.offsets.iter().zip(precisions).for_each(|(row, &precision)| sum.add(row, precision));
+        sum.solved()
+    }
+
+    /// Covariance by leaving out one block after the other, and how many blocks there are.
+    fn jackknife(&self, precisions: &[f64], estimate: &DVector<f64>) -> Option<(DMatrix<f64>, usize)> {
+        let count = 1 + self.offsets.iter().map(|row| row.block).max()?;
+        let mut parts: Vec<Sum> = (0..count).map(|_| Sum::nothing(self.unknowns)).collect();
+        let mut all = Sum::nothing(self.unknowns);
+        for (row, &precision) in self.offsets.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
+            parts[row.block].add(row, precision);
+            all.add(row, precision);
+        }
+        parts.retain(|part| part.information.trace() > 0.0);
+        let mut covariance = DMatrix::zeros(self.unknowns, self.unknowns);
+        for part in &parts {
+            let without = all.without(part).solved()? - estimate;
+            covariance += &without * without.transpose();
+        }
+        let blocks = parts.len();
+        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64), blocks))
+    }
+}
+
+/// Normal equations.
+struct Sum {
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+impl Sum {
+    fn nothing(unknowns: usize) -> Self {
+        Self { information: DMatrix::zeros(unknowns, unknowns), score: DVector::zeros(unknowns) }
+    }
+
+    fn add(&mut self, row: &EdgeOffset, precision: f64) {
+        for i in 0..self.score.len() {
+            self.score[i] += precision * row.by[i] * row.offset;
+            for j in 0..self.score.len() {
+                self.information[(i, j)] += precision * row.by[i] * row.by[j];
+            }
+        }
+    }
+
+    fn without(&self, part: &Self) -> Self {
+        Self { information: &self.information - &part.information, score: &self.score - &part.score }
+    }
+
+    fn solved(&self) -> Option<DVector<f64>> {
+        /// A parameter that edges tell less of than this share of what they tell of it alone is not told.
+        const TOLD: f64 = 1e-9;
+        // In units of what each is told by itself, so that radians and shares are alike.
+        let units = self.information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
+        let scaled = DMatrix::from_fn(units.len(), units.len(), |i, j| self.information[(i, j)] * units[i] * units[j]);
+        let cholesky = scaled.cholesky()?;
+        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
+        is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
+    }
+}
+
+fn tukey(residual: f64) -> f64 {
+    let share = residual / TUKEY;
+    (1.0 - share * share).max(0.0).powi(2)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// What residuals scatter beyond the noise of their places, in pixels.
+fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
+    let all = MEDIAN * median(residuals.iter().map(|r| r.abs()).collect());
+    let own = median(offsets.iter().map(|row| row.sigma).collect());
+    (all * all - own * own).max(0.0).sqrt()
+}
