@@ -146,7 +146,7 @@ pub use floor::{
     position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use health::{
-    CameraHealth, Change, Disagreement, EdgeOffset, HeightThen, Memory, Movement, Sighting, TURN_AND_STEP, Turn,
+    CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting, TONE, Turn,
     TurnFit, Turned, Verdict, Walk, WalkMoment, WalkResult, Watch, Zone, Zones, floor_nearness, ray_in_camera,
 };
 pub use outcome::{

@@ -11,14 +11,31 @@
 //! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
 //! that of the median. Neighbours share what moves them (one shelf, one shadow, one fault of the lens), so the covariance
 //! is that of the delete-one jackknife over blocks of the image (Efron and Stein 1981), not that of independent places.
+//!
+//! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
+//! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
+//! is a tilt; so how it depends on contrast and level is estimated along with the turn, as [`EdgeOffset::tone`] has it.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::health::sigmas::sigmas;
 use crate::health::turn::Turn;
 
-/// Parameters of a turn, and after them those of a step beside it.
-pub const TURN_AND_STEP: usize = Turn::SIZE + 3;
+/// Parameters of what light does to edges.
+pub const TONE: usize = 3;
+/// Parameters of a step.
+pub const STEP: usize = 3;
+
+/// What is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Estimated {
+    /// The turn alone, of what light does not move.
+    Turn,
+    /// The turn, and what light does.
+    TurnAndTone,
+    /// Besides, a step of the camera beside its turn.
+    Step,
+}
 
 /// How far an edge is, across itself, from where it is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +44,12 @@ pub struct EdgeOffset {
     pub offset: f64,
     /// Its noise, in pixels.
     pub sigma: f64,
-    /// Derivatives of where the edge is, across itself, by a turn and by a step.
-    pub by: [f64; TURN_AND_STEP],
+    /// Derivatives of where the edge is, across itself, by a turn.
+    pub turn: [f64; Turn::SIZE],
+    /// How much the light on it may move it: its contrast towards the side that offsets count to, by powers of its level.
+    pub tone: [f64; TONE],
+    /// Derivatives by a step.
+    pub step: [f64; STEP],
     /// Which part of the image it is in.
     pub block: usize,
 }
@@ -36,7 +57,7 @@ pub struct EdgeOffset {
 /// What edges say together.
 #[derive(Clone, Debug)]
 pub struct TurnFit {
-    /// The turn, and the step where it is estimated.
+    /// The turn, then what light does, then the step, as far as they are estimated.
     pub estimate: DVector<f64>,
     /// Its covariance.
     pub covariance: DMatrix<f64>,
@@ -54,14 +75,52 @@ const TUKEY: f64 = 4.685;
 const MEDIAN: f64 = 1.4826;
 /// No offset is known better than this, in pixels.
 const FINEST: f64 = 0.01;
+/// What codecs and interpolation may move a whole image by, in pixels: it does not average.
+const COMMON: f64 = 0.004;
+/// What light moves an edge by, in pixels for a contrast of 1 in the logarithm of brightness: standard deviation.
+const LIGHT: f64 = 0.3;
 /// Rounds of weighing.
 const ROUNDS: usize = 12;
 
-impl TurnFit {
-    /// The fit of a turn, and of a step besides it; `None` where the edges do not determine it.
+impl Estimated {
+    const fn unknowns(self) -> usize {
+        match self {
+            Self::Turn => Turn::SIZE,
+            Self::TurnAndTone => Turn::SIZE + TONE,
+            Self::Step => Turn::SIZE + TONE + STEP,
+        }
+    }
+}
+
+impl EdgeOffset {
+    /// Derivatives by everything that may be estimated, in its order.
+    fn by(&self, k: usize) -> f64 {
+        const FROM: usize = Turn::SIZE + TONE;
+        match k {
+            0..Turn::SIZE => self.turn[k],
+            Turn::SIZE..FROM => self.tone[k - Turn::SIZE],
+            _ => self.step[k - FROM],
+        }
+    }
+
+    /// The offset that these parameters tell.
     #[must_use]
-    pub fn new(offsets: &[EdgeOffset], with_step: bool) -> Option<Self> {
-        let rows = Rows { offsets, unknowns: if with_step { TURN_AND_STEP } else { Turn::SIZE } };
+    pub fn told(&self, estimate: &DVector<f64>) -> f64 {
+        (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
+    }
+
+    /// The part of it that the step alone tells.
+    #[must_use]
+    pub fn told_by_step(&self, estimate: &DVector<f64>) -> f64 {
+        (Turn::SIZE + TONE..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
+    }
+}
+
+impl TurnFit {
+    /// The fit; `None` where the edges do not determine it.
+    #[must_use]
+    pub fn new(offsets: &[EdgeOffset], of: Estimated) -> Option<Self> {
+        let rows = Rows { offsets, unknowns: of.unknowns() };
         let mut estimate = rows.least_deviations()?;
         let mut weights = vec![1.0; offsets.len()];
         let mut scatter = 0.0;
@@ -109,8 +168,7 @@ struct Rows<'a> {
 
 impl Rows<'_> {
     fn residuals(&self, estimate: &DVector<f64>) -> Vec<f64> {
-        let told = |row: &EdgeOffset| (0..self.unknowns).map(|k| row.by[k] * estimate[k]).sum::<f64>();
-        self.offsets.iter().map(|row| row.offset - told(row)).collect()
+        self.offsets.iter().map(|row| row.offset - row.told(estimate)).collect()
     }
 
     /// Least absolute deviations by weighted least squares (Schlossmacher 1973).
@@ -148,7 +206,8 @@ impl Rows<'_> {
             covariance += &without * without.transpose();
         }
         let blocks = parts.len();
-        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64), blocks))
+        let common = all.of_common(precisions.iter().sum())?;
+        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64) + common, blocks))
     }
 }
 
@@ -164,12 +223,21 @@ impl Sum {
     }
 
     fn add(&mut self, row: &EdgeOffset, precision: f64) {
-        for i in 0..self.score.len() {
-            self.score[i] += precision * row.by[i] * row.offset;
-            for j in 0..self.score.len() {
-                self.information[(i, j)] += precision * row.by[i] * row.by[j];
-            }
-        }
+        let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
+        self.score.axpy(precision * row.offset, &by, 1.0);
+        self.information.ger(precision, &by, &by, 1.0);
+    }
+
+    /// What is believed of light before it is seen.
+    fn believed(&self) -> DMatrix<f64> {
+        let tone = Turn::SIZE..Turn::SIZE + TONE;
+        let precision = |i: usize| if tone.contains(&i) { LIGHT.powi(-2) } else { 0.0 };
+        &self.information + DMatrix::from_fn(self.score.len(), self.score.len(), |i, j| if i == j { precision(i) } else { 0.0 })
+    }
+
+    /// The covariance that offsets in common to all places leave, whose precisions sum up to this.
+    fn of_common(&self, precisions: f64) -> Option<DMatrix<f64>> {
+        Some((self.believed() * (precisions.recip() * COMMON.powi(-2))).cholesky()?.inverse())
     }
 
     fn without(&self, part: &Self) -> Self {
@@ -180,8 +248,9 @@ impl Sum {
         /// A parameter that edges tell less of than this share of what they tell of it alone is not told.
         const TOLD: f64 = 1e-9;
         // In units of what each is told by itself, so that radians and shares are alike.
-        let units = self.information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
-        let scaled = DMatrix::from_fn(units.len(), units.len(), |i, j| self.information[(i, j)] * units[i] * units[j]);
+        let information = self.believed();
+        let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
+        let scaled = DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
         let cholesky = scaled.cholesky()?;
         let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
         is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))

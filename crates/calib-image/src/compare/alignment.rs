@@ -1,6 +1,6 @@
 //! Two stills laid on each other: passes from far to near, and how much of the old one is found again.
 
-use calib_core::{Camera, EdgeOffset, Turn, TurnFit};
+use calib_core::{Camera, EdgeOffset, Estimated, Turn, TurnFit};
 
 use crate::compare::luma::Luma;
 use crate::compare::place::Place;
@@ -34,7 +34,8 @@ impl Alignment {
             let search = Search::new(camera, luma, &turn);
             let offsets: Vec<Option<EdgeOffset>> =
                 places.iter().map(|place| search.offset(place, reach)).collect();
-            let fit = TurnFit::new(&offsets.iter().flatten().copied().collect::<Vec<_>>(), false)?;
+            let told: Vec<EdgeOffset> = offsets.iter().flatten().copied().collect();
+            let fit = TurnFit::new(&told, Estimated::TurnAndTone)?;
             turn = turn.then(&fit.turn());
             last = Some((search, offsets, fit));
         }
@@ -71,8 +72,7 @@ impl Alignment {
 }
 
 fn is_near(row: &EdgeOffset, fit: &TurnFit) -> bool {
-    let told: f64 = (0..Turn::SIZE).map(|k| row.by[k] * fit.estimate[k]).sum();
-    (row.offset - told).abs() < AGREES
+    (row.offset - row.told(&fit.estimate)).abs() < AGREES
 }
 
 /// The share of places that look found where nothing can be: what chance finds, the mean of a few turns aside.

@@ -10,7 +10,7 @@
 //! (Brown, Hartley, Nister 2007). Of many pairs the one is taken that most others agree with (Fischler and Bolles 1981),
 //! counted by parts of the image: a pallet full of corners has one voice.
 
-use calib_core::{Camera, EdgeOffset, TURN_AND_STEP, Turn, TurnFit, Turned, UndistortedPixel, ray_in_camera};
+use calib_core::{Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel, ray_in_camera};
 
 use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::luma::Luma;
@@ -126,7 +126,7 @@ fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
         let turned = turn.at(camera);
         let rows = seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
         let rows: Vec<EdgeOffset> = rows.flatten().collect();
-        let Some(fit) = TurnFit::new(&rows, false) else { return turn };
+        let Some(fit) = TurnFit::new(&rows, Estimated::Turn) else { return turn };
         turn = turn.then(&fit.turn());
     }
     turn
@@ -134,19 +134,26 @@ fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
 
 /// Both coordinates of a match as offsets of two edges.
 fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
-    const STEP: f64 = 1e-5;
+    const ASIDE: f64 = 1e-5;
     let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.ray);
     let Some(here) = shown(turn) else { return [None; 2] };
-    let mut by = [[0.0; TURN_AND_STEP]; 2];
+    let mut by = [[0.0; Turn::SIZE]; 2];
     for k in 0..Turn::SIZE {
         let mut step = [0.0; Turn::SIZE];
-        step[k] = STEP;
+        step[k] = ASIDE;
         let Some(there) = shown(&turn.then(&Turn::of(step))) else { return [None; 2] };
-        by[0][k] = (there.u - here.u) / STEP;
-        by[1][k] = (there.v - here.v) / STEP;
+        by[0][k] = (there.u - here.u) / ASIDE;
+        by[1][k] = (there.v - here.v) / ASIDE;
     }
     let off = [seen.new.u - here.u, seen.new.v - here.v];
-    let row = |axis: usize| EdgeOffset { offset: off[axis], sigma: 0.2 * seen.near, by: by[axis], block: seen.part };
+    let row = |axis: usize| EdgeOffset {
+        offset: off[axis],
+        sigma: 0.2 * seen.near,
+        turn: by[axis],
+        tone: [0.0; TONE],
+        step: [0.0; STEP],
+        block: seen.part,
+    };
     [0, 1].map(|axis| Some(row(axis)))
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use calib_core::{Camera, Covariance, Movement, Pixel, Turn, TurnFit};
+use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
 use image::RgbImage;
 
 use crate::compare::alignment::{Alignment, by_chance};
@@ -140,7 +140,7 @@ impl Comparison {
     /// The changes of yaw, pitch, roll and the logarithm of the focal, each with its sigma.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
-        const STEP: f64 = 1e-6;
+        const ASIDE: f64 = 1e-6;
         let of = |turn: &Turn| {
             let Movement { pan, tilt, roll, zoom } = turn.movement(camera);
             [pan, tilt, roll, zoom]
@@ -148,9 +148,9 @@ impl Comparison {
         let here = of(&self.turn);
         let slopes: [[f64; 4]; 4] = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
-            step[k] = STEP;
+            step[k] = ASIDE;
             let there = of(&self.turn.then(&Turn::of(step)));
-            std::array::from_fn(|i| (there[i] - here[i]) / STEP)
+            std::array::from_fn(|i| (there[i] - here[i]) / ASIDE)
         });
         std::array::from_fn(|i| {
             let variance: f64 =
@@ -265,7 +265,7 @@ impl Stills<'_> {
     fn clear(&self, found: &Alignment) -> f64 {
         let [x, y, z] = found.turn.vector;
         let mut whole = found.fit.clone();
-        whole.estimate = [x, y, z, found.turn.zoom].to_vec().into();
+        whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.turn.zoom]);
         whole.clear(0, Turn::SIZE)
     }
 
@@ -275,10 +275,10 @@ impl Stills<'_> {
         const CLEAR: f64 = 5.0;
         /// In pixels, root mean square.
         const LEAST: f64 = 0.5;
-        let Some(fit) = TurnFit::new(&found.offsets, true) else { return false };
-        let step = |by: &[f64]| (Turn::SIZE..by.len()).map(|k| by[k] * fit.estimate[k]).sum::<f64>();
-        let square: f64 = found.offsets.iter().map(|row| step(&row.by).powi(2)).sum();
-        (square / found.offsets.len() as f64).sqrt() > LEAST && fit.clear(Turn::SIZE, fit.estimate.len()) > CLEAR
+        let Some(fit) = TurnFit::new(&found.offsets, Estimated::Step) else { return false };
+        let square: f64 = found.offsets.iter().map(|row| row.told_by_step(&fit.estimate).powi(2)).sum();
+        let clear = fit.clear(fit.estimate.len() - STEP, fit.estimate.len());
+        (square / found.offsets.len() as f64).sqrt() > LEAST && clear > CLEAR
     }
 
     /// How far the turn moves the image, root mean square, in pixels.

@@ -1,6 +1,6 @@
 //! Places along the edges of the old still, each with what brightness does across it.
 
-use calib_core::{Camera, Pixel, floor_nearness, ray_in_camera};
+use calib_core::{Camera, Pixel, TONE, floor_nearness, ray_in_camera};
 
 use crate::compare::luma::{Luma, cubic};
 use crate::edges::Edge;
@@ -28,6 +28,8 @@ pub(crate) struct Place {
     pub(crate) profile: [f64; LENGTH],
     /// One over the depth of the floor there, per metre.
     pub(crate) nearness: f64,
+    /// Its contrast, positive where it is brighter across it, by powers of its level.
+    pub(crate) tone: [f64; TONE],
     pub(crate) block: usize,
 }
 
@@ -88,8 +90,20 @@ impl Place {
         let nearness = floor_nearness(camera, rays[0]);
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
         let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
-        (contrast.sqrt() > LEAST).then_some(Self { at, rays, profile, nearness, block })
+        let tone = tone(&profile, mean);
+        (contrast.sqrt() > LEAST).then_some(Self { at, rays, profile, nearness, tone, block })
     }
+}
+
+/// Contrast by powers of the level, counted from the middle of all levels.
+fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
+    /// Logarithm of the brightness in the middle, and from there to white.
+    const MIDDLE: f64 = 4.4;
+    const RANGE: f64 = 1.1;
+    let side = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let contrast = side(&profile[HALF + 2..]) - side(&profile[..HALF - 1]);
+    let level = (mean - MIDDLE) / RANGE;
+    std::array::from_fn(|power| contrast * level.powi(power as i32))
 }
 
 /// Two profiles beside each other.

@@ -1,6 +1,6 @@
 //! An edge of the old still looked for in the new one, across itself, to a fraction of a pixel.
 
-use calib_core::{Camera, EdgeOffset, Pixel, TURN_AND_STEP, Turn, Turned};
+use calib_core::{Camera, EdgeOffset, Pixel, STEP, Turn, Turned};
 
 use crate::compare::luma::Luma;
 use crate::compare::place::{Frame, HALF, LENGTH, Likeness, Place, likeness};
@@ -10,7 +10,7 @@ const ALIKE: f64 = 0.8;
 /// Another edge nearer in likeness than this might be meant.
 const OTHER: f64 = 0.06;
 /// Of a pixel's ray, in radians: what derivatives are differences of.
-const STEP: f64 = 1e-5;
+const ASIDE: f64 = 1e-5;
 /// Pixels across an edge that share their noise: those of one smoothing.
 const SHARED: f64 = 2.5;
 
@@ -25,7 +25,7 @@ impl<'a> Search<'a> {
     pub(crate) fn new(camera: &Camera, luma: &'a Luma, turn: &Turn) -> Self {
         let beside = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
-            step[k] = STEP;
+            step[k] = ASIDE;
             turn.then(&Turn::of(step)).at(camera)
         });
         Self { luma, here: turn.at(camera), beside }
@@ -56,7 +56,9 @@ impl<'a> Search<'a> {
         Some(EdgeOffset {
             offset: scale * (start - reach as f64),
             sigma: scale * (SHARED * noise / slopes.max(f64::MIN_POSITIVE)).sqrt(),
-            by: self.derivatives(place, frame.at, normal)?,
+            turn: self.by_turn(place, frame.at, normal)?,
+            tone: place.tone,
+            step: self.by_step(place, frame.at, normal)?,
             block: place.block,
         })
     }
@@ -72,20 +74,29 @@ impl<'a> Search<'a> {
         (scale > 0.1 && length > 0.1).then(|| Frame { at, along, across: normal.map(|c| scale * c) })
     }
 
-    /// Of the edge across itself, by a turn and by a step.
-    fn derivatives(&self, place: &Place, at: Pixel, normal: [f64; 2]) -> Option<[f64; TURN_AND_STEP]> {
-        let slope = |there: Pixel| ((there.u - at.u) * normal[0] + (there.v - at.v) * normal[1]) / STEP;
-        let mut by = [0.0; TURN_AND_STEP];
-        for (k, beside) in self.beside.iter().enumerate() {
-            by[k] = slope(beside.shown(place.rays[0])?);
-        }
-        for k in 0..3 {
-            let mut ray = place.rays[0];
-            ray[k] -= STEP;
-            by[Turn::SIZE + k] = place.nearness * slope(self.here.shown(ray)?);
+    /// Derivatives of the edge across itself by a turn.
+    fn by_turn(&self, place: &Place, at: Pixel, normal: [f64; 2]) -> Option<[f64; Turn::SIZE]> {
+        let mut by = [0.0; Turn::SIZE];
+        for (slope, beside) in by.iter_mut().zip(&self.beside) {
+            *slope = across(at, beside.shown(place.rays[0])?, normal) / ASIDE;
         }
         Some(by)
     }
+
+    /// The same by a step, of what lies on the floor.
+    fn by_step(&self, place: &Place, at: Pixel, normal: [f64; 2]) -> Option<[f64; STEP]> {
+        let mut by = [0.0; STEP];
+        for (k, slope) in by.iter_mut().enumerate() {
+            let mut ray = place.rays[0];
+            ray[k] -= ASIDE;
+            *slope = place.nearness * across(at, self.here.shown(ray)?, normal) / ASIDE;
+        }
+        Some(by)
+    }
+}
+
+fn across(from: Pixel, to: Pixel, normal: [f64; 2]) -> f64 {
+    (to.u - from.u) * normal[0] + (to.v - from.v) * normal[1]
 }
 
 /// Where a profile is in a longer one, to a pixel; `None` where nothing is alike, or two are.
