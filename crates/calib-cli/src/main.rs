@@ -6,6 +6,7 @@
 mod archive;
 mod args;
 mod check;
+mod compare;
 mod demo;
 mod detections;
 mod export;
@@ -19,12 +20,14 @@ mod plan_ground;
 mod progress;
 mod project;
 mod propose;
+mod recover;
 mod render;
 mod report;
 mod sigma_map;
 mod site_file;
 mod site_summary;
 mod solve;
+mod stills;
 mod stop;
 mod stream;
 mod table_parquet;
@@ -67,6 +70,8 @@ enum Command {
     Check(check::Args),
     /// Find cameras that moved by the people that they see: since when, by how much; exit 4 when one did
     Watch(watch::Args),
+    /// Find cameras that turned, zoomed or were replaced, by a newer still of each; exit 4 when one did
+    Compare(compare::Args),
     /// Acceptance by a walker whom several cameras see: floor error by zone, cameras that disagree; exit 4 when it fails
     Walk(walk::Args),
     /// Write one self-contained HTML page to hand over: every overlay, number and warning
@@ -96,6 +101,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Watch(args) => watch::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Walk(args) => walk::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),

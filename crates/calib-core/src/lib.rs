@@ -162,10 +162,10 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
+    About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
     DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
     Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
-    PlaneNumber, PlaneSolution, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
+    Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
+    PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
     SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry, Warning,
 };

@@ -12,7 +12,7 @@ use crate::compare::place::{Place, places};
 use crate::edges::{Edge, find};
 
 /// Smoothing of both stills before edges are compared, in pixels.
-const SMOOTH: f64 = 0.9;
+pub(crate) const SMOOTH: f64 = 0.9;
 /// So clear a change is one, as sigmas of a normal number: a camera that stands still is said to have moved in one of
 /// some hundred stills at most.
 const CLEAR: f64 = 3.0;

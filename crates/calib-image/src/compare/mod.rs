@@ -6,7 +6,7 @@
 //! - `luma` brightness on a scale that light and exposure shift; `feature` corners found again; `coarse` the turn that most
 //!   parts of the image agree on;
 //! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
-//!   by pass; `comparison` the front door: [`Comparison`]. What edges say together is `TurnFit` of the core.
+//!   by pass; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still: [`Carry`]. What edges say together is `TurnFit` of the core.
 
 mod luma;
 mod feature;
@@ -15,5 +15,7 @@ mod place;
 mod search;
 mod alignment;
 mod comparison;
+mod carry;
 
+pub use carry::Carry;
 pub use comparison::{Became, Comparison, OtherSize};
