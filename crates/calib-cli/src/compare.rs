@@ -26,7 +26,7 @@ pub(crate) struct Args {
     /// Compare this camera; without it a still is of the camera that its name begins with
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
-    /// Newer stills (PNG, JPEG), or folders of them; times in their names (20260501_0830, UTC) put them in order
+    /// Newer stills (PNG, JPEG), or folders of them, in the order of the times in their names (20260501_0830, UTC) or their EXIF data
     #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
     stills: Vec<PathBuf>,
     /// How to report
@@ -68,10 +68,12 @@ impl Compared {
         self.seen.last()
     }
 
-    /// The first of the stills since which it has no longer been what it was.
+    /// The first still that shows it as the newest does, and after which none shows it unchanged.
     pub(crate) fn since(&self) -> Option<&Seen> {
+        let last = self.last()?.comparison.became;
         let still = self.seen.iter().rposition(|seen| seen.comparison.became == Became::Unchanged);
-        self.seen.get(still.map_or(0, |index| index + 1))
+        let after = &self.seen[still.map_or(0, |index| index + 1)..];
+        after.iter().find(|seen| seen.comparison.became.name() == last.name())
     }
 }
 
@@ -82,9 +84,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     }
     let file = args.site.read()?;
     let mut compared = Vec::new();
-    for (index, paths) in of_cameras(args, &file)? {
+    for (index, taken) in of_cameras(args, &file)? {
         let pulse = Pulse::new("comparing");
-        compared.push(compare(&file, index, paths)?);
+        compared.push(compare(&file, index, taken)?);
         drop(pulse);
     }
     report(args, &compared)?;
@@ -102,29 +104,27 @@ fn has_changed(of: &Compared) -> bool {
     of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged)
 }
 
+/// A still, by when it was taken.
+type Taken = (Option<Timestamp>, PathBuf);
+
 /// The stills of every camera that has some, in order of time, by its entry.
-fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<PathBuf>)>, Stop> {
-    let mut of: Vec<(usize, Vec<PathBuf>)> = Vec::new();
+fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, Stop> {
+    let mut of: Vec<(usize, Vec<Taken>)> = Vec::new();
     for path in stills::listed(&args.stills)? {
         let id = match &args.camera {
             Some(id) => id.clone(),
             None => named(file, &path)?,
         };
-        let index = entry(file, &id, time(&path))?;
+        let time = stills::time(&path)?;
+        let index = entry(file, &id, time)?;
         match of.iter_mut().find(|(other, _)| *other == index) {
-            Some((_, paths)) => paths.push(path),
-            None => of.push((index, vec![path])),
+            Some((_, taken)) => taken.push((time, path)),
+            None => of.push((index, vec![(time, path)])),
         }
     }
-    for (_, paths) in &mut of {
-        paths.sort_by_key(|path| (time(path), path.clone()));
-    }
+    of.iter_mut().for_each(|(_, taken)| taken.sort());
     of.sort_by_key(|(index, _)| *index);
     Ok(of)
-}
-
-fn time(path: &Path) -> Option<Timestamp> {
-    stills::time_in(&stills::stem(path))
 }
 
 /// The camera whose id the name of a still is, or begins with; the longest such id.
@@ -161,17 +161,18 @@ fn entry(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, St
     })
 }
 
-fn compare(file: &SiteFile, index: usize, paths: Vec<PathBuf>) -> Result<Compared, Stop> {
+fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>) -> Result<Compared, Stop> {
     let entry = &file.site.cameras[index];
-    let not_calibrated = || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
+    let not_calibrated =
+        || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
     let drawn = drawn(entry);
-    let seen = paths.into_iter().map(|path| {
+    let seen = taken.into_iter().map(|(time, path)| {
         let new = still(entry, &path)?;
-        let comparison = Comparison::new(&camera, &drawn, &old, &new)
-            .map_err(|error| other_size(&path, entry, error))?;
-        Ok(Seen { time: time(&path), path, comparison })
+        let comparison =
+            Comparison::new(&camera, &drawn, &old, &new).map_err(|error| other_size(&path, entry, error))?;
+        Ok(Seen { time, path, comparison })
     });
     let seen = seen.collect::<Result<_, Stop>>()?;
     Ok(Compared { index, id: entry.id.clone(), camera, seen })
@@ -271,7 +272,8 @@ fn text(compared: &[Compared]) -> String {
         for seen in &of.seen {
             let _ = writeln!(out, "{:width$}  {}", of.id, row(of, &seen.comparison));
             let time = seen.time.map(|time| format!(" ({time})")).unwrap_or_default();
-            let _ = writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.became);
+            let _ =
+                writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.became);
         }
     }
     out
@@ -280,7 +282,16 @@ fn text(compared: &[Compared]) -> String {
 fn row(of: &Compared, comparison: &Comparison) -> String {
     let became = comparison.became;
     if !became.is_aligned() {
-        return format!("{:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>5.0}%", became.name(), "-", "-", "-", "-", "-", 100.0 * comparison.found);
+        return format!(
+            "{:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>5.0}%",
+            became.name(),
+            "-",
+            "-",
+            "-",
+            "-",
+            "-",
+            100.0 * comparison.found
+        );
     }
     let (turned, turned_sigma) = comparison.angle();
     let (zoom, zoom_sigma) = comparison.zoom();

@@ -45,7 +45,9 @@ pub(crate) fn write(
 ) -> Result<(), Stop> {
     let mut site = file.site.clone();
     let mut recovered = 0;
-    for of in compared.iter().filter(|of| of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged)) {
+    for of in
+        compared.iter().filter(|of| of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged))
+    {
         match of_camera(file, &site, of, since, output) {
             Ok(with) => {
                 site = with;

@@ -1,4 +1,4 @@
-//! Stills that the command line names: files, folders of them, and the times in their names.
+//! Stills that the command line names: files, folders of them, and when they were taken.
 
 use std::path::{Path, PathBuf};
 
@@ -46,13 +46,21 @@ pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, Stop> {
     calib_input::read(path, MAX_BYTES as u64).map_err(|error| Stop::invalid(path.display(), error))
 }
 
+/// When a still was taken: as its name says, else as the clock of its camera.
+pub(crate) fn time(path: &Path) -> Result<Option<Timestamp>, Stop> {
+    match time_in(&stem(path)) {
+        Some(time) => Ok(Some(time)),
+        None => Ok(calib_input::taken(&bytes(path)?).and_then(|taken| taken.parse().ok())),
+    }
+}
+
 /// The name of a still without its folder and its ending.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// The time that a name says, such as 2026-05-01T080000Z or 20260501_0800: of UTC, as names of files have no zone.
-pub(crate) fn time_in(name: &str) -> Option<Timestamp> {
+fn time_in(name: &str) -> Option<Timestamp> {
     (0..name.len()).filter(|&start| begins_a_number(name, start)).find_map(|start| time_at(&name[start..]))
 }
 
@@ -89,10 +97,15 @@ mod tests {
     #[test]
     fn names_say_when_stills_were_taken() {
         let expected: Timestamp = "2026-05-01T08:30:05Z".parse().expect("a time");
-        for name in ["door-2026-05-01T083005Z", "door_20260501_083005", "20260501083005", "cam12 2026-05-01 08.30.05"] {
+        for name in
+            ["door-2026-05-01T083005Z", "door_20260501_083005", "20260501083005", "cam12 2026-05-01 08.30.05"]
+        {
             assert_eq!(time_in(name), Some(expected), "{name}");
         }
-        assert_eq!(time_in("door_20260501-0830").map(|at| at.to_string()).as_deref(), Some("2026-05-01T08:30:00Z"));
+        assert_eq!(
+            time_in("door_20260501-0830").map(|at| at.to_string()).as_deref(),
+            Some("2026-05-01T08:30:00Z")
+        );
         for name in ["door", "shop-1", "20261301_083000", "12345678901234567", "2026-05-01", "tür-2026"] {
             assert_eq!(time_in(name), None, "{name}");
         }

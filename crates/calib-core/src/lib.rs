@@ -146,8 +146,9 @@ pub use floor::{
     position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use health::{
-    CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting, TONE, Turn,
-    TurnFit, Turned, Verdict, Walk, WalkMoment, WalkResult, Watch, Zone, Zones, floor_nearness, ray_in_camera,
+    CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting,
+    TONE, Turn, TurnFit, Turned, Verdict, Walk, WalkMoment, WalkResult, Watch, Zone, Zones, floor_nearness,
+    ray_in_camera,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
@@ -162,10 +163,11 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
-    DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
-    Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
-    PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
-    SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry, Warning,
+    About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance,
+    DistortionEntry, DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference,
+    LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES,
+    Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap,
+    PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry,
+    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry,
+    Warning,
 };

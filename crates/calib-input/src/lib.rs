@@ -7,8 +7,9 @@
 mod file;
 mod jpeg;
 mod memory;
+mod taken;
 mod still;
 
 pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
-pub use still::{StillError, decode, size_of};
+pub use still::{StillError, decode, size_of, taken};

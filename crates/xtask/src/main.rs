@@ -137,6 +137,9 @@ enum Command {
         /// Of what stills propose by themselves, in place of simulated
         #[arg(long, conflicts_with = "real")]
         proposals: bool,
+        /// Of how cameras moved between two stills, in place of simulated
+        #[arg(long, conflicts_with_all = ["real", "proposals"])]
+        compare: bool,
     },
 }
 
@@ -193,6 +196,7 @@ fn main() -> anyhow::Result<()> {
         }
         Command::Accuracy { real: true, .. } => coverage::run(),
         Command::Accuracy { proposals: true, .. } => accuracy::proposals(),
+        Command::Accuracy { compare: true, .. } => accuracy::compare(),
         Command::Accuracy { scenes, draws, .. } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())

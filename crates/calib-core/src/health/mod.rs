@@ -34,9 +34,9 @@ mod turn_fit;
 
 pub use movement::Movement;
 pub use sighting::Sighting;
-pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
 pub use turn::{Turn, Turned, floor_nearness, ray_in_camera};
 pub use turn_fit::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
+pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
 pub use watch::{CameraHealth, Change, HeightThen, Memory, Verdict, Watch};
 pub use zones::{Zone, Zones};
 

@@ -195,7 +195,9 @@ impl Rows<'_> {
         let count = 1 + self.offsets.iter().map(|row| row.block).max()?;
         let mut parts: Vec<Sum> = (0..count).map(|_| Sum::nothing(self.unknowns)).collect();
         let mut all = Sum::nothing(self.unknowns);
-        for (row, &precision) in self.offsets.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
+        for (row, &precision) in
+            self.offsets.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0)
+        {
             parts[row.block].add(row, precision);
             all.add(row, precision);
         }
@@ -232,7 +234,12 @@ impl Sum {
     fn believed(&self) -> DMatrix<f64> {
         let tone = Turn::SIZE..Turn::SIZE + TONE;
         let precision = |i: usize| if tone.contains(&i) { LIGHT.powi(-2) } else { 0.0 };
-        &self.information + DMatrix::from_fn(self.score.len(), self.score.len(), |i, j| if i == j { precision(i) } else { 0.0 })
+        &self.information
+            + DMatrix::from_fn(
+                self.score.len(),
+                self.score.len(),
+                |i, j| if i == j { precision(i) } else { 0.0 },
+            )
     }
 
     /// The covariance that offsets in common to all places leave, whose precisions sum up to this.
@@ -250,7 +257,8 @@ impl Sum {
         // In units of what each is told by itself, so that radians and shares are alike.
         let information = self.believed();
         let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
-        let scaled = DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
+        let scaled =
+            DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
         let cholesky = scaled.cholesky()?;
         let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
         is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
@@ -275,4 +283,110 @@ fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
     let all = MEDIAN * median(residuals.iter().map(|r| r.abs()).collect());
     let own = median(offsets.iter().map(|row| row.sigma).collect());
     (all * all - own * own).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+    use crate::health::turn::ray_in_camera;
+    use rand::{Rng as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    const COLUMNS: usize = 8;
+    const BLOCKS: usize = 48;
+
+    fn camera() -> Camera {
+        Camera {
+            position: WorldPoint::new(0.0, 0.0, 3.0),
+            yaw: 0.3,
+            pitch: 0.4,
+            roll: 0.05,
+            focal: 700.0,
+            lens: Lens::pinhole(Pixel::new(480.0, 270.0)),
+            covariance: Covariance::EXACT,
+        }
+    }
+
+    fn normal(random: &mut ChaCha8Rng) -> f64 {
+        (0..12).map(|_| random.random_range(-0.5..0.5_f64)).sum()
+    }
+
+    /// An edge somewhere in a block of the image, where it was.
+    fn edge(camera: &Camera, block: usize, random: &mut ChaCha8Rng) -> EdgeOffset {
+        const ASIDE: f64 = 1e-6;
+        let u = 120.0 * ((block % COLUMNS) as f64 + random.random_range(0.0..1.0));
+        let v = 90.0 * ((block / COLUMNS) as f64 + random.random_range(0.0..1.0));
+        let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
+        let (sin, cos) = random.random_range(0.0..6.28_f64).sin_cos();
+        let slope = |k: usize| {
+            let mut step = [0.0; Turn::SIZE];
+            step[k] = ASIDE;
+            let there = Turn::of(step).at(camera).shown(ray).unwrap();
+            ((there.u - u) * cos + (there.v - v) * sin) / ASIDE
+        };
+        let contrast = if sin > 0.0 { 1.0 } else { random.random_range(-1.0..1.0) };
+        EdgeOffset {
+            offset: 0.0,
+            sigma: 0.1,
+            turn: std::array::from_fn(slope),
+            tone: [contrast, 0.0, 0.0],
+            step: [0.0; STEP],
+            block,
+        }
+    }
+
+    /// Edges after a turn: with noise, noise that a block shares, light that moves them to the dark side, and a share
+    /// of the blocks where something moved by itself.
+    fn edges(truth: &[f64; 4], light: f64, moved: usize, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
+        let camera = camera();
+        let mut all = Vec::new();
+        for block in 0..BLOCKS {
+            let shared = 0.05 * normal(random);
+            for _ in 0..30 {
+                let mut edge = edge(&camera, block, random);
+                let told: f64 = (0..4).map(|k| edge.turn[k] * truth[k]).sum();
+                let own = if block < moved { 3.0 } else { 0.0 };
+                edge.offset = told + light * edge.tone[0] + shared + 0.1 * normal(random) + own;
+                all.push(edge);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn intervals_hold_though_blocks_share_noise_light_changed_and_things_moved() {
+        const TRIALS: usize = 150;
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut inside = 0;
+        for _ in 0..TRIALS {
+            let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
+            let fit = TurnFit::new(&edges(&truth, 0.1, 8, &mut random), Estimated::TurnAndTone).unwrap();
+            let is_inside =
+                |k: usize| (fit.estimate[k] - truth[k]).abs() < 1.96 * fit.covariance[(k, k)].sqrt();
+            inside += (0..4).filter(|&k| is_inside(k)).count();
+        }
+        let share = inside as f64 / (4 * TRIALS) as f64;
+        assert!((0.9..0.995).contains(&share), "{share} inside 95 %");
+    }
+
+    #[test]
+    fn a_camera_that_stands_still_is_clearly_moved_in_few_trials() {
+        const TRIALS: usize = 150;
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let clear = |_| {
+            let fit = TurnFit::new(&edges(&[0.0; 4], 0.2, 6, &mut random), Estimated::TurnAndTone).unwrap();
+            fit.clear(0, Turn::SIZE) > 3.0
+        };
+        let alarms = (0..TRIALS).map(clear).filter(|alarm| *alarm).count();
+        assert!(alarms <= 2, "{alarms} of {TRIALS}");
+    }
+
+    #[test]
+    fn what_edges_do_not_tell_is_not_estimated() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let one = edge(&camera(), 3, &mut random);
+        assert!(TurnFit::new(&[one; 40], Estimated::Turn).is_none());
+        assert!(TurnFit::new(&[], Estimated::TurnAndTone).is_none());
+    }
 }

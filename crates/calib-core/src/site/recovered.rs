@@ -47,7 +47,13 @@ impl Site {
     ///
     /// `None` for a camera that is not solved.
     #[must_use]
-    pub fn recovered(&self, index: usize, turn: &Turn, by: &dyn Carrier, still: &NewStill) -> Option<Recovered> {
+    pub fn recovered(
+        &self,
+        index: usize,
+        turn: &Turn,
+        by: &dyn Carrier,
+        still: &NewStill,
+    ) -> Option<Recovered> {
         let old = self.cameras.get(index)?;
         let camera = old.camera()?;
         let mut work = Work { by, left_out: Vec::new(), carried: 0 };
@@ -82,7 +88,8 @@ impl Work<'_> {
             let name = point.label(index.next().unwrap_or_default());
             self.moves(&mut point.px, || format!("control point {name}"))
         });
-        let straight = |annotations: &[Annotation]| annotations.iter().filter(|a| a.is_straight_edge()).count();
+        let straight =
+            |annotations: &[Annotation]| annotations.iter().filter(|a| a.is_straight_edge()).count();
         let refits = straight(&annotations) > 0 && straight(&annotations) == straight(&old.annotations);
         SiteCamera {
             image: Some(still.image.clone()),
@@ -227,6 +234,7 @@ fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
     let is_placed = old.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
     let scale = Some(now.position.z / STAGE_1_HEIGHT);
     let fixed = old.placement.as_ref().is_some_and(|placement| placement.fixed);
-    let place = || PlacementEntry { move_m: now.position.on_floor(), turn_deg: now.yaw.to_degrees(), scale, fixed };
+    let place =
+        || PlacementEntry { move_m: now.position.on_floor(), turn_deg: now.yaw.to_degrees(), scale, fixed };
     if is_placed { Some(place()) } else { old.placement.clone() }
 }

@@ -42,7 +42,8 @@ impl Alignment {
         let (search, offsets, fit) = last?;
         let mut told = offsets.iter().flatten().zip(&fit.weights);
         let found = offsets.iter().zip(places).map(|(offset, place)| {
-            let agrees = offset.is_some() && told.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
+            let agrees = offset.is_some()
+                && told.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
             search.shows(place).then_some(agrees)
         });
         let found = found.collect();

@@ -53,7 +53,8 @@ impl<'a> Carry<'a> {
         /// What looks the same correlates by so much.
         const ALIKE: f64 = 0.75;
         const REACH: i32 = 3;
-        let steps = (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [f64::from(x), f64::from(y)]));
+        let steps =
+            (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [f64::from(x), f64::from(y)]));
         let alike = |step: [f64; 2]| self.likeness(old, step);
         let best = steps.max_by(|&a, &b| alike(a).total_cmp(&alike(b)))?;
         let here = alike(best);
@@ -90,7 +91,9 @@ impl<'a> Carry<'a> {
             Some([self.old.at(before.u, before.v)?, self.new.at(after.u + step[0], after.v + step[1])?])
         };
         let cells = (-HALF..=HALF).flat_map(|y| (-HALF..=HALF).map(move |x| (x, y)));
-        let Some(pairs) = cells.map(|(x, y)| pair(x, y)).collect::<Option<Vec<[f64; 2]>>>() else { return -1.0 };
+        let Some(pairs) = cells.map(|(x, y)| pair(x, y)).collect::<Option<Vec<[f64; 2]>>>() else {
+            return -1.0;
+        };
         correlation(&pairs)
     }
 
@@ -110,7 +113,8 @@ impl<'a> Carry<'a> {
         };
         let carried: Vec<Option<Pixel>> =
             dense.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect();
-        let runs = carried.split(Option::is_none).map(|run| run.iter().flatten().copied().collect::<Vec<Pixel>>());
+        let runs =
+            carried.split(Option::is_none).map(|run| run.iter().flatten().copied().collect::<Vec<Pixel>>());
         let longest = runs.max_by(|a, b| length(a).total_cmp(&length(b)))?;
         match (points.len(), longest.first(), longest.last()) {
             (2, Some(&first), Some(&last)) => Some(vec![first, last]),
@@ -150,7 +154,12 @@ fn correlation(pairs: &[[f64; 2]]) -> f64 {
     const FLAT: f64 = 0.02;
     let count = pairs.len() as f64;
     let mean = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / count);
-    let moment = |i: usize, j: usize| pairs.iter().map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f64>();
+    let moment =
+        |i: usize, j: usize| pairs.iter().map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f64>();
     let (old, new) = (moment(0, 0), moment(1, 1));
-    if old < count * FLAT * FLAT || new < count * FLAT * FLAT { -1.0 } else { moment(0, 1) / (old * new).sqrt() }
+    if old < count * FLAT * FLAT || new < count * FLAT * FLAT {
+        -1.0
+    } else {
+        moment(0, 1) / (old * new).sqrt()
+    }
 }

@@ -10,7 +10,9 @@
 //! (Brown, Hartley, Nister 2007). Of many pairs the one is taken that most others agree with (Fischler and Bolles 1981),
 //! counted by parts of the image: a pallet full of corners has one voice.
 
-use calib_core::{Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel, ray_in_camera};
+use calib_core::{
+    Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel, ray_in_camera,
+};
 
 use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::luma::Luma;
@@ -124,7 +126,8 @@ fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
 fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
     for _ in 0..4 {
         let turned = turn.at(camera);
-        let rows = seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
+        let rows =
+            seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
         let rows: Vec<EdgeOffset> = rows.flatten().collect();
         let Some(fit) = TurnFit::new(&rows, Estimated::Turn) else { return turn };
         turn = turn.then(&fit.turn());

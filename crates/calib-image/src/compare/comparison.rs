@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
+use calib_core::{Camera, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
 use image::RgbImage;
 
 use crate::compare::alignment::{Alignment, by_chance};
@@ -153,8 +153,10 @@ impl Comparison {
             std::array::from_fn(|i| (there[i] - here[i]) / ASIDE)
         });
         std::array::from_fn(|i| {
-            let variance: f64 =
-                (0..4).flat_map(|j| (0..4).map(move |k| (j, k))).map(|(j, k)| slopes[j][i] * self.covariance[j][k] * slopes[k][i]).sum();
+            let variance: f64 = (0..4)
+                .flat_map(|j| (0..4).map(move |k| (j, k)))
+                .map(|(j, k)| slopes[j][i] * self.covariance[j][k] * slopes[k][i])
+                .sum();
             (here[i], variance.max(0.0).sqrt())
         })
     }
@@ -178,12 +180,6 @@ impl Comparison {
     pub fn zoom(&self) -> (f64, f64) {
         let ratio = self.turn.zoom.exp();
         (ratio, ratio * self.covariance[3][3].max(0.0).sqrt())
-    }
-
-    /// The camera as it is now; how well it is known is no longer known.
-    #[must_use]
-    pub fn camera(&self, old: &Camera) -> Camera {
-        Camera { covariance: Covariance::UNKNOWN, ..self.turn.applied(old) }
     }
 }
 
@@ -322,7 +318,8 @@ impl Stills<'_> {
 fn contrast(luma: &Luma) -> f32 {
     let small = luma.reduced((luma.width as f64 / 320.0).max(1.0));
     let rows = small.values.chunks_exact(small.width.max(1));
-    let mut slopes: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
+    let mut slopes: Vec<f32> =
+        rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
     let at = slopes.len() * 9 / 10;
     if slopes.is_empty() { 0.0 } else { *slopes.select_nth_unstable_by(at, f32::total_cmp).1 }
 }

@@ -122,7 +122,8 @@ pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> L
     let value = |i: usize| -> f64 {
         (0..4)
             .map(|k| {
-                let index = (first as isize + i as isize + k as isize - 1).clamp(0, longer.len() as isize - 1);
+                let index =
+                    (first as isize + i as isize + k as isize - 1).clamp(0, longer.len() as isize - 1);
                 weights[k] * longer[index as usize]
             })
             .sum()

@@ -49,7 +49,10 @@ impl<'a> Search<'a> {
         let (start, found) = vertex(&place.profile, &longer, best as f64);
         let noise = (1.0 - found.correlation.powi(2)) * found.square / (LENGTH - 3) as f64;
         let slopes: f64 = (0..LENGTH)
-            .map(|i| 0.25 * (longer[(best + i + 1).min(longer.len() - 1)] - longer[(best + i).saturating_sub(1)]).powi(2))
+            .map(|i| {
+                0.25 * (longer[(best + i + 1).min(longer.len() - 1)] - longer[(best + i).saturating_sub(1)])
+                    .powi(2)
+            })
             .sum();
         let scale = frame.across[0].hypot(frame.across[1]);
         let normal = frame.across.map(|c| c / scale);
@@ -104,7 +107,8 @@ fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> 
     let values: Vec<f64> =
         (0..=2 * reach).map(|start| likeness(profile, longer, start as f64).correlation).collect();
     let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
-    let is_peak = |i: usize| i > 0 && i + 1 < values.len() && values[i] >= values[i - 1] && values[i] >= values[i + 1];
+    let is_peak =
+        |i: usize| i > 0 && i + 1 < values.len() && values[i] >= values[i - 1] && values[i] >= values[i + 1];
     let is_other = |i: usize| i.abs_diff(best) > 1 && is_peak(i) && values[i] > values[best] - OTHER;
     let is_told = is_peak(best) && values[best] > ALIKE && !(0..values.len()).any(is_other);
     is_told.then_some(best)
