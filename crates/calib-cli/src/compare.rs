@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use calib_core::{Camera, SiteCamera};
 use calib_image::{Became, Comparison, Edge, OtherSize};
 use calib_report::few;
@@ -11,6 +12,8 @@ use jiff::Timestamp;
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
+use crate::found_picture;
+use crate::picture;
 use crate::progress::Pulse;
 use crate::recover;
 use crate::solve::Format;
@@ -32,6 +35,9 @@ pub(crate) struct Args {
     /// How to report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
+    /// Draw every newest still with the places that are found again and those that are not, into this folder
+    #[arg(long, value_name = "DIR")]
+    render: Option<PathBuf>,
     /// Carry what was drawn to the new still, and solve the cameras that moved from it
     #[arg(long, requires = "output", conflicts_with = "at")]
     recover: bool,
@@ -41,7 +47,7 @@ pub(crate) struct Args {
     /// Since when the new calibrations hold (RFC 3339); without it since the first still that shows the camera moved
     #[arg(long, value_name = "TIME", requires = "recover")]
     since: Option<Timestamp>,
-    /// Overwrite the output file
+    /// Overwrite the output file and pictures
     #[arg(long)]
     force: bool,
 }
@@ -90,6 +96,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         drop(pulse);
     }
     report(args, &compared)?;
+    if let Some(folder) = &args.render {
+        draw(&file, &compared, folder, args.force)?;
+    }
     if let Some(output) = args.output.as_deref().filter(|_| args.recover) {
         recover::write(&file, &compared, args.since, output, args.force)?;
     }
@@ -176,6 +185,17 @@ fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>) -> Result<Compared,
     });
     let seen = seen.collect::<Result<_, Stop>>()?;
     Ok(Compared { index, id: entry.id.clone(), camera, seen })
+}
+
+/// A picture of the newest still of every camera.
+fn draw(file: &SiteFile, compared: &[Compared], folder: &Path, force: bool) -> Result<(), Stop> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    for (of, seen) in compared.iter().filter_map(|of| Some((of, of.last()?))) {
+        let image = found_picture::drawn(of, seen, still(&file.site.cameras[of.index], &seen.path)?);
+        let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();
+        files::write(&name, &picture::encoded(&image, &name)?, force)?;
+    }
+    Ok(())
 }
 
 /// A newer still of a camera; one of another size is refused before it is decoded.

@@ -11,6 +11,7 @@ mod demo;
 mod detections;
 mod export;
 mod files;
+mod found_picture;
 mod import;
 mod merge;
 mod painting;
