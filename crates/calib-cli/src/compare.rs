@@ -251,7 +251,7 @@ fn json(args: &Args, compared: &[Compared]) -> serde_json::Value {
 fn of_still(of: &Compared, Seen { path, time, comparison }: &Seen) -> serde_json::Value {
     let became = comparison.became;
     let known = |value: f64| Some(value).filter(|value| became.is_aligned() && value.is_finite());
-    let (turned, turned_sigma) = comparison.angle();
+    let (turned, turned_sigma) = comparison.angle(&of.camera);
     let (zoom, zoom_sigma) = comparison.zoom();
     let movement = comparison.movement(&of.camera);
     let degrees = |index: usize| known(movement[index].0.to_degrees());
@@ -313,7 +313,7 @@ fn row(of: &Compared, comparison: &Comparison) -> String {
             100.0 * comparison.found
         );
     }
-    let (turned, turned_sigma) = comparison.angle();
+    let (turned, turned_sigma) = comparison.angle(&of.camera);
     let (zoom, zoom_sigma) = comparison.zoom();
     let movement = comparison.movement(&of.camera);
     let [yaw, pitch, roll] = [0, 1, 2].map(|index| movement[index].0.to_degrees());

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use calib_core::{Camera, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
+use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
 use image::RgbImage;
 
 use crate::compare::alignment::{Alignment, by_chance};
@@ -138,6 +138,8 @@ impl Comparison {
     }
 
     /// The changes of yaw, pitch, roll and the logarithm of the focal, each with its sigma.
+    ///
+    /// Edges tell the turn in pixels: what is not known of the focal is not known of the turn across the axis.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
         const ASIDE: f64 = 1e-6;
@@ -146,33 +148,38 @@ impl Comparison {
             [pan, tilt, roll, zoom]
         };
         let here = of(&self.turn);
-        let slopes: [[f64; 4]; 4] = std::array::from_fn(|k| {
+        let slope = |turn: &Turn, i: usize| (of(turn)[i] - here[i]) / ASIDE;
+        let beside: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = ASIDE;
-            let there = of(&self.turn.then(&Turn::of(step)));
-            std::array::from_fn(|i| (there[i] - here[i]) / ASIDE)
+            self.turn.then(&Turn::of(step))
         });
+        let [x, y, z] = self.turn.vector;
+        let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.turn };
         std::array::from_fn(|i| {
-            let variance: f64 = (0..4)
-                .flat_map(|j| (0..4).map(move |k| (j, k)))
-                .map(|(j, k)| slopes[j][i] * self.covariance[j][k] * slopes[k][i])
-                .sum();
-            (here[i], variance.max(0.0).sqrt())
+            let slopes = beside.map(|turn| slope(&turn, i));
+            let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
+            (here[i], variance.sqrt())
         })
+    }
+
+    /// The variance of what changes so with a turn.
+    fn variance(&self, slopes: [f64; Turn::SIZE]) -> f64 {
+        let row = |j: usize| (0..Turn::SIZE).map(|k| self.covariance[j][k] * slopes[k]).sum::<f64>();
+        (0..Turn::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
     }
 
     /// The angle of the turn with its sigma, in radians: that along its axis, of no turn the mean of all axes.
     #[must_use]
-    pub fn angle(&self) -> (f64, f64) {
+    pub fn angle(&self, camera: &Camera) -> (f64, f64) {
         let angle = self.turn.angle();
-        let c = &self.covariance;
-        let variance = if angle > 1e-9 {
-            let axis = self.turn.vector.map(|part| part / angle);
-            (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| axis[i] * c[i][j] * axis[j]).sum()
-        } else {
-            (c[0][0] + c[1][1] + c[2][2]) / 3.0
-        };
-        (angle, variance.max(0.0).sqrt())
+        if angle < 1e-9 {
+            let mean = (0..3).map(|k| self.covariance[k][k]).sum::<f64>() / 3.0;
+            return (angle, mean.sqrt());
+        }
+        let [x, y, z] = self.turn.vector.map(|part| part / angle);
+        let of_focal = angle * (x * x + y * y) * focal_sigma(camera);
+        (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
     }
 
     /// The ratio of the focals, new over old, with its sigma.
@@ -181,6 +188,11 @@ impl Comparison {
         let ratio = self.turn.zoom.exp();
         (ratio, ratio * self.covariance[3][3].max(0.0).sqrt())
     }
+}
+
+/// What is not known of the focal of a camera, as a share of it.
+fn focal_sigma(camera: &Camera) -> f64 {
+    camera.covariance.sigma(Covariance::FOCAL).map_or(0.0, |sigma| sigma / camera.focal)
 }
 
 /// Two stills and what is compared.
