@@ -29,6 +29,9 @@ pub(crate) struct Args {
     /// The same site without its plan: links and marks tie the cameras
     #[arg(long)]
     no_plan: bool,
+    /// Besides, stills of a month later in the folder later: one camera turned, one zoomed, a shelf moved, other people and light
+    #[arg(long)]
+    moved: bool,
     /// How to report the errors
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -42,7 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let folder = Path::new(&args.folder);
     claim(folder, args.force)?;
     let demo = if args.no_plan { calib_demo::demo_site_without_plan() } else { calib_demo::demo_site() };
-    let steps = demo.site.cameras.len() * 2 + 2;
+    let steps = demo.site.cameras.len() * if args.moved { 3 } else { 2 } + 2;
     let _pulse = Pulse::beside_a_bar("rendering the demonstration");
     let progress = ProgressBar::new(steps as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
@@ -71,14 +74,38 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     files::write_atomically(&folder.join("solved.json"), solved.to_json().as_bytes())?;
     files::write_atomically(&folder.join("detections.csv"), detections(&demo).as_bytes())?;
     draw(folder, &progress)?;
+    if args.moved {
+        write_later(&demo, folder, &progress)?;
+    }
     progress.finish_and_clear();
     files::print(&comparison(&demo, &solved, args.format))?;
     say(format_args!(
         "\nWrote {}: site.json (as drawn), solved.json, detections.csv (feet of people who walk through the shop), and overlay-*.png, sigma-*.png and overlay-plan.png to look at.",
         folder.display()
     ));
+    if args.moved {
+        let folder = folder.display();
+        say(format_args!(
+            "calib compare {folder}/solved.json --still {folder}/later finds the cameras that moved."
+        ));
+    }
     let cameras: Vec<&SiteCamera> = solved.cameras.iter().collect();
     crate::solve::unsolved(&cameras)
+}
+
+/// Stills of a month later, named by camera and time.
+fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
+    let later = folder.join("later");
+    std::fs::create_dir_all(&later).with_context(|| format!("making {}", later.display()))?;
+    for (entry, (id, truth)) in demo.site.cameras.iter().zip(&demo.truth) {
+        progress.set_message(format!("rendering {id}, a month later"));
+        let moved = calib_demo::moved();
+        let turn = moved.iter().find(|(moved, _)| moved == id).map(|(_, turn)| *turn).unwrap_or_default();
+        let image = calib_demo::render_later(&turn.applied(truth), entry.size_px);
+        files::write_atomically(&later.join(format!("{id}_20260601_0900.png")), &picture::png(&image)?)?;
+        progress.inc(1);
+    }
+    Ok(())
 }
 
 /// Makes the folder, or takes one that this command wrote before.

@@ -7,11 +7,13 @@
 mod archive;
 mod args;
 mod check;
+mod compare;
 mod demo;
 #[cfg(feature = "archives")]
 mod detections;
 mod export;
 mod files;
+mod found_picture;
 mod import;
 mod merge;
 mod painting;
@@ -23,12 +25,14 @@ mod progress;
 mod project;
 mod propose;
 mod pulse;
+mod recover;
 mod render;
 mod report;
 mod sigma_map;
 mod site_file;
 mod site_summary;
 mod solve;
+mod stills;
 mod stop;
 #[cfg(feature = "archives")]
 mod stream;
@@ -77,6 +81,8 @@ enum Command {
     /// Find cameras that moved by the people that they see: since when, by how much; exit 4 when one did
     #[cfg(feature = "archives")]
     Watch(watch::Args),
+    /// Find cameras that turned, zoomed or were replaced, by a newer still of each; exit 4 when one did
+    Compare(compare::Args),
     /// Acceptance by a walker whom several cameras see: floor error by zone, cameras that disagree; exit 4 when it fails
     #[cfg(feature = "archives")]
     Walk(walk::Args),
@@ -109,6 +115,7 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(&args),
         #[cfg(feature = "archives")]
         Command::Watch(args) => watch::run(&args),
+        Command::Compare(args) => compare::run(&args),
         #[cfg(feature = "archives")]
         Command::Walk(args) => walk::run(&args),
         Command::Report(args) => report::run(&args),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
+use calib_core::{Options, Site, SiteCamera};
 use calib_image::{Group, Proposal, Still, Verdict, line_segments};
 use calib_report::{few, is_fitted, overlay};
 use clap::ValueEnum;
@@ -16,6 +16,7 @@ use crate::files::{self, say};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::solve::Format;
+use crate::stills;
 use crate::stop::Stop;
 use crate::words::visible;
 
@@ -76,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
-    let stills = stills(&args.stills)?;
+    let stills = stills::listed(&args.stills)?;
     let ids = ids(&stills);
     let mut progress = Steps::new(stills.len());
     let (mut site, mut proposed) = (Site::new(), Vec::new());
@@ -101,44 +102,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 
 /// What one still proposes.
 fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
-    let image = read(&path)?;
+    let image = stills::read(&path)?;
     let size = [image.width(), image.height()];
     let proposal = Proposal::new(&Still::new(line_segments(&image), size));
     let is_taken = accept.takes(&proposal);
     Ok(Proposed { path, size, proposal, is_taken })
-}
-
-fn read(path: &Path) -> Result<image::RgbImage, Stop> {
-    let wrong = |error: &dyn std::fmt::Display| Stop::invalid(path.display(), error);
-    let bytes = calib_input::read(path, MAX_BYTES as u64).map_err(|error| wrong(&error))?;
-    calib_input::decode(&bytes).map_err(|error| wrong(&error))
-}
-
-/// The stills that are asked for, those of folders in the order of their names.
-fn stills(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
-    let mut found = Vec::new();
-    for path in asked {
-        if !path.is_dir() {
-            found.push(path.clone());
-            continue;
-        }
-        let reading = || format!("reading {}", path.display());
-        let entries = std::fs::read_dir(path).with_context(reading)?;
-        let paths = entries.map(|entry| entry.map(|entry| entry.path()));
-        let mut inside = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;
-        inside.retain(|path| is_still(path));
-        inside.sort();
-        if inside.is_empty() {
-            return Err(Stop::invalid(path.display(), "no stills are in this folder (.png, .jpg, .jpeg)"));
-        }
-        found.extend(inside);
-    }
-    Ok(found)
-}
-
-fn is_still(path: &Path) -> bool {
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    path.is_file() && matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg"))
 }
 
 /// A name for every still: that of its file, numbered where it is taken.
@@ -164,7 +132,7 @@ fn camera(still: &Proposed, id: String, folder: &Path) -> SiteCamera {
 }
 
 /// A path as a site in this folder names it.
-fn beside(path: &Path, folder: &Path) -> String {
+pub(crate) fn beside(path: &Path, folder: &Path) -> String {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let inside = || {
         let (path, folder) = (path.canonicalize().ok()?, folder.canonicalize().ok()?);
@@ -195,7 +163,7 @@ fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Resul
         };
         let alone = Site { cameras: vec![shown], ..Site::new() };
         let shown = &alone.cameras[0];
-        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &read(path)?)?;
+        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &stills::read(path)?)?;
         let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encoded(&picture, &name)?, force)?;
     }

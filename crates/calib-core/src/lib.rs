@@ -21,7 +21,7 @@
 //! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
 //!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
 //! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
-//! - `health`: whether calibrations still hold, by the people that cameras see;
+//! - `health`: whether calibrations still hold, by the people that cameras see and by edges that moved;
 //! - `site`: the site document, its checks, and the pipeline from document to results.
 //!
 //! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
@@ -146,8 +146,9 @@ pub use floor::{
     position_ellipse, prism, vertical, with_placement_covariance,
 };
 pub use health::{
-    CameraHealth, Change, Disagreement, HeightThen, Memory, Movement, Sighting, Verdict, Walk, WalkMoment,
-    WalkResult, Watch, Zone, Zones,
+    CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting,
+    TONE, Turn, TurnFit, Turned, Verdict, Walk, WalkMoment, WalkResult, Watch, Zone, Zones, floor_nearness,
+    ray_in_camera,
 };
 pub use outcome::{
     Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Residual, ResidualOf,
@@ -162,10 +163,11 @@ pub use single::{
 };
 #[cfg(feature = "serde")]
 pub use site::{
-    About, Alternative, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance, DistortionEntry,
-    DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference, LensCache, LensEntry,
-    Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen,
-    Method, NamedAnnotation, Names, NoCamera, NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry,
-    PlaneNumber, PlaneSolution, Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site,
-    SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry, Warning,
+    About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance,
+    DistortionEntry, DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference,
+    LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES,
+    Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap,
+    PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry,
+    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry,
+    Warning,
 };

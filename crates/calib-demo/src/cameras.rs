@@ -1,6 +1,6 @@
 //! The cameras as they truly are: what calibration should find.
 
-use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, Turn, WorldPoint};
 
 /// Id, camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
@@ -14,6 +14,15 @@ pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
         ("store", camera([24.5, 8.1, 3.4], [-148.0, 29.0, 1.1], 780.0, None, [1280, 960]), [1280, 960]),
         ("barn", camera([0.6, -5.9, 3.6], [-91.5, 17.0, 0.9], 1420.0, Some(mild), HD), HD),
     ]
+}
+
+/// Id and turn of the cameras that are not a month later what they were: one was bumped, one zoomed.
+#[must_use]
+pub fn moved() -> [(&'static str, Turn); 2] {
+    /// In degrees.
+    const BUMP: f64 = 1.3;
+    let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP.to_radians());
+    [("shop-1", Turn { vector: bump, zoom: 0.0 }), ("store", Turn { vector: [0.0; 3], zoom: 1.03_f64.ln() })]
 }
 
 /// A camera at a place, with yaw, pitch and roll in degrees; `lens` refers to its focal.

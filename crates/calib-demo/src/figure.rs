@@ -31,13 +31,25 @@ pub(crate) const PEOPLE: [Person; 7] = [
     person([11.6, -6.7], 0.2, 1.75, 0.14, [0x3f_5a7a, 0x31_3c4e, 0xd0_a184, 0x5a_4630]),
 ];
 
+/// Everyone there is a month later.
+pub(crate) const PEOPLE_LATER: [Person; 8] = [
+    person([10.2, 9.4], 1.2, 1.81, 0.12, [0x7a_3b34, 0x30_3236, 0xd0_a184, 0x22_1c18]),
+    person([16.9, 5.2], 2.9, 1.62, 0.0, [0x3e_6b8a, 0x44_4038, 0xd8_ad92, 0x8a_6a42]),
+    person([7.2, 5.1], 0.1, 1.74, 0.1, [0xd9_c8a0, 0x2d_3442, 0xa8_7450, 0x1c_1714]),
+    person([20.1, 10.3], -1.9, 1.70, 0.14, [0x4f_7a4a, 0x3b_3530, 0xc4_9174, 0x3a_2a1e]),
+    person([3.6, 9.8], 0.8, 1.66, 0.02, [0x8a_4f6d, 0x39_3a3f, 0xd4_a88c, 0x6a_4526]),
+    person([13.2, 5.0], -0.6, 1.58, 0.07, [0xc9_6f35, 0x2c_3a55, 0xd0_a184, 0x4a_3624]),
+    person([26.4, 5.6], -1.2, 1.79, 0.0, [0x35_5e58, 0x2c_2d30, 0xd0_a184, 0x22_1c18]),
+    person([14.8, -5.6], 3.0, 1.72, 0.1, [0xb4_4a3a, 0x31_3c4e, 0xa8_7450, 0x1c_1714]),
+];
+
 const fn person(at: [f32; 2], turn: f32, height: f32, stride: f32, colours: [u32; 4]) -> Person {
     Person { at, turn, height, stride, colours }
 }
 
 /// Puts the people on the stage.
-pub(crate) fn build(stage: &mut Stage) {
-    for person in &PEOPLE {
+pub(crate) fn build(stage: &mut Stage, people: &[Person]) {
+    for person in people {
         person.build(stage);
     }
 }

@@ -48,8 +48,9 @@ mod crowd;
 #[cfg(test)]
 mod checks;
 
+pub use cameras::moved;
 pub use crowd::{Crowd, Moved, SECOND};
-pub use picture::render;
+pub use picture::{render, render_later};
 pub use site::{DemoSite, KnownLens, demo_site, demo_site_with, demo_site_without_plan};
 pub use walk::{Seen, Walk, walk};
 pub use world::visible;

@@ -15,7 +15,7 @@ use crate::texture::{cell, mix};
 use crate::threads::rows_of;
 use crate::tree::Hit;
 use crate::vector::{Vec3, vec3};
-use crate::world::{World, world};
+use crate::world::{World, later, world};
 
 /// Pixels between the places where soft light is worked out.
 const PITCH: usize = 4;
@@ -27,7 +27,17 @@ const FAR: f32 = 400.0;
 /// The same on every machine with any number of threads, up to the rounding of its functions.
 #[must_use]
 pub fn render(camera: &Camera, size: [u32; 2]) -> RgbImage {
-    let view = View::new(camera, size);
+    rendered(world(), camera, size)
+}
+
+/// The same a month later: a shelf has moved, other people are there, and the light is another.
+#[must_use]
+pub fn render_later(camera: &Camera, size: [u32; 2]) -> RgbImage {
+    rendered(later(), camera, size)
+}
+
+fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage {
+    let view = View::new(world, camera, size);
     let hits = rows_of(view.width, view.height, |y, row: &mut [Option<Hit>]| {
         for (x, hit) in row.iter_mut().enumerate() {
             *hit = view
@@ -82,15 +92,9 @@ struct Spot {
 }
 
 impl View {
-    fn new(camera: &Camera, size: [u32; 2]) -> Self {
+    fn new(world: &'static World, camera: &Camera, size: [u32; 2]) -> Self {
         let [width, height] = size.map(|side| side as usize);
-        Self {
-            world: world(),
-            rays: Rays::new(camera, size),
-            width,
-            height,
-            angle: camera.focal.recip() as f32,
-        }
+        Self { world, rays: Rays::new(camera, size), width, height, angle: camera.focal.recip() as f32 }
     }
 
     fn line(&self, u: f32, v: f32) -> Option<Line> {

@@ -9,6 +9,8 @@ use crate::stage::Stage;
 
 /// Rows of shelves in the middle of the shop: x from, x to, y of their back panel, in metres.
 pub(crate) const GONDOLAS: [[f32; 3]; 2] = [[4.8, 12.0, 3.6], [4.8, 12.0, 6.6]];
+/// The same a month later: somebody has moved one of them.
+pub(crate) const GONDOLAS_LATER: [[f32; 3]; 2] = [[4.8, 12.0, 3.6], [5.3, 12.5, 6.95]];
 /// Length of a shelf from upright to upright, in metres.
 pub(crate) const BAY: f32 = 1.2;
 /// Height of those rows, in metres.
@@ -43,9 +45,9 @@ pub(crate) const BARREL: [f32; 4] = [14.4, 7.8, 0.35, 0.9];
 pub(crate) const RUG: [f32; 3] = [3.6, 12.0, 0.75];
 
 /// Puts the furniture on the stage.
-pub(crate) fn build(stage: &mut Stage) {
+pub(crate) fn build(stage: &mut Stage, gondolas: [[f32; 3]; 2]) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
-    for [from, to, y] in GONDOLAS {
+    for [from, to, y] in gondolas {
         gondola(stage, &mut random, from, to, y);
     }
     wall_shelves(stage, &mut random);

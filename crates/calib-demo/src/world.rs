@@ -29,16 +29,31 @@ impl From<Stage> for World {
 /// The scene, built once.
 pub(crate) fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| built(shop::GONDOLAS, &figure::PEOPLE).into())
+}
+
+/// The scene a month later, built once: a shelf has moved, other people are there, and lamps have failed.
+pub(crate) fn later() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
     WORLD.get_or_init(|| {
-        let mut stage = Stage::default();
-        building::build(&mut stage);
-        shop::build(&mut stage);
-        produce::build(&mut stage);
-        store::build(&mut stage);
-        barn::build(&mut stage);
-        figure::build(&mut stage);
+        /// Of so many lamps one is dark.
+        const DARK: usize = 5;
+        let mut stage = built(shop::GONDOLAS_LATER, &figure::PEOPLE_LATER);
+        let mut number = 0..;
+        stage.lamps.retain(|_| number.next().unwrap_or(0) % DARK != 0);
         stage.into()
     })
+}
+
+fn built(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
+    let mut stage = Stage::default();
+    building::build(&mut stage);
+    shop::build(&mut stage, gondolas);
+    produce::build(&mut stage);
+    store::build(&mut stage);
+    barn::build(&mut stage);
+    figure::build(&mut stage, people);
+    stage
 }
 
 /// Whether a camera with an image of `size` pixels shows a point of space: inside the image, nothing before it.

@@ -1,5 +1,5 @@
 //! What is found in the pixels of a still: straight edges, the edge under a drawn line, and the calibration that
-//! the edges propose.
+//! the edges propose; and what became of a camera between two stills.
 //!
 //! Here are no files, threads, clocks or windows: whoever has them hands over pixels. Pixels are raw, with the
 //! corner of the image as origin, as in `calib-core`.
@@ -20,7 +20,9 @@ pub mod edges;
 mod pull;
 mod measure;
 mod proposal;
+mod compare;
 
+pub use compare::{Became, Carry, Comparison, OtherSize};
 pub use edges::Edge;
 pub use line_segment::LineSegment;
 pub use measure::line_segments;

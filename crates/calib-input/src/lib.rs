@@ -10,9 +10,10 @@ mod memory;
 #[cfg(feature = "write")]
 mod part;
 mod still;
+mod taken;
 
 pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
 #[cfg(feature = "write")]
 pub use part::{NoPlace, Part, place};
-pub use still::{StillError, decode, size_of};
+pub use still::{StillError, decode, size_of, taken};

@@ -8,6 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Rg
 
 use crate::jpeg::Jpeg;
 use crate::memory::{OutOfMemory, reserved, room_for};
+use crate::taken;
 
 /// In a browser there are 4 GB at most, and a phone has less.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");
@@ -90,6 +91,13 @@ pub fn size_of(bytes: &[u8]) -> Result<[u32; 2], StillError> {
     use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
     let is_on_its_side = matches!(orientation, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH);
     Ok(if is_on_its_side { [height, width] } else { [width, height] })
+}
+
+/// When a still was taken by the clock of its camera (RFC 3339), if it says so; a clock without a zone is taken for UTC.
+#[must_use]
+pub fn taken(bytes: &[u8]) -> Option<String> {
+    let (mut decoder, _) = opened(bytes).ok()?;
+    taken::time(&decoder.exif_metadata().ok()??)
 }
 
 /// Turns bytes into an image, upright as its EXIF data says.

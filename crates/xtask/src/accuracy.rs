@@ -37,19 +37,19 @@ const ESTIMATORS: [(&str, Estimator); 3] =
 
 /// Prints the table of what stills propose by themselves: that of the test which holds it.
 pub(crate) fn proposals() -> anyhow::Result<()> {
+    of_test("proposals", &["told", "rooms"])
+}
+
+/// Prints the table of turns and zooms that newer stills tell, on the stills that constants were not chosen on.
+pub(crate) fn compare() -> anyhow::Result<()> {
+    of_test("compare", &["the_table", "--ignored"])
+}
+
+/// Runs the tests that print a table.
+fn of_test(name: &str, which: &[&str]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");
-    cargo.args([
-        "test",
-        "--quiet",
-        "--package",
-        "calib-tests",
-        "--test",
-        "proposals",
-        "--",
-        "--nocapture",
-        "told",
-    ]);
-    done(cargo.arg("rooms").arg("--test-threads=1").current_dir(root()))
+    cargo.args(["test", "--quiet", "--package", "calib-tests", "--test", name, "--", "--nocapture"]);
+    done(cargo.args(which).arg("--test-threads=1").current_dir(root()))
 }
 
 /// Prints the table as Markdown.

@@ -161,6 +161,9 @@ enum Heavy {
         /// Of what stills propose by themselves, in place of simulated
         #[arg(long, conflicts_with = "real")]
         proposals: bool,
+        /// Of how cameras moved between two stills, in place of simulated
+        #[arg(long, conflicts_with_all = ["real", "proposals"])]
+        compare: bool,
     },
 }
 

@@ -37,6 +37,7 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
         Heavy::Golden { out } => golden::run(&root().join(out)),
         Heavy::Accuracy { real: true, .. } => coverage::run(),
         Heavy::Accuracy { proposals: true, .. } => accuracy::proposals(),
+        Heavy::Accuracy { compare: true, .. } => accuracy::compare(),
         Heavy::Accuracy { scenes, draws, .. } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())

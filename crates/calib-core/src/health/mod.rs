@@ -1,4 +1,5 @@
-//! Whether calibrations still hold, by the people that cameras see: no image is looked at.
+//! Whether calibrations still hold, by the people that cameras see, and by edges that a later still shows elsewhere: no
+//! image is looked at here.
 //!
 //! Law: no clock and no document; times are those of what was seen. The files in the order of the data:
 //!
@@ -9,7 +10,8 @@
 //! - `pairs` one person seen by two cameras; `series` evidence over time, and how far it may be believed; `change`
 //!   since when a camera moved; `watch` the front door: [`Watch`];
 //! - `views`, `walk` one walker before all cameras, who are held against what they claim: [`Walk`]; `zones` the same by parts
-//!   of the floor.
+//!   of the floor;
+//! - `turn` where a camera that turned and zoomed shows its old pixels; `turn_fit` the turn that edges say together.
 
 mod sighting;
 mod movement;
@@ -27,9 +29,13 @@ mod watch;
 mod views;
 mod walk;
 mod zones;
+mod turn;
+mod turn_fit;
 
 pub use movement::Movement;
 pub use sighting::Sighting;
+pub use turn::{Turn, Turned, floor_nearness, ray_in_camera};
+pub use turn_fit::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
 pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
 pub use watch::{CameraHealth, Change, HeightThen, Memory, Verdict, Watch};
 pub use zones::{Zone, Zones};

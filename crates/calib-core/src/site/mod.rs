@@ -8,7 +8,8 @@
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, as other languages ask for it;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
-//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
+//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws;
+//! - `recovered` a camera that turned as a new entry, with what was drawn on its old still.
 
 mod bounded_list;
 mod solution;
@@ -44,6 +45,7 @@ mod quality;
 mod pose_findings;
 mod pipeline;
 mod lens_family;
+mod recovered;
 
 pub use bounded_list::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
@@ -57,6 +59,7 @@ pub use options::Options;
 pub use period::NoCamera;
 pub use pipeline::Report;
 pub use planes::{PlaneEntry, PlaneNumber, PlaneSolution, TiltEntry};
+pub use recovered::{Carrier, NewStill, Recovered};
 pub use scene::{ExactScene, SceneEntry, SceneSigmas};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};

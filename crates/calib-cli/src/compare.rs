@@ -1,0 +1,327 @@
+//! `calib compare`: what became of cameras, by a newer still of each.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use calib_core::{Camera, SiteCamera};
+use calib_image::{Became, Comparison, Edge, OtherSize};
+use calib_report::few;
+use image::RgbImage;
+use jiff::Timestamp;
+
+use crate::args::SiteArgs;
+use crate::files::{self, SiteFile};
+use crate::found_picture;
+use crate::picture;
+use crate::progress::Pulse;
+use crate::recover;
+use crate::solve::Format;
+use crate::stills;
+use crate::stop::Stop;
+use crate::words::visible;
+
+/// Arguments of `calib compare`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    site: SiteArgs,
+    /// Compare this camera; without it a still is of the camera that its name begins with
+    #[arg(long, value_name = "ID")]
+    camera: Option<String>,
+    /// Newer stills (PNG, JPEG), or folders of them, in the order of the times in their names (20260501_0830, UTC) or their EXIF data
+    #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
+    stills: Vec<PathBuf>,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+    /// Draw every newest still with the places that are found again and those that are not, into this folder
+    #[arg(long, value_name = "DIR")]
+    render: Option<PathBuf>,
+    /// Carry what was drawn to the new still, and solve the cameras that moved from it
+    #[arg(long, requires = "output", conflicts_with = "at")]
+    recover: bool,
+    /// Write the site with the cameras that were recovered here
+    #[arg(short, long, value_name = "FILE", requires = "recover")]
+    output: Option<String>,
+    /// Since when the new calibrations hold (RFC 3339); without it since the first still that shows the camera moved
+    #[arg(long, value_name = "TIME", requires = "recover")]
+    since: Option<Timestamp>,
+    /// Overwrite the output file and pictures
+    #[arg(long)]
+    force: bool,
+}
+
+/// A still of a camera, compared.
+pub(crate) struct Seen {
+    pub(crate) path: PathBuf,
+    pub(crate) time: Option<Timestamp>,
+    pub(crate) comparison: Comparison,
+}
+
+/// A camera with its newer stills, the oldest first.
+pub(crate) struct Compared {
+    /// Of its entry in the site.
+    pub(crate) index: usize,
+    pub(crate) id: String,
+    pub(crate) camera: Camera,
+    pub(crate) seen: Vec<Seen>,
+}
+
+impl Compared {
+    /// What is to be said of it: by its newest still.
+    pub(crate) fn last(&self) -> Option<&Seen> {
+        self.seen.last()
+    }
+
+    /// The first still that shows it as the newest does, and after which none shows it unchanged.
+    pub(crate) fn since(&self) -> Option<&Seen> {
+        let last = self.last()?.comparison.became;
+        let still = self.seen.iter().rposition(|seen| seen.comparison.became == Became::Unchanged);
+        let after = &self.seen[still.map_or(0, |index| index + 1)..];
+        after.iter().find(|seen| seen.comparison.became.name() == last.name())
+    }
+}
+
+/// Compares, reports, recovers.
+pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+    if let Some(output) = &args.output {
+        files::check_free(output, args.force)?;
+    }
+    let file = args.site.read()?;
+    let mut compared = Vec::new();
+    for (index, taken) in of_cameras(args, &file)? {
+        let pulse = Pulse::new("comparing");
+        compared.push(compare(&file, index, taken)?);
+        drop(pulse);
+    }
+    report(args, &compared)?;
+    if let Some(folder) = &args.render {
+        draw(&file, &compared, folder, args.force)?;
+    }
+    if let Some(output) = args.output.as_deref().filter(|_| args.recover) {
+        recover::write(&file, &compared, args.since, output, args.force)?;
+    }
+    let changed: Vec<&str> = compared.iter().filter(|of| has_changed(of)).map(|of| of.id.as_str()).collect();
+    if changed.is_empty() {
+        return Ok(());
+    }
+    Err(Stop::Unsolved(format!("not as calibrated, or not known to be: {}", few(changed))))
+}
+
+fn has_changed(of: &Compared) -> bool {
+    of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged)
+}
+
+/// A still, by when it was taken.
+type Taken = (Option<Timestamp>, PathBuf);
+
+/// The stills of every camera that has some, in order of time, by its entry.
+fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, Stop> {
+    let mut of: Vec<(usize, Vec<Taken>)> = Vec::new();
+    for path in stills::listed(&args.stills)? {
+        let id = match &args.camera {
+            Some(id) => id.clone(),
+            None => named(file, &path)?,
+        };
+        let time = stills::time(&path)?;
+        let index = entry(file, &id, time)?;
+        match of.iter_mut().find(|(other, _)| *other == index) {
+            Some((_, taken)) => taken.push((time, path)),
+            None => of.push((index, vec![(time, path)])),
+        }
+    }
+    of.iter_mut().for_each(|(_, taken)| taken.sort());
+    of.sort_by_key(|(index, _)| *index);
+    Ok(of)
+}
+
+/// The camera whose id the name of a still is, or begins with; the longest such id.
+fn named(file: &SiteFile, path: &Path) -> Result<String, Stop> {
+    let stem = stills::stem(path);
+    let is_named = |id: &str| {
+        let rest = stem.strip_prefix(id);
+        rest.is_some_and(|rest| !rest.starts_with(char::is_alphanumeric))
+    };
+    let cameras = file.site.cameras.iter().map(|camera| camera.id.as_str());
+    let found = cameras.clone().filter(|id| is_named(id)).max_by_key(|id| id.len());
+    found.map(str::to_owned).ok_or_else(|| {
+        let what = format!(
+            "{}: of which camera is this? Give --camera, or begin its name with one of {}",
+            path.display(),
+            few(cameras)
+        );
+        Stop::Usage(what)
+    })
+}
+
+/// The period of a camera that holds when a still was taken; of an unknown time the one without an end.
+fn entry(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, Stop> {
+    file.has_camera(id)?;
+    let of_id: Vec<(usize, &SiteCamera)> =
+        file.site.cameras.iter().enumerate().filter(|(_, camera)| camera.id == id).collect();
+    let holds = |camera: &SiteCamera| match time {
+        Some(time) => camera.is_valid_at(&time.to_string()).unwrap_or_default(),
+        None => camera.valid_to.is_none(),
+    };
+    let holding = of_id.iter().find(|(_, camera)| of_id.len() == 1 || holds(camera));
+    holding.map(|(index, _)| *index).ok_or_else(|| {
+        Stop::Usage(format!("--camera {id}: several periods have this id; choose one with --at TIME"))
+    })
+}
+
+fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>) -> Result<Compared, Stop> {
+    let entry = &file.site.cameras[index];
+    let not_calibrated =
+        || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
+    let camera = entry.camera().ok_or_else(not_calibrated)?;
+    let old = file.camera_image(entry)?;
+    let drawn = drawn(entry);
+    let seen = taken.into_iter().map(|(time, path)| {
+        let new = still(entry, &path)?;
+        let comparison =
+            Comparison::new(&camera, &drawn, &old, &new).map_err(|error| other_size(&path, entry, error))?;
+        Ok(Seen { time, path, comparison })
+    });
+    let seen = seen.collect::<Result<_, Stop>>()?;
+    Ok(Compared { index, id: entry.id.clone(), camera, seen })
+}
+
+/// A picture of the newest still of every camera.
+fn draw(file: &SiteFile, compared: &[Compared], folder: &Path, force: bool) -> Result<(), Stop> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    for (of, seen) in compared.iter().filter_map(|of| Some((of, of.last()?))) {
+        let image = found_picture::drawn(of, seen, still(&file.site.cameras[of.index], &seen.path)?);
+        let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();
+        files::write(&name, &picture::encoded(&image, &name)?, force)?;
+    }
+    Ok(())
+}
+
+/// A newer still of a camera; one of another size is refused before it is decoded.
+pub(crate) fn still(entry: &SiteCamera, path: &Path) -> Result<RgbImage, Stop> {
+    let bytes = stills::bytes(path)?;
+    let wrong = |error| Stop::invalid(path.display(), error);
+    let new = calib_input::size_of(&bytes).map_err(wrong)?;
+    if new != entry.size_px {
+        return Err(other_size(path, entry, OtherSize { old: entry.size_px, new }));
+    }
+    calib_input::decode(&bytes).map_err(wrong)
+}
+
+fn other_size(path: &Path, entry: &SiteCamera, error: OtherSize) -> Stop {
+    Stop::invalid(path.display(), format!("camera \"{}\": {error}", entry.id))
+}
+
+/// The lines that were drawn, as edges.
+fn drawn(entry: &SiteCamera) -> Vec<Edge> {
+    let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
+    lines.flat_map(|line| line.windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<Edge>>()).collect()
+}
+
+fn report(args: &Args, compared: &[Compared]) -> Result<(), Stop> {
+    // stdout is the site where it is asked for there.
+    let to_stdout = args.output.as_deref() == Some("-");
+    match args.format {
+        Format::Text if to_stdout => files::say(text(compared)),
+        Format::Text => files::print(&visible(&text(compared)))?,
+        Format::Json if to_stdout => {}
+        Format::Json => files::print(&format!("{:#}\n", json(args, compared)))?,
+    }
+    Ok(())
+}
+
+/// One camera that was asked for with one still is one object; else a list.
+fn json(args: &Args, compared: &[Compared]) -> serde_json::Value {
+    let of = |of: &Compared| {
+        let stills: Vec<_> = of.seen.iter().map(|seen| of_still(of, seen)).collect();
+        let mut value = stills.last().cloned().unwrap_or_default();
+        value["since"] = of.since().and_then(|seen| seen.time).map(|time| time.to_string()).into();
+        if stills.len() > 1 {
+            value["stills"] = stills.into();
+        }
+        value
+    };
+    match compared {
+        [only] if args.camera.is_some() => of(only),
+        _ => serde_json::json!({ "cameras": compared.iter().map(of).collect::<Vec<_>>() }),
+    }
+}
+
+fn of_still(of: &Compared, Seen { path, time, comparison }: &Seen) -> serde_json::Value {
+    let became = comparison.became;
+    let known = |value: f64| Some(value).filter(|value| became.is_aligned() && value.is_finite());
+    let (turned, turned_sigma) = comparison.angle(&of.camera);
+    let (zoom, zoom_sigma) = comparison.zoom();
+    let movement = comparison.movement(&of.camera);
+    let degrees = |index: usize| known(movement[index].0.to_degrees());
+    let sigma = |index: usize| known(movement[index].1.to_degrees());
+    serde_json::json!({
+        "camera": of.id,
+        "still": path.to_string_lossy(),
+        "time": time.map(|time| time.to_string()),
+        "verdict": became.name(),
+        "shifted": became == Became::Shifted,
+        "turned_deg": known(turned.to_degrees()),
+        "turned_sigma_deg": known(turned_sigma.to_degrees()),
+        "zoom": known(zoom),
+        "zoom_sigma": known(zoom_sigma),
+        "yaw_deg": degrees(0),
+        "pitch_deg": degrees(1),
+        "roll_deg": degrees(2),
+        "sigma": { "yaw_deg": sigma(0), "pitch_deg": sigma(1), "roll_deg": sigma(2) },
+        "sigmas_clear": known(comparison.clear),
+        "moved_px": known(comparison.shift),
+        "places": comparison.places,
+        "found": comparison.found,
+        "found_by_chance": comparison.by_chance,
+        "reason": became.to_string(),
+    })
+}
+
+fn text(compared: &[Compared]) -> String {
+    let mut out = String::new();
+    let names = compared.iter().map(|of| of.id.chars().count());
+    let width = names.max().unwrap_or(0).max(6);
+    let _ = writeln!(
+        out,
+        "{:width$}  {:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>6}",
+        "camera", "verdict", "turned deg", "zoom", "yaw", "pitch", "roll", "found"
+    );
+    for of in compared {
+        for seen in &of.seen {
+            let _ = writeln!(out, "{:width$}  {}", of.id, row(of, &seen.comparison));
+            let time = seen.time.map(|time| format!(" ({time})")).unwrap_or_default();
+            let _ =
+                writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.became);
+        }
+    }
+    out
+}
+
+fn row(of: &Compared, comparison: &Comparison) -> String {
+    let became = comparison.became;
+    if !became.is_aligned() {
+        return format!(
+            "{:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>5.0}%",
+            became.name(),
+            "-",
+            "-",
+            "-",
+            "-",
+            "-",
+            100.0 * comparison.found
+        );
+    }
+    let (turned, turned_sigma) = comparison.angle(&of.camera);
+    let (zoom, zoom_sigma) = comparison.zoom();
+    let movement = comparison.movement(&of.camera);
+    let [yaw, pitch, roll] = [0, 1, 2].map(|index| movement[index].0.to_degrees());
+    format!(
+        "{:11} {:>18} {:>20} {yaw:>+8.3} {pitch:>+8.3} {roll:>+8.3} {:>5.0}%",
+        became.name(),
+        format!("{:.3} \u{b1} {:.3}", turned.to_degrees(), turned_sigma.to_degrees()),
+        format!("{zoom:.5} \u{b1} {zoom_sigma:.5}"),
+        100.0 * comparison.found,
+    )
+}

@@ -1,0 +1,240 @@
+//! A camera that turned, as a new entry of the site: what was drawn on its old still stands on the new one, the old
+//! calibration ends where the new one begins.
+//!
+//! What is carried is evidence, drawn again; the place and the height are beliefs of the old solve. Angles and focal are
+//! not: the same lines tell them, and would tell them twice.
+
+use crate::camera::{Camera, Covariance, Pixel};
+use crate::floor::STAGE_1_HEIGHT;
+use crate::health::Turn;
+use crate::single::{Annotation, Known, Shape, line_name};
+use crate::site::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
+use crate::site::elements::{Link, LinkSeen};
+use crate::site::solution::{DistortionEntry, Stage};
+
+/// What leads from the old still to the new one.
+pub trait Carrier {
+    /// A line on the same edge, or all of it where the whole is wanted; `None` where the new still does not show it.
+    fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>>;
+    /// A point that looks the same; `None` where the new still shows something else.
+    fn point(&self, old: Pixel) -> Option<Pixel>;
+    /// A corner of a polygon, whatever is there now; `None` outside the lens.
+    fn corner(&self, old: Pixel) -> Option<Pixel>;
+}
+
+/// The new entry's still, and from when on it holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewStill {
+    /// As the site file names it.
+    pub image: String,
+    /// RFC 3339.
+    pub since: String,
+}
+
+/// A site with a new period of a camera that is still to be solved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recovered {
+    /// The new entry stands where the old one stood; the old one is the last of the site.
+    pub site: Site,
+    /// Names of what was drawn and is not on the new still.
+    pub left_out: Vec<String>,
+    /// How much was carried.
+    pub carried: usize,
+}
+
+impl Site {
+    /// The site with a camera that turned as two periods: what it showed before, and what it shows now.
+    ///
+    /// `None` for a camera that is not solved.
+    #[must_use]
+    pub fn recovered(
+        &self,
+        index: usize,
+        turn: &Turn,
+        by: &dyn Carrier,
+        still: &NewStill,
+    ) -> Option<Recovered> {
+        let old = self.cameras.get(index)?;
+        let camera = old.camera()?;
+        let mut work = Work { by, left_out: Vec::new(), carried: 0 };
+        let mut site = self.clone();
+        site.links.iter_mut().enumerate().for_each(|(i, link)| work.link(link, i, &old.id));
+        for (i, mark) in site.marks.iter_mut().enumerate() {
+            let name = mark.id.clone().unwrap_or_else(|| i.to_string());
+            mark.seen.retain_mut(|seen| {
+                seen.camera != old.id || work.moves(&mut seen.px, || format!("mark {name} {}", seen.point))
+            });
+        }
+        let new = work.camera(old, &camera, turn, still);
+        site.cameras.push(SiteCamera { valid_to: Some(still.since.clone()), ..old.clone() });
+        site.cameras[index] = new;
+        Some(Recovered { site, left_out: work.left_out, carried: work.carried })
+    }
+}
+
+/// What is carried and what is not, while it is.
+struct Work<'a> {
+    by: &'a dyn Carrier,
+    left_out: Vec<String>,
+    carried: usize,
+}
+
+impl Work<'_> {
+    fn camera(&mut self, old: &SiteCamera, camera: &Camera, turn: &Turn, still: &NewStill) -> SiteCamera {
+        let annotations = self.annotations(&old.annotations);
+        let mut control_points = old.control_points.clone();
+        let mut index = 0..;
+        control_points.retain_mut(|point: &mut ControlPointEntry| {
+            let name = point.label(index.next().unwrap_or_default());
+            self.moves(&mut point.px, || format!("control point {name}"))
+        });
+        let straight =
+            |annotations: &[Annotation]| annotations.iter().filter(|a| a.is_straight_edge()).count();
+        let refits = straight(&annotations) > 0 && straight(&annotations) == straight(&old.annotations);
+        SiteCamera {
+            image: Some(still.image.clone()),
+            lens: lens(old, camera, turn, refits),
+            height_m: height(old, camera),
+            annotations,
+            efov_px: self.polygon(old.efov_px.as_deref()),
+            placement: placement(old, &turn.applied(camera)),
+            control_points,
+            valid_from: Some(still.since.clone()),
+            solution: None,
+            error: None,
+            ..old.clone()
+        }
+    }
+
+    fn annotations(&mut self, old: &[Annotation]) -> Vec<Annotation> {
+        let carried = old.iter().enumerate().filter_map(|(index, annotation)| {
+            let mut segment = 0;
+            let mut line = |points: &[Pixel], whole: bool| {
+                segment += 1;
+                self.counted(self.by.line(points, whole), || line_name(old, index, segment - 1))
+            };
+            match annotation.kind.row().shape {
+                Shape::Segments => segments(annotation, &mut line),
+                Shape::Polyline => {
+                    let points = line(annotation.points.as_deref()?, false)?;
+                    Some(Annotation { points: Some(points), ..annotation.clone() })
+                }
+                Shape::FootAndHead => {
+                    let ends = line(&[annotation.foot?, annotation.head?], true)?;
+                    Some(Annotation { foot: Some(ends[0]), head: Some(ends[1]), ..annotation.clone() })
+                }
+            }
+        });
+        carried.collect()
+    }
+
+    /// A link as the camera shows it now; one that it does not show is left to the others.
+    fn link(&mut self, link: &mut Link, index: usize, camera: &str) {
+        let name = link.id.clone().unwrap_or_else(|| index.to_string());
+        link.seen.retain_mut(|seen| {
+            if seen.camera != camera {
+                return true;
+            }
+            let moved = self.seen(seen);
+            let moved = self.counted(moved, || format!("link {name}"));
+            moved.map(|moved| *seen = moved).is_some()
+        });
+    }
+
+    fn seen(&self, seen: &LinkSeen) -> Option<LinkSeen> {
+        let point = |at: Option<Pixel>| at.map_or(Some(None), |at| self.by.point(at).map(Some));
+        let segment = match &seen.segment {
+            Some(segment) => Some(self.by.line(segment, false)?),
+            None => None,
+        };
+        Some(LinkSeen {
+            camera: seen.camera.clone(),
+            px: point(seen.px)?,
+            foot: point(seen.foot)?,
+            head: point(seen.head)?,
+            segment,
+        })
+    }
+
+    /// Puts a pixel where it is now; whether it is there.
+    fn moves(&mut self, pixel: &mut Pixel, name: impl FnOnce() -> String) -> bool {
+        let moved = self.by.point(*pixel);
+        self.counted(moved, name).map(|moved| *pixel = moved).is_some()
+    }
+
+    fn polygon(&self, old: Option<&[Pixel]>) -> Option<Vec<Pixel>> {
+        let corners: Option<Vec<Pixel>> = old?.iter().map(|&corner| self.by.corner(corner)).collect();
+        corners.filter(|corners| corners.len() > 2)
+    }
+
+    fn counted<T>(&mut self, carried: Option<T>, name: impl FnOnce() -> String) -> Option<T> {
+        match &carried {
+            Some(_) => self.carried += 1,
+            None => self.left_out.push(name()),
+        }
+        carried
+    }
+}
+
+/// An annotation with the segments that are there; `None` where it says nothing without those that are not.
+fn segments(
+    annotation: &Annotation,
+    line: &mut dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>>,
+) -> Option<Annotation> {
+    let row = annotation.kind.row();
+    // A part of a length is not the length.
+    let is_length = row.constraint == crate::single::ConstraintKind::Length;
+    let carried: Vec<Option<Vec<Pixel>>> =
+        annotation.segments.iter().flatten().map(|points| line(points, is_length)).collect();
+    let is_of_first = row.constraint == crate::single::ConstraintKind::RightAngle;
+    let stands = !is_of_first || carried.first().is_some_and(Option::is_some);
+    let carried: Vec<Vec<Pixel>> = carried.into_iter().flatten().collect();
+    // One that others refer to stays, empty.
+    let is_named = annotation.id.is_some() && !is_of_first;
+    (stands && (!carried.is_empty() || is_named))
+        .then(|| Annotation { segments: Some(carried), ..annotation.clone() })
+}
+
+/// What was known of the lens and the angles, after the turn. The lens is the map of pixels that it was: where its edges
+/// were drawn to fit it, they are there again, and else it is held.
+fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<LensEntry> {
+    let movement = turn.movement(camera);
+    let scaled = |known: Known| {
+        let ratio = turn.zoom.exp();
+        Known { value: ratio * known.value, sigma: known.sigma.map(|sigma| ratio * sigma), ..known }
+    };
+    let shifted = |by: f64| move |known: Known| Known { value: known.value + by.to_degrees(), ..known };
+    let entry = old.lens.clone().unwrap_or_default();
+    let is_fitted = refits && entry.distortion.as_ref().is_none_or(|distortion| distortion.fit.is_some());
+    let held = || {
+        let of = DistortionEntry::of(&camera.lens, camera.focal)?;
+        Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })
+    };
+    let lens = LensEntry {
+        focal_px: entry.focal_px.map(scaled),
+        roll_deg: entry.roll_deg.map(shifted(movement.roll)),
+        pitch_deg: entry.pitch_deg.map(shifted(movement.tilt)),
+        distortion: if is_fitted { entry.distortion } else { held() },
+        // A focal that is zoomed is its own.
+        like: entry.like.filter(|_| turn.zoom == 0.0),
+        principal_point_px: entry.principal_point_px,
+    };
+    (lens != LensEntry::default()).then_some(lens)
+}
+
+/// The height as it was found, as a belief.
+fn height(old: &SiteCamera, camera: &Camera) -> Option<Known> {
+    let sigma = camera.covariance.sigma(Covariance::Z);
+    let found = sigma.map(|sigma| Known::prior(camera.position.z, sigma));
+    old.height_m.filter(|height| height.fixed).or(found).or(old.height_m)
+}
+
+/// The place where it was found, and the yaw after the turn.
+fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
+    let is_placed = old.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
+    let scale = Some(now.position.z / STAGE_1_HEIGHT);
+    let fixed = old.placement.as_ref().is_some_and(|placement| placement.fixed);
+    let place =
+        || PlacementEntry { move_m: now.position.on_floor(), turn_deg: now.yaw.to_degrees(), scale, fixed };
+    if is_placed { Some(place()) } else { old.placement.clone() }
+}

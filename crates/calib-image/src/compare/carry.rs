@@ -1,0 +1,165 @@
+//! What was drawn on the old still, on the new one: carried by the turn, and held against what the new still shows there.
+
+use calib_core::{Camera, Pixel, Turn, Turned};
+use image::RgbImage;
+
+use crate::compare::comparison::SMOOTH;
+use crate::compare::luma::Luma;
+use crate::compare::place::places;
+use crate::compare::search::Search;
+use crate::edges::Edge;
+use crate::pull::pull_line;
+
+/// Carries what was drawn from the old still to the new one.
+#[derive(Debug)]
+pub struct Carry<'a> {
+    camera: &'a Camera,
+    turn: Turn,
+    turned: Turned,
+    old: Luma,
+    new: Luma,
+    image: &'a RgbImage,
+}
+
+/// Shorter than this a line tells too little to be kept, in pixels.
+const SHORTEST: f64 = 16.0;
+
+impl<'a> Carry<'a> {
+    /// From one still to another of the same size, between which a camera turned.
+    #[must_use]
+    pub fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
+        let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTH));
+        Self { camera, turn, turned: turn.at(camera), old: before, new: after, image: new }
+    }
+
+    /// A line on the same edge, pulled onto it; `None` where the new still does not show that edge, or all of it where
+    /// the whole is wanted.
+    #[must_use]
+    pub fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
+        /// Farther than this from where it is carried to is another edge, in pixels.
+        const SAME: f64 = 2.5;
+        let carried = if whole { self.all(points)? } else { self.shown_part(points)? };
+        if length(&carried) < SHORTEST || !self.is_there(points) {
+            return None;
+        }
+        let pulled = pull_line(self.image, &carried);
+        let is_same = |pulled: &Vec<Pixel>| pulled.iter().zip(&carried).all(|(a, b)| a.distance(*b) < SAME);
+        Some(pulled.filter(is_same).unwrap_or(carried))
+    }
+
+    /// A point that looks as it looked; `None` where the new still shows something else.
+    #[must_use]
+    pub fn point(&self, old: Pixel) -> Option<Pixel> {
+        /// What looks the same correlates by so much.
+        const ALIKE: f64 = 0.75;
+        const REACH: i32 = 3;
+        let steps =
+            (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [f64::from(x), f64::from(y)]));
+        let alike = |step: [f64; 2]| self.likeness(old, step);
+        let best = steps.max_by(|&a, &b| alike(a).total_cmp(&alike(b)))?;
+        let here = alike(best);
+        let is_inner = best.iter().all(|step| step.abs() < f64::from(REACH));
+        if here < ALIKE || !is_inner {
+            return None;
+        }
+        let vertex = |axis: usize| {
+            let beside = |by: f64| {
+                let mut step = best;
+                step[axis] += by;
+                alike(step)
+            };
+            let (before, after) = (beside(-1.0), beside(1.0));
+            let bend = before - 2.0 * here + after;
+            best[axis] + if bend < -1e-9 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+        };
+        let at = self.turned.pixel(old)?;
+        Some(Pixel::new(at.u + vertex(0), at.v + vertex(1)))
+    }
+
+    /// Where a corner of a polygon is now, seen or not; `None` outside the lens.
+    #[must_use]
+    pub fn corner(&self, old: Pixel) -> Option<Pixel> {
+        self.turned.pixel(old)
+    }
+
+    /// How alike the surroundings of a point are to those that the new still shows so far from where it is carried to.
+    fn likeness(&self, old: Pixel, step: [f64; 2]) -> f64 {
+        const HALF: i32 = 6;
+        let pair = |x: i32, y: i32| {
+            let before = Pixel::new(old.u + f64::from(x), old.v + f64::from(y));
+            let after = self.turned.pixel(before)?;
+            Some([self.old.at(before.u, before.v)?, self.new.at(after.u + step[0], after.v + step[1])?])
+        };
+        let cells = (-HALF..=HALF).flat_map(|y| (-HALF..=HALF).map(move |x| (x, y)));
+        let Some(pairs) = cells.map(|(x, y)| pair(x, y)).collect::<Option<Vec<[f64; 2]>>>() else {
+            return -1.0;
+        };
+        correlation(&pairs)
+    }
+
+    fn all(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
+        points.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect()
+    }
+
+    /// The longest part of a line that the new still shows: of two points the part between, of more those that are shown.
+    fn shown_part(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
+        const STEPS: usize = 64;
+        let dense: Vec<Pixel> = match points {
+            &[a, b] => (0..=STEPS)
+                .map(|i| i as f64 / STEPS as f64)
+                .map(|t| Pixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v)))
+                .collect(),
+            _ => points.to_vec(),
+        };
+        let carried: Vec<Option<Pixel>> =
+            dense.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect();
+        let runs =
+            carried.split(Option::is_none).map(|run| run.iter().flatten().copied().collect::<Vec<Pixel>>());
+        let longest = runs.max_by(|a, b| length(a).total_cmp(&length(b)))?;
+        match (points.len(), longest.first(), longest.last()) {
+            (2, Some(&first), Some(&last)) => Some(vec![first, last]),
+            (2, ..) => None,
+            (count, ..) => (longest.len() >= count.min(3)).then_some(longest),
+        }
+    }
+
+    /// Whether the new still has the edge that the old one has along a line.
+    fn is_there(&self, points: &[Pixel]) -> bool {
+        /// In pixels.
+        const NEAR: f64 = 1.0;
+        const REACH: usize = 3;
+        let edges: Vec<Edge> = points.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        let search = Search::new(self.camera, &self.new, &self.turn);
+        let places = places(self.camera, &self.old, &edges);
+        let shown: Vec<_> = places.iter().filter(|place| search.shows(place)).collect();
+        let near = shown.iter().filter(|place| {
+            search.offset(place, REACH).is_some_and(|row| row.offset.abs() < NEAR + 2.0 * row.sigma)
+        });
+        2 * near.count() >= shown.len() && !shown.is_empty()
+    }
+
+    fn is_inside(&self, at: Pixel) -> bool {
+        const MARGIN: f64 = 2.0;
+        let within = |at: f64, side: usize| (MARGIN..side as f64 - MARGIN).contains(&at);
+        within(at.u, self.new.width) && within(at.v, self.new.height)
+    }
+}
+
+fn length(points: &[Pixel]) -> f64 {
+    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
+fn correlation(pairs: &[[f64; 2]]) -> f64 {
+    /// Contrast below which there is nothing to look like, in the logarithm of brightness.
+    const FLAT: f64 = 0.02;
+    let count = pairs.len() as f64;
+    let mean = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / count);
+    let moment =
+        |i: usize, j: usize| pairs.iter().map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f64>();
+    let (old, new) = (moment(0, 0), moment(1, 1));
+    if old < count * FLAT * FLAT || new < count * FLAT * FLAT {
+        -1.0
+    } else {
+        moment(0, 1) / (old * new).sqrt()
+    }
+}

@@ -1,0 +1,337 @@
+//! What became of a camera between two stills.
+
+use std::fmt;
+
+use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
+use image::RgbImage;
+
+use crate::compare::alignment::{Alignment, by_chance};
+use crate::compare::coarse::coarse;
+use crate::compare::luma::Luma;
+use crate::compare::place::{Place, places};
+use crate::edges::{Edge, find};
+
+/// Smoothing of both stills before edges are compared, in pixels.
+pub(crate) const SMOOTH: f64 = 0.9;
+/// So clear a change is one, as sigmas of a normal number: a camera that stands still is said to have moved in one of
+/// some hundred stills at most.
+const CLEAR: f64 = 3.0;
+/// A turn or zoom that moves the image by less than this is none, in pixels, root mean square: codecs and warm lenses
+/// do as much.
+const STILL: f64 = 0.05;
+
+/// What became of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Became {
+    /// It looks where it looked.
+    Unchanged,
+    /// It turned or zoomed in its place.
+    Moved,
+    /// It stands elsewhere: near and far do not agree with a turn.
+    Shifted,
+    /// Nothing of the old still is found again: another camera, another view, or something before it.
+    Replaced,
+    /// The new still is too dark.
+    TooDark,
+    /// The new still shows next to no edges: covered, or out of focus.
+    Blind,
+    /// The old still has too few edges.
+    TooFewEdges,
+}
+
+impl Became {
+    /// Its name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unchanged => "unchanged",
+            Self::Moved | Self::Shifted => "moved",
+            Self::Replaced => "replaced",
+            Self::TooDark | Self::Blind | Self::TooFewEdges => "cannot-tell",
+        }
+    }
+
+    /// Whether the old pixels are known in the new still.
+    #[must_use]
+    pub const fn is_aligned(self) -> bool {
+        matches!(self, Self::Unchanged | Self::Moved | Self::Shifted)
+    }
+}
+
+impl fmt::Display for Became {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unchanged => "edges are where they were",
+            Self::Moved => "edges moved as by a turn or a zoom of the camera",
+            Self::Shifted => "near and far edges do not agree with a turn: the camera stands elsewhere",
+            Self::Replaced => {
+                "nothing of the old still is found again: another camera, another view, or something before it"
+            }
+            Self::TooDark => "the new still is too dark to tell",
+            Self::Blind => "the new still shows next to no edges: covered, or out of focus",
+            Self::TooFewEdges => "the old still shows too few edges to compare by",
+        })
+    }
+}
+
+/// Why two stills are not compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OtherSize {
+    /// Width and height of the old still.
+    pub old: [u32; 2],
+    /// Width and height of the new one.
+    pub new: [u32; 2],
+}
+
+impl fmt::Display for OtherSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([ow, oh], [nw, nh]) = (self.old, self.new);
+        write!(
+            f,
+            "the new still is {nw} x {nh} pixels, and the camera was calibrated on {ow} x {oh}; take a still of that \
+             size, from the same stream"
+        )
+    }
+}
+
+impl std::error::Error for OtherSize {}
+
+/// What edges say of a camera between two stills.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// What is to be said.
+    pub became: Became,
+    /// How it turned and zoomed; nothing where the stills are not laid on each other.
+    pub turn: Turn,
+    /// Covariance of a turn after it: vector and zoom.
+    pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
+    /// How clear it is that it moved, as sigmas of a normal number.
+    pub clear: f64,
+    /// How far the image moved, root mean square over it, in pixels.
+    pub shift: f64,
+    /// Places on edges that the new still shows.
+    pub places: usize,
+    /// The share of them that is found again.
+    pub found: f64,
+    /// The share that chance would find.
+    pub by_chance: f64,
+    /// The places with whether the new still has them where they are told; nothing where it does not show them.
+    pub seen: Vec<(Pixel, Option<bool>)>,
+}
+
+impl Comparison {
+    /// Compares a still with the one that a camera was calibrated on; `drawn` lines are looked at first.
+    ///
+    /// # Errors
+    /// When the stills are of two sizes.
+    pub fn new(camera: &Camera, drawn: &[Edge], old: &RgbImage, new: &RgbImage) -> Result<Self, OtherSize> {
+        let size = |image: &RgbImage| [image.width(), image.height()];
+        if size(old) != size(new) {
+            return Err(OtherSize { old: size(old), new: size(new) });
+        }
+        let [before, after] = [old, new].map(Luma::new);
+        let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTH));
+        let edges: Vec<Edge> = drawn.iter().copied().chain(find(old)).collect();
+        let places = places(camera, &fine, &edges);
+        let stills = Stills { camera, before, after, later, places };
+        Ok(stills.compared(new))
+    }
+
+    /// The changes of yaw, pitch, roll and the logarithm of the focal, each with its sigma.
+    ///
+    /// Edges tell the turn in pixels: what is not known of the focal is not known of the turn across the axis.
+    #[must_use]
+    pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
+        const ASIDE: f64 = 1e-6;
+        let of = |turn: &Turn| {
+            let Movement { pan, tilt, roll, zoom } = turn.movement(camera);
+            [pan, tilt, roll, zoom]
+        };
+        let here = of(&self.turn);
+        let slope = |turn: &Turn, i: usize| (of(turn)[i] - here[i]) / ASIDE;
+        let beside: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
+            let mut step = [0.0; Turn::SIZE];
+            step[k] = ASIDE;
+            self.turn.then(&Turn::of(step))
+        });
+        let [x, y, z] = self.turn.vector;
+        let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.turn };
+        std::array::from_fn(|i| {
+            let slopes = beside.map(|turn| slope(&turn, i));
+            let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
+            (here[i], variance.sqrt())
+        })
+    }
+
+    /// The variance of what changes so with a turn.
+    fn variance(&self, slopes: [f64; Turn::SIZE]) -> f64 {
+        let row = |j: usize| (0..Turn::SIZE).map(|k| self.covariance[j][k] * slopes[k]).sum::<f64>();
+        (0..Turn::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
+    }
+
+    /// The angle of the turn with its sigma, in radians: that along its axis, of no turn the mean of all axes.
+    #[must_use]
+    pub fn angle(&self, camera: &Camera) -> (f64, f64) {
+        let angle = self.turn.angle();
+        if angle < 1e-9 {
+            let mean = (0..3).map(|k| self.covariance[k][k]).sum::<f64>() / 3.0;
+            return (angle, mean.sqrt());
+        }
+        let [x, y, z] = self.turn.vector.map(|part| part / angle);
+        let of_focal = angle * (x * x + y * y) * focal_sigma(camera);
+        (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
+    }
+
+    /// The ratio of the focals, new over old, with its sigma.
+    #[must_use]
+    pub fn zoom(&self) -> (f64, f64) {
+        let ratio = self.turn.zoom.exp();
+        (ratio, ratio * self.covariance[3][3].max(0.0).sqrt())
+    }
+}
+
+/// What is not known of the focal of a camera, as a share of it.
+fn focal_sigma(camera: &Camera) -> f64 {
+    camera.covariance.sigma(Covariance::FOCAL).map_or(0.0, |sigma| sigma / camera.focal)
+}
+
+/// Two stills and what is compared.
+struct Stills<'a> {
+    camera: &'a Camera,
+    before: Luma,
+    after: Luma,
+    later: Luma,
+    places: Vec<Place>,
+}
+
+impl Stills<'_> {
+    fn compared(&self, new: &RgbImage) -> Comparison {
+        /// Fewer places tell nothing.
+        const LEAST: usize = 60;
+        if self.places.len() < LEAST {
+            return self.without(Became::TooFewEdges, 0.0);
+        }
+        let Some(found) = self.alignment() else { return self.without(self.blind(new), 0.0) };
+        let chance = by_chance(self.camera, &self.later, &self.places, &found.turn);
+        if !self.is_found(&found, chance) {
+            return Comparison { found: found.share(), ..self.without(self.blind(new), chance) };
+        }
+        self.judged(&found, chance)
+    }
+
+    /// The better of two: from where the camera looked, and from where corners say that it looks.
+    fn alignment(&self) -> Option<Alignment> {
+        /// With so many places found again nothing else is looked for.
+        const PLENTY: f64 = 0.5;
+        let from = |turn: Turn, reaches: &[usize]| {
+            Alignment::new(self.camera, &self.later, &self.places, turn, reaches)
+        };
+        let still = from(Turn::default(), &[5, 3, 2, 2]);
+        if still.as_ref().is_some_and(|found| found.share() > PLENTY) {
+            return still;
+        }
+        let turned = coarse(self.camera, &self.before, &self.after);
+        let turned = turned.and_then(|turn| from(turn, &[10, 5, 3, 2, 2]));
+        let both = [still, turned].into_iter().flatten();
+        both.max_by_key(|found| found.voices(&self.places))
+    }
+
+    /// Whether more is found than chance finds, in enough parts of the image.
+    fn is_found(&self, found: &Alignment, chance: f64) -> bool {
+        /// Parts of the image, each with some places.
+        const VOICES: usize = 36;
+        const TIMES: f64 = 2.0;
+        const LEAST: f64 = 0.1;
+        found.share() > (TIMES * chance).max(LEAST) && found.voices(&self.places) >= VOICES
+    }
+
+    fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
+        let covariance = &found.fit.covariance;
+        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
+        let clear = self.clear(found);
+        let shift = self.shift(&found.turn);
+        let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found)) {
+            (_, true) => Became::Shifted,
+            (true, false) => Became::Moved,
+            (false, false) => Became::Unchanged,
+        };
+        let seen = self.places.iter().zip(&found.found).map(|(place, found)| (place.at, *found)).collect();
+        Comparison {
+            became,
+            turn: found.turn,
+            covariance,
+            clear,
+            shift,
+            places: found.found.iter().flatten().count(),
+            found: found.share(),
+            by_chance: chance,
+            seen,
+        }
+    }
+
+    /// How clear it is that the turn is one.
+    fn clear(&self, found: &Alignment) -> f64 {
+        let [x, y, z] = found.turn.vector;
+        let mut whole = found.fit.clone();
+        whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.turn.zoom]);
+        whole.clear(0, Turn::SIZE)
+    }
+
+    /// Whether near and far edges contradict a turn.
+    fn is_shifted(&self, found: &Alignment) -> bool {
+        /// Clearer than a turn must be: a lens that is not quite known bends near and far alike.
+        const CLEAR: f64 = 5.0;
+        /// In pixels, root mean square.
+        const LEAST: f64 = 0.5;
+        let Some(fit) = TurnFit::new(&found.offsets, Estimated::Step) else { return false };
+        let square: f64 = found.offsets.iter().map(|row| row.told_by_step(&fit.estimate).powi(2)).sum();
+        let clear = fit.clear(fit.estimate.len() - STEP, fit.estimate.len());
+        (square / found.offsets.len() as f64).sqrt() > LEAST && clear > CLEAR
+    }
+
+    /// How far the turn moves the image, root mean square, in pixels.
+    fn shift(&self, turn: &Turn) -> f64 {
+        let turned = turn.at(self.camera);
+        let moved = |place: &Place| Some(turned.shown(place.rays[0])?.distance(place.at).powi(2));
+        let squares: Vec<f64> = self.places.iter().filter_map(moved).collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+
+    fn without(&self, became: Became, by_chance: f64) -> Comparison {
+        Comparison {
+            became,
+            turn: Turn::default(),
+            covariance: [[f64::INFINITY; 4]; 4],
+            clear: 0.0,
+            shift: 0.0,
+            places: self.places.len(),
+            found: 0.0,
+            by_chance,
+            seen: self.places.iter().map(|place| (place.at, Some(false))).collect(),
+        }
+    }
+
+    /// Why nothing is found again.
+    fn blind(&self, new: &RgbImage) -> Became {
+        /// Of 255.
+        const DARK: f64 = 16.0;
+        /// Contrast of the new still over that of the old.
+        const LITTLE: f32 = 0.25;
+        let bytes = new.as_raw();
+        let mean = bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len().max(1) as f64;
+        if mean < DARK {
+            return Became::TooDark;
+        }
+        if contrast(&self.after) < LITTLE * contrast(&self.before) { Became::Blind } else { Became::Replaced }
+    }
+}
+
+/// How steep brightness is at the steepest tenth of an image.
+fn contrast(luma: &Luma) -> f32 {
+    let small = luma.reduced((luma.width as f64 / 320.0).max(1.0));
+    let rows = small.values.chunks_exact(small.width.max(1));
+    let mut slopes: Vec<f32> =
+        rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
+    let at = slopes.len() * 9 / 10;
+    if slopes.is_empty() { 0.0 } else { *slopes.select_nth_unstable_by(at, f32::total_cmp).1 }
+}

@@ -1,0 +1,21 @@
+//! Two stills of one camera compared: how it turned and zoomed between them, or why that is not known.
+//!
+//! Corners that look the same tell a turn of any size to a few pixels; edges that are looked for where it tells them, tell
+//! it to hundredths. The files in the order of the data:
+//!
+//! - `luma` brightness on a scale that light and exposure shift; `feature` corners found again; `coarse` the turn that most
+//!   parts of the image agree on;
+//! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
+//!   by pass; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still: [`Carry`]. What edges say together is `TurnFit` of the core.
+
+mod luma;
+mod feature;
+mod coarse;
+mod place;
+mod search;
+mod alignment;
+mod comparison;
+mod carry;
+
+pub use carry::Carry;
+pub use comparison::{Became, Comparison, OtherSize};

@@ -1,0 +1,141 @@
+//! Places along the edges of the old still, each with what brightness does across it.
+
+use calib_core::{Camera, Pixel, TONE, floor_nearness, ray_in_camera};
+
+use crate::compare::luma::{Luma, cubic};
+use crate::edges::Edge;
+
+/// Half the length of a profile across an edge, in pixels of the old still.
+pub(crate) const HALF: usize = 6;
+/// Numbers of a profile.
+pub(crate) const LENGTH: usize = 2 * HALF + 1;
+/// Profiles are means of so many beside each other, and of a pixel and a half from one to the next.
+const BESIDE: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
+/// Pixels along an edge from place to place, at least.
+const APART: f64 = 8.0;
+/// Places of one edge, at most: a long edge is one edge.
+const OF_EDGE: f64 = 24.0;
+/// Places of a still, at most: a bound on time.
+const MOST: usize = 6000;
+/// Columns and rows of the blocks that share what moves them.
+pub(crate) const BLOCKS: [usize; 2] = [8, 6];
+
+/// A place on an edge.
+pub(crate) struct Place {
+    pub(crate) at: Pixel,
+    /// Rays to it, and to a pixel farther along and across the edge.
+    pub(crate) rays: [[f64; 3]; 3],
+    pub(crate) profile: [f64; LENGTH],
+    /// One over the depth of the floor there, per metre.
+    pub(crate) nearness: f64,
+    /// Its contrast, positive where it is brighter across it, by powers of its level.
+    pub(crate) tone: [f64; TONE],
+    pub(crate) block: usize,
+}
+
+/// Where an edge runs in an image, and which way.
+#[derive(Clone, Copy)]
+pub(crate) struct Frame {
+    pub(crate) at: Pixel,
+    /// A pixel of the old still along the edge, in this image.
+    pub(crate) along: [f64; 2],
+    /// The same across it, at right angles to it here.
+    pub(crate) across: [f64; 2],
+}
+
+impl Frame {
+    /// Brightness so many steps across the edge, the mean of a few places along it.
+    pub(crate) fn brightness(&self, luma: &Luma, step: f64) -> Option<f64> {
+        let value = |beside: f64| {
+            let u = self.at.u + beside * self.along[0] + step * self.across[0];
+            let v = self.at.v + beside * self.along[1] + step * self.across[1];
+            luma.at(u, v)
+        };
+        let mut sum = 0.0;
+        for beside in BESIDE {
+            sum += value(beside)?;
+        }
+        Some(sum / BESIDE.len() as f64)
+    }
+}
+
+/// Places on the edges of an image that the camera has taken: those first in the list are taken first.
+pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place> {
+    let of_edge = |&[a, b]: &Edge| {
+        let length = a.distance(b);
+        let count = (length / APART).clamp(1.0, OF_EDGE) as usize;
+        let along = [(b.u - a.u) / length, (b.v - a.v) / length];
+        (0..count).filter_map(move |i| {
+            let far = length * (i as f64 + 0.5) / count as f64;
+            Place::new(camera, luma, Pixel::new(a.u + far * along[0], a.v + far * along[1]), along)
+        })
+    };
+    edges.iter().filter(|[a, b]| a.distance(*b) >= APART).flat_map(of_edge).take(MOST).collect()
+}
+
+impl Place {
+    fn new(camera: &Camera, luma: &Luma, at: Pixel, along: [f64; 2]) -> Option<Self> {
+        /// Contrast of what is an edge, as a standard deviation of the logarithm of brightness.
+        const LEAST: f64 = 0.02;
+        let across = [-along[1], along[0]];
+        let frame = Frame { at, along, across };
+        let mut profile = [0.0; LENGTH];
+        for (i, value) in profile.iter_mut().enumerate() {
+            *value = frame.brightness(luma, i as f64 - HALF as f64)?;
+        }
+        let beside = |way: [f64; 2]| ray_in_camera(camera, Pixel::new(at.u + way[0], at.v + way[1]));
+        let rays = [ray_in_camera(camera, at)?, beside(along)?, beside(across)?];
+        let [column, row] = [at.u / luma.width as f64, at.v / luma.height as f64];
+        let block = (row * BLOCKS[1] as f64) as usize * BLOCKS[0] + (column * BLOCKS[0] as f64) as usize;
+        let nearness = floor_nearness(camera, rays[0]);
+        let mean = profile.iter().sum::<f64>() / LENGTH as f64;
+        let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
+        let tone = tone(&profile, mean);
+        (contrast.sqrt() > LEAST).then_some(Self { at, rays, profile, nearness, tone, block })
+    }
+}
+
+/// Contrast by powers of the level, counted from the middle of all levels.
+fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
+    /// Logarithm of the brightness in the middle, and from there to white.
+    const MIDDLE: f64 = 4.4;
+    const RANGE: f64 = 1.1;
+    let side = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let contrast = side(&profile[HALF + 2..]) - side(&profile[..HALF - 1]);
+    let level = (mean - MIDDLE) / RANGE;
+    std::array::from_fn(|power| contrast * level.powi(power as i32))
+}
+
+/// Two profiles beside each other.
+#[derive(Clone, Copy)]
+pub(crate) struct Likeness {
+    /// Their correlation.
+    pub(crate) correlation: f64,
+    /// Sum of squares of the new one about its mean.
+    pub(crate) square: f64,
+}
+
+/// The correlation of a profile with a part of a longer one that begins so far behind its start.
+pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> Likeness {
+    let first = start.floor();
+    let weights = cubic(start - first);
+    let value = |i: usize| -> f64 {
+        (0..4)
+            .map(|k| {
+                let index =
+                    (first as isize + i as isize + k as isize - 1).clamp(0, longer.len() as isize - 1);
+                weights[k] * longer[index as usize]
+            })
+            .sum()
+    };
+    let part: [f64; LENGTH] = std::array::from_fn(value);
+    let mean = |values: &[f64; LENGTH]| values.iter().sum::<f64>() / LENGTH as f64;
+    let (a, b) = (mean(profile), mean(&part));
+    let (mut both, mut old, mut square) = (0.0, 0.0, 0.0);
+    for (x, y) in profile.iter().zip(&part) {
+        both += (x - a) * (y - b);
+        old += (x - a).powi(2);
+        square += (y - b).powi(2);
+    }
+    Likeness { correlation: both / (old * square).sqrt().max(f64::MIN_POSITIVE), square }
+}

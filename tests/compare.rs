@@ -1,0 +1,548 @@
+//! What became of a camera between two stills, beside what truly became of it.
+//!
+//! Stills are turned and zoomed by known amounts, then shown in other light, with noise, packed as JPEG, with shadows and
+//! with parts of other pictures before them. Constants of the method were chosen on one half of the stills ([`CHOSEN`]);
+//! what is asserted is measured on the other. `cargo xtask accuracy --compare` prints the table.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, Site, Turn, WorldPoint, angles_from_rotation,
+};
+use calib_image::{Became, Comparison};
+use calib_tests::{Scratch, shared};
+use image::{Rgb, RgbImage};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+
+/// Cameras whose stills constants were chosen on.
+const CHOSEN: [&str; 3] = ["G505", "C1", "shop-1"];
+/// Width of the stills, in pixels.
+const WIDTH: u32 = 960;
+
+/// A camera with stills of it, between which it stood still.
+struct Stills {
+    id: String,
+    camera: Camera,
+    moments: Vec<RgbImage>,
+}
+
+impl Stills {
+    /// Of a camera whose numbers are of larger pictures.
+    fn new(id: &str, camera: Camera, pictures: Vec<RgbImage>, width: u32) -> Self {
+        let factor = f64::from(width) / f64::from(pictures[0].width());
+        let small = |picture: &RgbImage| {
+            let height = (f64::from(picture.height()) * factor).round() as u32;
+            image::imageops::resize(picture, width, height, image::imageops::FilterType::CatmullRom)
+        };
+        let Pixel { u, v } = camera.lens.principal_point;
+        let lens = Lens {
+            principal_point: Pixel::new(u * factor, v * factor),
+            focal: camera.lens.focal * factor,
+            ..camera.lens
+        };
+        let camera = Camera { focal: camera.focal * factor, lens, ..camera };
+        Self { id: id.into(), camera, moments: pictures.iter().map(small).collect() }
+    }
+}
+
+fn open(path: &Path) -> RgbImage {
+    image::open(path).unwrap().into_rgb8()
+}
+
+fn read(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// The stills of a street and of a bus shelter, and of the rendered shop; none where shared data is absent.
+fn stills(width: u32) -> Vec<Stills> {
+    let mut all = Vec::new();
+    if let Some(path) = shared("real/town/town.json") {
+        let data = read(&path);
+        for id in ["C1", "C2", "C3"] {
+            let camera = Camera {
+                position: WorldPoint::new(0.0, 0.0, 2.5),
+                yaw: 0.0,
+                pitch: data[id]["pitch_deg"].as_f64().unwrap().to_radians(),
+                roll: 0.0,
+                focal: 900.0,
+                lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+                covariance: Covariance::EXACT,
+            };
+            let moments = ["0000", "0004", "0009"];
+            let pictures = moments.map(|name| open(&path.with_file_name(id).join(format!("{name}.jpg"))));
+            all.push(Stills::new(id, camera, pictures.to_vec(), width));
+        }
+    }
+    if let Some(path) = shared("real/meva/meva.json") {
+        let data = read(&path);
+        for id in ["G341", "G505", "G506"] {
+            let truth = &data["cameras"][id]["truth"];
+            let number = |key: &str| truth[key].as_f64().unwrap();
+            let rotation: [[f64; 3]; 3] =
+                serde_json::from_value(truth["R_camera_from_world"].clone()).unwrap();
+            let (roll, pitch, yaw) = angles_from_rotation(&rotation);
+            let brown = BrownConrady { k1: number("k1"), k2: number("k2"), ..BrownConrady::default() };
+            let lens = Lens {
+                principal_point: serde_json::from_value(truth["principal_point"].clone()).unwrap(),
+                focal: number("focal_px"),
+                distortion: Distortion::BrownConrady(brown),
+            };
+            let position = WorldPoint::new(0.0, 0.0, 3.5);
+            let covariance = Covariance::EXACT;
+            let camera = Camera { position, yaw, pitch, roll, focal: number("focal_px"), lens, covariance };
+            let picture = open(&path.with_file_name("frames").join(format!("{id}.png")));
+            all.push(Stills::new(id, camera, vec![picture], width));
+        }
+    }
+    let demo = calib_demo::demo_site();
+    for (entry, (id, camera)) in demo.site.cameras.iter().zip(&demo.truth).take(2) {
+        all.push(Stills::new(id, *camera, vec![calib_demo::render(camera, entry.size_px)], width));
+    }
+    all
+}
+
+/// Brightness between pixels, and whether there is any.
+fn sample(image: &RgbImage, at: Pixel) -> Option<[f64; 3]> {
+    let (x, y) = (at.u - 0.5, at.v - 0.5);
+    let inside =
+        x >= 1.0 && y >= 1.0 && x < f64::from(image.width()) - 2.0 && y < f64::from(image.height()) - 2.0;
+    if !inside {
+        return None;
+    }
+    let (x0, y0) = (x as u32, y as u32);
+    let weights = |t: f64| {
+        let (t2, t3) = (t * t, t * t * t);
+        [-t3 + 2.0 * t2 - t, 3.0 * t3 - 5.0 * t2 + 2.0, -3.0 * t3 + 4.0 * t2 + t, t3 - t2].map(|w| 0.5 * w)
+    };
+    let (across, down) = (weights(x - f64::from(x0)), weights(y - f64::from(y0)));
+    let mut sum = [0.0; 3];
+    for (j, by_row) in down.iter().enumerate() {
+        for (i, by_column) in across.iter().enumerate() {
+            let pixel = image.get_pixel(x0 + i as u32 - 1, y0 + j as u32 - 1);
+            for k in 0..3 {
+                sum[k] += by_row * by_column * f64::from(pixel.0[k]);
+            }
+        }
+    }
+    Some(sum)
+}
+
+/// The still that the camera would take after a turn; what the old one does not show is of another picture.
+fn turned(still: &RgbImage, camera: &Camera, turn: &Turn, other: &RgbImage) -> RgbImage {
+    let new = turn.applied(camera);
+    let back = Turn::between(&new, camera).at(&new);
+    RgbImage::from_fn(still.width(), still.height(), |x, y| {
+        let mut sum = [0.0; 3];
+        for [s, t] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
+            let at = Pixel::new(f64::from(x) + s, f64::from(y) + t);
+            let colour = back.pixel(at).and_then(|at| sample(still, at));
+            let elsewhere = || other.get_pixel(x % other.width(), y % other.height()).0.map(f64::from);
+            let colour = colour.unwrap_or_else(elsewhere);
+            (0..3).for_each(|k| sum[k] += 0.25 * colour[k]);
+        }
+        Rgb(sum.map(|value| value.round().clamp(0.0, 255.0) as u8))
+    })
+}
+
+/// What stands between two stills besides the camera.
+struct Day {
+    gamma: f64,
+    gain: f64,
+    noise: f64,
+    quality: u8,
+    shadows: usize,
+    /// Share of the image that other things stand before.
+    covered: f64,
+}
+
+impl Day {
+    fn any(random: &mut ChaCha8Rng, most_covered: f64) -> Self {
+        Self {
+            gamma: random.random_range(0.6..1.6),
+            gain: random.random_range(0.7..1.3),
+            noise: random.random_range(0.0..6.0),
+            quality: random.random_range(30..=95),
+            shadows: random.random_range(0..4),
+            covered: random.random_range(0.0..1.0_f64) * most_covered,
+        }
+    }
+
+    fn shown(&self, mut image: RgbImage, other: &RgbImage, random: &mut ChaCha8Rng) -> RgbImage {
+        for _ in 0..self.shadows {
+            shadow(&mut image, random);
+        }
+        paste(&mut image, other, self.covered, random);
+        for value in image.iter_mut() {
+            let light = self.gain * (f64::from(*value) / 255.0).powf(self.gamma);
+            let noise = self.noise * (0..3).map(|_| random.random_range(-1.0..1.0_f64)).sum::<f64>();
+            *value = (255.0 * light + noise).round().clamp(0.0, 255.0) as u8;
+        }
+        let mut bytes = Vec::new();
+        let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, self.quality);
+        image.write_with_encoder(encoder).unwrap();
+        image::load_from_memory(&bytes).unwrap().into_rgb8()
+    }
+}
+
+/// Darkens one side of a line within a stripe.
+fn shadow(image: &mut RgbImage, random: &mut ChaCha8Rng) {
+    let [w, h] = [image.width(), image.height()].map(f64::from);
+    let (angle, at) =
+        (random.random_range(0.0..3.1_f64), [random.random_range(0.0..w), random.random_range(0.0..h)]);
+    let (wide, dark, soft) =
+        (random.random_range(0.05..0.3) * w, random.random_range(0.4..0.8), random.random_range(1.0..8.0));
+    for (x, y, pixel) in image.enumerate_pixels_mut() {
+        let across = (f64::from(x) - at[0]) * angle.sin() - (f64::from(y) - at[1]) * angle.cos();
+        let inside = 1.0 / (1.0 + ((across.abs() - wide) / soft).exp());
+        let light = 1.0 - (1.0 - dark) * inside;
+        pixel.0.iter_mut().for_each(|value| *value = (f64::from(*value) * light) as u8);
+    }
+}
+
+/// Puts ellipses of another picture before a share of an image.
+fn paste(image: &mut RgbImage, other: &RgbImage, share: f64, random: &mut ChaCha8Rng) {
+    let [w, h] = [image.width(), image.height()];
+    let mut covered = vec![false; (w * h) as usize];
+    let mut count = 0;
+    while (count as f64) < share * f64::from(w * h) {
+        let (u, v) = (random.random_range(0.0..f64::from(w)), random.random_range(0.0..f64::from(h)));
+        let tall = random.random_range(0.05..0.25) * f64::from(h);
+        let wide = tall * random.random_range(0.3..1.2);
+        let (dx, dy) = (random.random_range(0..other.width()), random.random_range(0..other.height()));
+        let [x0, x1] = [(u - wide).max(0.0) as u32, ((u + wide) as u32).min(w - 1)];
+        let [y0, y1] = [(v - tall).max(0.0) as u32, ((v + tall) as u32).min(h - 1)];
+        for (y, x) in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (y, x))) {
+            let inside = ((f64::from(x) - u) / wide).powi(2) + ((f64::from(y) - v) / tall).powi(2) < 1.0;
+            if inside {
+                image.put_pixel(x, y, *other.get_pixel((x + dx) % other.width(), (y + dy) % other.height()));
+                let taken = &mut covered[(y * w + x) as usize];
+                count += usize::from(!*taken);
+                *taken = true;
+            }
+        }
+    }
+}
+
+/// A turn of a size between two, in degrees, about any axis, and a zoom between two shares.
+fn any_turn(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn {
+    let log =
+        |random: &mut ChaCha8Rng, [low, high]: [f64; 2]| random.random_range(low.ln()..=high.ln()).exp();
+    // Cameras are turned and tilted more than they are rolled.
+    let axis = [1.0, 1.0, 0.4].map(|most: f64| random.random_range(-most..most));
+    let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let angle = log(random, degrees).to_radians();
+    let share = log(random, zoom);
+    let zoom = if random.random_bool(0.5) { (1.0 + share).ln() } else { -(1.0 + share).ln() };
+    Turn { vector: axis.map(|c| c / length * angle), zoom }
+}
+
+/// One comparison beside the truth.
+struct Trial {
+    became: Became,
+    /// Errors over sigmas: turn about three axes, zoom.
+    errors: [f64; 4],
+    /// In degrees, and as a share.
+    off: [f64; 2],
+    /// The turn and zoom as sigmas.
+    size: f64,
+}
+
+fn trial(stills: &Stills, new: &RgbImage, truth: &Turn) -> Trial {
+    let found = Comparison::new(&stills.camera, &[], &stills.moments[0], new).unwrap();
+    let left = Turn::between(&found.turn.applied(&stills.camera), &truth.applied(&stills.camera));
+    let [x, y, z] = left.vector;
+    let sigma = |k: usize| found.covariance[k][k].sqrt();
+    let errors: [f64; 4] = std::array::from_fn(|k| [x, y, z, left.zoom][k] / sigma(k));
+    let size =
+        truth.vector.iter().chain([&truth.zoom]).enumerate().map(|(k, value)| (value / sigma(k)).abs());
+    Trial {
+        became: found.became,
+        errors,
+        off: [left.angle().to_degrees(), left.zoom.abs()],
+        size: size.fold(0.0, f64::max),
+    }
+}
+
+/// A row of the table.
+#[derive(Default)]
+struct Row {
+    trials: usize,
+    right: usize,
+    refused: usize,
+    /// Said to be moved, or unchanged, when it is not; of what is over three sigmas.
+    wrong: usize,
+    inside: [usize; 4],
+    aligned: usize,
+    off: Vec<[f64; 2]>,
+    worst: f64,
+}
+
+impl Row {
+    fn add(&mut self, trial: &Trial, moved: bool) {
+        self.trials += 1;
+        if !trial.became.is_aligned() {
+            self.refused += 1;
+            return;
+        }
+        let said = trial.became != Became::Unchanged;
+        self.right += usize::from(said == moved);
+        self.wrong += usize::from(said != moved && (!moved || trial.size > 3.0));
+        self.aligned += 1;
+        for (inside, error) in self.inside.iter_mut().zip(trial.errors) {
+            *inside += usize::from(error.abs() < 1.96);
+        }
+        self.off.push(trial.off);
+        self.worst = trial.errors.iter().fold(self.worst, |most, error| most.max(error.abs()));
+    }
+
+    fn coverage(&self) -> f64 {
+        self.inside.iter().sum::<usize>() as f64 / (4 * self.aligned).max(1) as f64
+    }
+
+    fn text(&self, name: &str) -> String {
+        let quantile = |of: usize, share: f64| {
+            let mut values: Vec<f64> = self.off.iter().map(|off| off[of]).collect();
+            values.sort_by(f64::total_cmp);
+            values.get((share * values.len().saturating_sub(1) as f64) as usize).copied().unwrap_or(f64::NAN)
+        };
+        format!(
+            "| {name} | {} | {} | {} | {} | {:.4} / {:.4} | {:.3} / {:.3} | {:.1} % ({}) | {:.1} |",
+            self.trials,
+            self.right,
+            self.wrong,
+            self.refused,
+            quantile(0, 0.5),
+            quantile(0, 0.9),
+            100.0 * quantile(1, 0.5),
+            100.0 * quantile(1, 0.9),
+            100.0 * self.coverage(),
+            self.inside
+                .map(|count| format!("{:.0}", 100.0 * count as f64 / self.aligned.max(1) as f64))
+                .join(", "),
+            self.worst,
+        )
+    }
+}
+
+const HEAD: &str = "| camera | trials | right | wrong | refused | turn off deg, median / 90th | zoom off %, median / 90th | 95 % holds (axes, zoom) | worst sigmas |\n|---|---|---|---|---|---|---|---|---|";
+
+/// Sizes of what a camera does: name, degrees, shares of the focal.
+const SIZES: [(&str, [f64; 2], [f64; 2]); 4] = [
+    ("0.02 to 0.2 deg", [0.02, 0.2], [1e-6, 1e-3]),
+    ("0.2 to 2 deg", [0.2, 2.0], [5e-3, 0.03]),
+    ("2 to 8 deg", [2.0, 8.0], [0.01, 0.15]),
+    ("8 to 20 deg", [8.0, 20.0], [0.05, 0.5]),
+];
+
+/// Trials of stills, each so many of every size and of none, as rows by their size.
+fn measured(
+    all: &[Stills],
+    is_asked: &dyn Fn(&str) -> bool,
+    trials: usize,
+    covered: f64,
+) -> BTreeMap<String, Row> {
+    let mut rows: BTreeMap<String, Row> = BTreeMap::new();
+    let verbose = std::env::var_os("CALIB_COMPARE_VERBOSE").is_some();
+    for (index, stills) in all.iter().enumerate().filter(|(_, stills)| is_asked(&stills.id)) {
+        let mut random = ChaCha8Rng::seed_from_u64(index as u64);
+        let other = &all[(index + 3) % all.len()].moments[0];
+        let cover = &all[(index + 1) % all.len()].moments[0];
+        for (size, (name, degrees, zoom)) in SIZES.iter().enumerate() {
+            for number in 0..trials {
+                let truth = any_turn(&mut random, *degrees, *zoom);
+                let image =
+                    turned(&stills.moments[number % stills.moments.len()], &stills.camera, &truth, other);
+                let day = Day::any(&mut random, covered);
+                let new = day.shown(image, cover, &mut random);
+                let trial = trial(stills, &new, &truth);
+                if verbose {
+                    println!(
+                        "{} {name} {number}: {:?} truth {:.3} deg {:.3}, off {:.4} deg {:.4}, errors {:.1?}, covered {:.2} jpeg {} gamma {:.2} noise {:.1}",
+                        stills.id,
+                        trial.became,
+                        truth.angle().to_degrees(),
+                        truth.zoom,
+                        trial.off[0],
+                        trial.off[1],
+                        trial.errors,
+                        day.covered,
+                        day.quality,
+                        day.gamma,
+                        day.noise
+                    );
+                }
+                rows.entry(format!("{size} {name}")).or_default().add(&trial, true);
+            }
+        }
+        for number in 0..trials {
+            let day = Day::any(&mut random, covered);
+            let still = stills.moments[number % stills.moments.len()].clone();
+            let new = day.shown(still, cover, &mut random);
+            let trial = trial(stills, &new, &Turn::default());
+            if verbose {
+                println!(
+                    "{} still {number}: {:?} off {:.4} deg {:.5}, errors {:.1?}, covered {:.2} jpeg {} gamma {:.2} noise {:.1}",
+                    stills.id,
+                    trial.became,
+                    trial.off[0],
+                    trial.off[1],
+                    trial.errors,
+                    day.covered,
+                    day.quality,
+                    day.gamma,
+                    day.noise
+                );
+            }
+            rows.entry("4 unchanged".into()).or_default().add(&trial, false);
+        }
+    }
+    rows
+}
+
+/// A number that the environment may say.
+fn asked(name: &str, usual: usize) -> usize {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
+#[test]
+#[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
+fn the_table_of_turns_and_zooms() {
+    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+    let trials = asked("CALIB_COMPARE_TRIALS", 20);
+    let chosen = std::env::var_os("CALIB_COMPARE_CHOSEN").is_some();
+    println!("{HEAD}");
+    for covered in [0.0, 0.6] {
+        let rows = measured(&all, &|id| CHOSEN.contains(&id) == chosen, trials, covered);
+        for (name, row) in &rows {
+            println!("{}", row.text(&format!("{}, up to {:.0} % covered", &name[2..], 100.0 * covered)));
+        }
+    }
+}
+
+/// Of stills that constants were not chosen on.
+fn is_held_back(id: &str) -> bool {
+    !CHOSEN.contains(&id)
+}
+
+#[test]
+fn turns_and_zooms_are_found_within_their_sigmas_and_still_cameras_are_still() {
+    let all = stills(640);
+    let rows = measured(&all, &is_held_back, 1, 0.4);
+    let mut together = Row::default();
+    println!("{HEAD}");
+    for (name, row) in &rows {
+        println!("{}", row.text(&name[2..]));
+        together.trials += row.trials;
+        together.refused += row.refused;
+        together.wrong += row.wrong;
+        together.aligned += row.aligned;
+        (0..4).for_each(|k| together.inside[k] += row.inside[k]);
+    }
+    assert_eq!(together.wrong, 0, "moved cameras are told from those that stand still");
+    assert!(together.refused * 10 <= together.trials, "{} of {} refused", together.refused, together.trials);
+    assert!(together.coverage() > 0.8, "{:.2} inside 95 %", together.coverage());
+}
+
+/// A camera of the demonstration with a small still of it.
+fn shop() -> Stills {
+    let demo = calib_demo::demo_site();
+    let (id, camera) = &demo.truth[2];
+    Stills::new(id, *camera, vec![calib_demo::render(camera, demo.site.cameras[2].size_px)], 960)
+}
+
+fn became(of: &Stills, new: &RgbImage) -> Comparison {
+    Comparison::new(&of.camera, &[], &of.moments[0], new).unwrap()
+}
+
+#[test]
+fn what_is_no_turn_is_not_taken_for_one() {
+    let shop = shop();
+    let (old, camera) = (&shop.moments[0], shop.camera);
+    let size = [old.width(), old.height()];
+    let dark = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(old.get_pixel(x, y).0.map(|value| value / 25)));
+    assert_eq!(became(&shop, &dark).became, Became::TooDark);
+    let fog = image::imageops::blur(old, 25.0);
+    assert_eq!(became(&shop, &fog).became, Became::Blind);
+    let other = calib_demo::render(&calib_demo::demo_site().truth[4].1, [1920, 1080]);
+    let other = image::imageops::resize(&other, size[0], size[1], image::imageops::FilterType::Triangle);
+    assert_eq!(became(&shop, &other).became, Became::Replaced);
+    let position =
+        WorldPoint { x: camera.position.x - 0.3, y: camera.position.y + 0.2, z: camera.position.z };
+    let beside = Camera { position, yaw: camera.yaw + 0.02, ..camera };
+    assert_eq!(became(&shop, &calib_demo::render(&beside, size)).became, Became::Shifted);
+    let flat = RgbImage::from_pixel(size[0], size[1], Rgb([90; 3]));
+    let nothing = Comparison::new(&camera, &[], &flat, old).unwrap();
+    assert_eq!(nothing.became, Became::TooFewEdges);
+}
+
+#[test]
+fn a_still_of_another_size_is_refused_with_what_to_do() {
+    let still = RgbImage::new(64, 48);
+    let error = Comparison::new(&shop().camera, &[], &still, &RgbImage::new(48, 64)).unwrap_err();
+    assert!(error.to_string().contains("48 x 64") && error.to_string().contains("take a still"), "{error}");
+}
+
+#[test]
+fn the_demonstration_a_month_later_has_two_cameras_that_moved() {
+    let scratch = Scratch::new();
+    scratch.calib(&["demo", "--moved", "d"]).expect_code(0);
+    let args = ["compare", "d/solved.json", "--still", "d/later", "--format", "json"];
+    let run = scratch.calib(&args).expect_code(4);
+    assert!(run.stderr.contains("shop-1, store"), "{}", run.stderr);
+    let cameras = run.json()["cameras"].clone();
+    for camera in cameras.as_array().unwrap() {
+        println!("{camera}");
+        let moved = calib_demo::moved().into_iter().find(|(id, _)| camera["camera"] == *id);
+        let Some((_, turn)) = moved else {
+            assert_eq!(camera["verdict"], "unchanged", "{camera}");
+            continue;
+        };
+        assert_eq!(camera["verdict"], "moved", "{camera}");
+        let number = |key: &str| camera[key].as_f64().unwrap();
+        let off = number("turned_deg") - turn.angle().to_degrees();
+        assert!(off.abs() < 3.5 * number("turned_sigma_deg") + 1e-3, "{camera}");
+        let off = number("zoom") - turn.zoom.exp();
+        assert!(off.abs() < 3.5 * number("zoom_sigma"), "{camera}");
+        assert!(number("turned_sigma_deg") < 0.03 && number("zoom_sigma") < 1e-3, "{camera}");
+        assert_eq!(camera["since"], "2026-06-01T09:00:00Z");
+    }
+    recovered(&scratch);
+}
+
+/// Both are solved again from their lines, to within their sigmas, and the old periods end where the new ones begin.
+fn recovered(scratch: &Scratch) {
+    let args = ["compare", "d/solved.json", "--still", "d/later", "--recover", "-o", "d/new.json"];
+    let run = scratch.calib(&args).expect_code(4);
+    println!("{}", run.stderr);
+    let text = std::fs::read_to_string(scratch.path("d/new.json")).unwrap();
+    let site = Site::from_json(&text).unwrap();
+    let truth = calib_demo::demo_site().truth;
+    for (id, turn) in calib_demo::moved() {
+        let entry = site.camera_at(id, Some("2026-07-01T00:00:00Z")).unwrap();
+        let old = site.camera_at(id, Some("2026-05-01T00:00:00Z")).unwrap();
+        assert_eq!(entry.valid_from.as_deref(), Some("2026-06-01T09:00:00Z"));
+        assert_eq!(old.valid_to, entry.valid_from);
+        assert!(entry.image.as_deref().is_some_and(|image| image.contains("later")), "{:?}", entry.image);
+        let truth = turn.applied(&truth.iter().find(|(other, _)| other == id).unwrap().1);
+        let found = entry.camera().unwrap();
+        let off = [
+            (Covariance::PITCH, found.pitch - truth.pitch),
+            (Covariance::ROLL, found.roll - truth.roll),
+            (Covariance::FOCAL, found.focal - truth.focal),
+        ];
+        for (index, off) in off {
+            let sigma = found.covariance.sigma(index).unwrap();
+            println!("{id}: {off:.5} off, sigma {sigma:.5}");
+            assert!(off.abs() < 3.5 * sigma, "{id}: {off} off, sigma {sigma}");
+        }
+        println!("{id}: {:.3} m off", found.position.distance(truth.position));
+        assert!(found.position.distance(truth.position) < 0.3);
+    }
+    let again = scratch.calib(&["compare", "d/new.json", "--still", "d/later"]);
+    again.expect_code(0);
+}
