@@ -464,7 +464,9 @@ fn what_is_no_turn_is_not_taken_for_one() {
     let shop = shop();
     let (old, camera) = (&shop.moments[0], shop.camera);
     let size = [old.width(), old.height()];
-    let dark = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(old.get_pixel(x, y).0.map(|value| value / 25)));
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut night = |x, y| old.get_pixel(x, y).0.map(|value| value / 100 + random.random_range(0..5_u8));
+    let dark = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(night(x, y)));
     assert_eq!(became(&shop, &dark).became, Became::TooDark);
     let fog = image::imageops::blur(old, 25.0);
     assert_eq!(became(&shop, &fog).became, Became::Blind);
@@ -482,8 +484,8 @@ fn what_is_no_turn_is_not_taken_for_one() {
 
 #[test]
 fn a_still_of_another_size_is_refused_with_what_to_do() {
-    let still = RgbImage::new(64, 48);
-    let error = Comparison::new(&shop().camera, &[], &still, &RgbImage::new(48, 64)).unwrap_err();
+    let (still, camera) = (RgbImage::new(64, 48), calib_demo::demo_site().truth[0].1);
+    let error = Comparison::new(&camera, &[], &still, &RgbImage::new(48, 64)).unwrap_err();
     assert!(error.to_string().contains("48 x 64") && error.to_string().contains("take a still"), "{error}");
 }
 
