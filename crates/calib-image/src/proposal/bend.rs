@@ -12,7 +12,7 @@ const K1: f64 = 0.2;
 /// Distortions that are tried at first, none before all.
 pub(super) const COARSE: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
 /// By how much the log evidence must rise for a bent lens to be believed.
-pub(super) const LEAST_GAIN: f64 = 25.0;
+pub(super) const LEAST_GAIN: f64 = 6.0;
 /// Halvings of the step about the best.
 const HALVINGS: usize = 3;
 

@@ -26,10 +26,8 @@ const MOST_LINES: usize = 400;
 const LEAST_LINES: usize = 8;
 /// Strokes that are shown at most.
 const STROKES: usize = 20;
-/// Log evidence against edges of no direction that a proposal needs.
-const LEAST_EVIDENCE: f64 = 25.0;
-/// How many edges say the same: the edges of one door are not as independent as the likelihood has them.
-const ALIKE: f64 = 4.0;
+/// Log evidence against edges of no direction that a proposal needs: to be as likely.
+const LEAST_EVIDENCE: f64 = 0.0;
 /// Floor directions that are nearer to a right angle than this, in radians, may be at right angles.
 const NEARLY_SQUARE: f64 = 0.4;
 /// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
@@ -41,7 +39,7 @@ const OPEN: f64 = 10.0;
 const UNUSUAL: f64 = 2.0;
 const UNBELIEVED: f64 = 3.0;
 /// By how much the solve underestimates its sigma: strokes of edges share what is wrong with them.
-const WIDENING: f64 = 1.2;
+const WIDENING: f64 = 1.6;
 
 /// What is known of a still: its edges, its size, and the lens if somebody knows it.
 #[derive(Clone, Debug)]
@@ -208,7 +206,7 @@ struct Scatter {
 impl Scatter {
     fn new(best: &Mixture, others: &[(f64, Orientation)]) -> Self {
         let parts = others.iter().map(|(log_evidence, camera)| {
-            let weight = (log_evidence / ALIKE).min(0.0).exp();
+            let weight = log_evidence.min(0.0).exp();
             (weight, weight * (camera.focal / best.camera.focal).ln().powi(2), *camera)
         });
         let parts: Vec<(f64, f64, Orientation)> = parts.collect();
