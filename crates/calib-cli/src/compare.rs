@@ -14,7 +14,7 @@ use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};
 use crate::found_picture;
 use crate::picture;
-use crate::progress::Pulse;
+use crate::pulse::Pulse;
 use crate::recover;
 use crate::solve::Format;
 use crate::stills;

@@ -9,7 +9,7 @@ use jiff::Timestamp;
 
 use crate::compare::{Compared, Seen, still};
 use crate::files::{self, SiteFile, say};
-use crate::progress::Pulse;
+use crate::pulse::Pulse;
 use crate::propose::beside;
 use crate::stop::Stop;
 
