@@ -176,11 +176,11 @@ impl Work<'_> {
     }
 }
 
+/// Carries a line, or all of it where the whole is wanted.
+type CarryLine<'a> = dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>> + 'a;
+
 /// An annotation with the segments that are there; `None` where it says nothing without those that are not.
-fn segments(
-    annotation: &Annotation,
-    line: &mut dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>>,
-) -> Option<Annotation> {
+fn segments(annotation: &Annotation, line: &mut CarryLine<'_>) -> Option<Annotation> {
     let row = annotation.kind.row();
     // A part of a length is not the length.
     let is_length = row.constraint == crate::single::ConstraintKind::Length;

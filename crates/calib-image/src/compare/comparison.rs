@@ -208,8 +208,13 @@ impl Stills<'_> {
     fn compared(&self, new: &RgbImage) -> Comparison {
         /// Fewer places tell nothing.
         const LEAST: usize = 60;
+        /// Mean of what is too dark whatever is found: steps of single grey levels move edges. Of 255.
+        const BLACK: f64 = 8.0;
         if self.places.len() < LEAST {
             return self.without(Became::TooFewEdges, 0.0);
+        }
+        if mean(new) < BLACK {
+            return self.without(Became::TooDark, 0.0);
         }
         let Some(found) = self.alignment() else { return self.without(self.blind(new), 0.0) };
         let chance = by_chance(self.camera, &self.later, &self.places, &found.turn);
@@ -317,13 +322,17 @@ impl Stills<'_> {
         const DARK: f64 = 16.0;
         /// Contrast of the new still over that of the old.
         const LITTLE: f32 = 0.25;
-        let bytes = new.as_raw();
-        let mean = bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len().max(1) as f64;
-        if mean < DARK {
+        if mean(new) < DARK {
             return Became::TooDark;
         }
         if contrast(&self.after) < LITTLE * contrast(&self.before) { Became::Blind } else { Became::Replaced }
     }
+}
+
+/// Mean of all colours, of 255.
+fn mean(image: &RgbImage) -> f64 {
+    let bytes = image.as_raw();
+    bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len().max(1) as f64
 }
 
 /// How steep brightness is at the steepest tenth of an image.
