@@ -267,6 +267,7 @@ fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it
             Group::Nudge(step) => Action::Nudge { step, coarse: false, pane: None },
             Group::Lines(command) => Action::Lines(command),
             Group::Cameras(command) => Action::Cameras(command),
+            Group::Proposing(command) => Action::Proposing(command),
             Group::Files(_) | Group::View(_) | Group::Solving(_) | Group::Switch(_) => continue,
         };
         editor.apply(action);
