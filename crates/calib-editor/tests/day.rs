@@ -266,6 +266,7 @@ fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it
             Group::Selection(command) => Action::Selection(command, None),
             Group::Nudge(step) => Action::Nudge { step, coarse: false, pane: None },
             Group::Lines(command) => Action::Lines(command),
+            Group::Proposing(command) => Action::Proposing(command),
             Group::Cameras(command) => Action::Cameras(command),
             Group::Proposing(command) => Action::Proposing(command),
             Group::Files(_) | Group::View(_) | Group::Solving(_) | Group::Switch(_) => continue,
