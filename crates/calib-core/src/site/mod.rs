@@ -8,7 +8,8 @@
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, as other languages ask for it;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
-//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws.
+//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws;
+//!   `out_of_date` whether a solution is of what is drawn.
 
 mod bounded_list;
 mod solution;
@@ -43,6 +44,7 @@ mod cross_covariance;
 mod quality;
 mod pose_findings;
 mod pipeline;
+mod out_of_date;
 mod lens_family;
 
 pub use bounded_list::{MAX_CAMERAS, MAX_ITEMS};
