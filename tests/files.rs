@@ -266,6 +266,23 @@ fn more_lines_than_anybody_draws_are_refused() {
     assert!(run.stderr.contains("200000 segments") && run.stderr.contains("at most 20000"), "{run:?}");
 }
 
+#[test]
+fn more_lines_than_a_site_has_are_refused() {
+    let scratch = Scratch::new();
+    let segments = vec!["[[10,20],[10,300]]"; 20_000].join(",");
+    let camera = |index: usize| {
+        format!(
+            "{{\"id\":\"c{index}\",\"size_px\":[640,480],\
+             \"annotations\":[{{\"kind\":\"vertical\",\"segments\":[{segments}]}}]}}"
+        )
+    };
+    let cameras: Vec<String> = (0..6).map(camera).collect();
+    let site = format!("{{\"format\":\"calib-site\",\"version\":1,\"cameras\":[{}]}}", cameras.join(","));
+    scratch.write("site.json", site);
+    let run = within_limits(&scratch, &["solve", "site.json"]).expect_code(3);
+    assert!(run.stderr.contains("120000 segments") && run.stderr.contains("at most 100000"), "{run:?}");
+}
+
 fn points() -> RecordBatch {
     let numbers = |at: f64| Arc::new(Float64Array::from_iter_values((0..3000).map(|_| at))) as _;
     let schema = Schema::new(vec![

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Annotation, Code, Kind, Known, Options, Pixel, Site, SiteCamera, Solution};
+use calib_core::{Annotation, Code, Kind, Known, Options, Pixel, SceneEntry, Site, SiteCamera, Solution};
 use calib_demo::random::{Drawn, RandomScene};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
@@ -47,7 +47,7 @@ fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
 #[test]
 fn lines_at_random_do_not_pass() {
     let count: usize =
-        std::env::var("CALIB_SCRIBBLES").ok().and_then(|count| count.parse().ok()).unwrap_or(300);
+        std::env::var("CALIB_SCRIBBLES").ok().and_then(|count| count.parse().ok()).unwrap_or(2000);
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut site = Site::new();
     site.cameras = (0..count).map(|index| scribbled(&mut random, index)).collect();
@@ -156,6 +156,123 @@ fn a_line_drawn_again_says_nothing_more() {
     }
 }
 
+/// A drawing again, so many times in all; nothing can be tied to the copies.
+fn redrawn(camera: &SiteCamera, index: usize, times: usize) -> SiteCamera {
+    let mut often = camera.clone();
+    let copy = Annotation { id: None, ..camera.annotations[index].clone() };
+    often.annotations.extend(vec![copy; times - 1]);
+    often
+}
+
+/// All standard deviations of a solution that there are.
+fn sigmas(solution: &Solution) -> Vec<f64> {
+    let sigma = solution.sigma.as_ref().unwrap();
+    let all = [
+        sigma.x_m,
+        sigma.y_m,
+        sigma.z_m,
+        sigma.yaw_deg,
+        sigma.pitch_deg,
+        sigma.roll_deg,
+        sigma.focal_px,
+        sigma.floor_length_rel,
+    ];
+    all.into_iter().flatten().collect()
+}
+
+#[test]
+fn a_drawing_of_any_kind_made_again_says_nothing_more() {
+    let alone = |mut camera: SiteCamera| {
+        camera.control_points.clear();
+        camera.placement = None;
+        camera.lens.iter_mut().for_each(|lens| lens.like = None);
+        camera
+    };
+    let mut kinds = std::collections::BTreeSet::new();
+    for camera in calib_demo::demo_site().site.cameras.into_iter().map(alone) {
+        let once = solved(camera.clone());
+        for (index, drawn) in camera.annotations.iter().enumerate() {
+            let often = solved(redrawn(&camera, index, 31));
+            let what = format!("{} {index} {:?}", camera.id, drawn.kind);
+            // A direction that others are tied to is one more direction when it is drawn again: it says less.
+            let is_tied_to = camera
+                .annotations
+                .iter()
+                .any(|a| a.at_right_angles_to.is_some() && a.at_right_angles_to == drawn.id);
+            for (often, once) in sigmas(&often).into_iter().zip(sigmas(&once)) {
+                assert!(often > once * (1.0 - 1e-4), "{what}: {often} of {once}");
+                assert!(often < once * (1.0 + 1e-4) || is_tied_to, "{what}: {often} of {once}");
+            }
+            assert!(often.dof == once.dof || is_tied_to, "{what}: {:?} of {:?}", often.dof, once.dof);
+            assert_eq!(has(&often, Code::Unchecked), has(&once, Code::Unchecked), "{what}");
+            kinds.insert(format!("{:?}", drawn.kind));
+        }
+    }
+    assert_eq!(kinds.len(), 7, "{kinds:?}");
+}
+
+#[test]
+fn one_known_length_drawn_often_does_not_pass() {
+    let has_length =
+        |camera: &SiteCamera| camera.annotations.iter().any(|drawn| drawn.kind == Kind::KnownLength);
+    let mut camera = calib_demo::demo_site().site.cameras.into_iter().find(has_length).unwrap();
+    (camera.control_points, camera.placement, camera.height_m) = (Vec::new(), None, None);
+    camera.annotations.retain(|drawn| drawn.kind != Kind::Upright);
+    let index = camera.annotations.iter().position(|drawn| drawn.kind == Kind::KnownLength).unwrap();
+    camera.annotations[index].length_sigma_rel = Some(0.05);
+    let scratch = Scratch::new();
+    for times in [1, 31] {
+        let site = Site { cameras: vec![redrawn(&camera, index, times)], ..Site::new() };
+        scratch.write("site.json", site.to_json());
+        let told = scratch.calib(&["check", "site.json", "--format", "json"]).expect_code(4).json();
+        assert!(told["cameras"][0]["faults"][0].as_str().unwrap().contains("floor lengths"), "{told}");
+    }
+}
+
+#[test]
+fn what_cameras_share_said_again_says_nothing_more() {
+    const TIMES: usize = 20;
+    fn again<T: Clone>(list: &mut Vec<T>, unnamed: impl Fn(&mut T)) {
+        let copies: Vec<T> = list.iter().flat_map(|item| vec![item.clone(); TIMES - 1]).collect();
+        let first = list.len();
+        list.extend(copies);
+        list[first..].iter_mut().for_each(unnamed);
+    }
+    let solve = |site: &Site| site.calibrate(&Options::default()).cameras;
+    let compare = |what: &str, once: &Site, often: &Site| {
+        for ((index, once), (_, often)) in solve(once).into_iter().zip(solve(often)) {
+            let (once, often) = (once.unwrap(), often.unwrap());
+            println!(
+                "{what} {index}: {:?} {:?} dof {:?} {:?}",
+                sigmas(&once),
+                sigmas(&often),
+                once.dof,
+                often.dof
+            );
+            for (often, once) in sigmas(&often).into_iter().zip(sigmas(&once)) {
+                assert!((often / once - 1.0).abs() < 1e-3, "{what} of camera {index}: {often} of {once}");
+            }
+            assert_eq!(often.dof, once.dof, "{what} of camera {index}");
+        }
+    };
+    let site = calib_demo::demo_site_without_plan().site;
+    let mut often = site.clone();
+    again(&mut often.links, |link| link.id = None);
+    compare("links", &site, &often);
+    let mut often = site.clone();
+    again(&mut often.distances, |distance| distance.id = None);
+    compare("distances", &site, &often);
+    let mut often = site.clone();
+    again(&mut often.marks, |mark| mark.id = None);
+    compare("marks", &site, &often);
+    let site = calib_demo::demo_site().site;
+    let mut often = site.clone();
+    for camera in &mut often.cameras {
+        again(&mut camera.control_points, |point| point.id = None);
+    }
+    compare("control points", &site, &often);
+}
+
 #[test]
 fn lines_switched_off_leave_no_certain_camera_on_its_side() {
     let kinds = [Kind::Vertical, Kind::Parallel, Kind::Perpendicular, Kind::EqualLength, Kind::Upright];
@@ -185,6 +302,201 @@ fn lines_switched_off_leave_no_certain_camera_on_its_side() {
         }
     }
     println!("{tilted} are tilted, and say so");
+}
+
+#[test]
+fn what_six_or_seven_lines_say_by_chance_is_not_certain() {
+    let mut random = ChaCha8Rng::seed_from_u64(17);
+    let (mut certain, mut solutions) = (0, 0);
+    for _ in 0..400 {
+        let mut camera = SiteCamera::new("a", SIZE);
+        let verticals = random.random_range(0..=3);
+        let parallels = random.random_range(6..=7) - verticals;
+        let groups = [
+            (Kind::Vertical, verticals),
+            (Kind::Parallel, parallels / 2),
+            (Kind::Parallel, parallels.div_ceil(2)),
+        ];
+        for (kind, count) in groups.into_iter().filter(|(_, count)| *count > 0) {
+            camera.annotations.push(Annotation::of_segments(kind, any_segments(&mut random, count)));
+        }
+        let site = Site { cameras: vec![camera], ..Site::new() };
+        let Ok(solution) = site.calibrate(&Options::default()).cameras.remove(0).1 else { continue };
+        solutions += 1;
+        let sigma = solution.sigma.as_ref().and_then(|sigma| sigma.roll_deg);
+        if sigma.is_some_and(|sigma| sigma < 0.5) {
+            certain += 1;
+            let codes: Vec<Code> = solution.warnings.iter().map(|warning| warning.code).collect();
+            assert!(
+                has(&solution, Code::Unchecked) || has(&solution, Code::Misfit),
+                "roll {sigma:?} dof {:?} chi2 {:?} {codes:?}",
+                solution.dof,
+                solution.chi2
+            );
+        }
+    }
+    println!("{solutions} solutions, {certain} of them certain and unchecked");
+    assert!(solutions > 100);
+}
+
+#[test]
+fn residuals_that_no_noise_explains_leave_the_errors_unknown() {
+    let mut random = ChaCha8Rng::seed_from_u64(19);
+    let (mut beyond, mut within) = (0, 0);
+    for round in 0..60 {
+        let scene = RandomScene::new(&mut random, Drawn::Directions, None, None);
+        let mut camera = SiteCamera::new("a", SIZE);
+        let noise = [1.0, 40.0, 80.0][round % 3];
+        (camera.annotations, camera.efov_px) = (scene.noisy(&mut random, noise), Some(scene.efov.clone()));
+        let site = Site { cameras: vec![camera], ..Site::new() };
+        let Ok(solution) = site.calibrate(&Options::default()).cameras.remove(0).1 else { continue };
+        let (chi2, dof) = (solution.chi2.unwrap(), solution.dof.unwrap_or(0) as f64);
+        // Over five times the noise that was assumed.
+        if dof >= 1.0 && chi2 > 25.0 * dof {
+            beyond += 1;
+            assert!(solution.sigma.is_none() && solution.covariance.is_none(), "chi2 {chi2} of {dof}");
+            assert!(has(&solution, Code::UncertaintyUnknown));
+        } else {
+            within += 1;
+            assert!(solution.sigma.is_some(), "chi2 {chi2} of {dof}");
+        }
+    }
+    println!("{beyond} beyond any noise, {within} within");
+    assert!(beyond >= 10 && within >= 10);
+}
+
+#[test]
+fn few_residuals_widen_what_they_tell_by_students_factor() {
+    // Of Student's distribution at 0.975, over the normal one (any table).
+    const QUANTILES: [f64; 7] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365];
+    let mut random = ChaCha8Rng::seed_from_u64(23);
+    let mut compared = 0;
+    for _ in 0..300 {
+        let scene = RandomScene::new(&mut random, Drawn::Directions, None, None);
+        let mut camera = SiteCamera::new("a", SIZE);
+        (camera.annotations, camera.efov_px) = (scene.noisy(&mut random, 4.0), Some(scene.efov.clone()));
+        camera.scene = Some(SceneEntry::EXACT);
+        camera.annotations.iter_mut().for_each(|drawn| drawn.keep = true);
+        let estimated = solved(camera.clone());
+        let of_lines_alone = |solution: &Solution| {
+            !has(solution, Code::FocalUnobservable) && !has(solution, Code::UncertaintyUnknown)
+        };
+        if !has(&estimated, Code::FewResiduals) || !of_lines_alone(&estimated) {
+            continue;
+        }
+        let given = solved(SiteCamera { sigma_px: estimated.sigma_px, ..camera });
+        let focal = |solution: &Solution| solution.focal_px;
+        // Another minimum, or the prior, says something else.
+        if !of_lines_alone(&given) || (focal(&given) / focal(&estimated) - 1.0).abs() > 1e-4 {
+            continue;
+        }
+        let pitch = |solution: &Solution| solution.sigma.as_ref().unwrap().pitch_deg.unwrap();
+        let factor = QUANTILES[estimated.dof.unwrap().max(1) - 1] / 1.96;
+        let wider = pitch(&estimated) / pitch(&given);
+        assert!((wider / factor - 1.0).abs() < 0.01, "dof {:?}: {wider}, not {factor}", estimated.dof);
+        compared += 1;
+    }
+    println!("{compared} compared");
+    assert!(compared >= 10, "{compared}");
+}
+
+#[test]
+fn a_solution_of_other_lines_does_not_pass() {
+    let scratch = Scratch::new();
+    let site = calib_demo::demo_site().site;
+    let solved = site.calibrate(&Options::default()).write_into(&site);
+    assert!(solved.out_of_date().is_empty(), "{:?}", solved.out_of_date());
+    scratch.write("solved.json", solved.to_json());
+    let codes = |file: &str, code: i32| -> Vec<String> {
+        let told = scratch.calib(&["check", file, "--format", "json", "--explain"]).expect_code(code).json();
+        let cameras = told["cameras"].as_array().unwrap().iter();
+        let codes = cameras.flat_map(|camera| camera["failed"].as_array().unwrap().clone());
+        codes.filter_map(|fault| fault["code"].as_str().map(Into::into)).collect()
+    };
+    assert!(codes("solved.json", 0).is_empty());
+    // Numbers that another program rounded.
+    let mut rounded = scratch.read_json("solved.json");
+    round(&mut rounded);
+    scratch.write("rounded.json", rounded.to_string());
+    assert!(codes("rounded.json", 0).is_empty());
+
+    let mut random = ChaCha8Rng::seed_from_u64(29);
+    let mut other = solved.clone();
+    let drawn = other.cameras.iter_mut().flat_map(|camera| &mut camera.annotations);
+    for pixel in drawn.flat_map(|drawn| drawn.segments.iter_mut().flatten().flatten()) {
+        *pixel = any_pixel(&mut random);
+    }
+    scratch.write("other.json", other.to_json());
+    assert_eq!(codes("other.json", 4), vec!["out-of-date"; other.cameras.len()]);
+    let exported =
+        scratch.calib(&["export", "opencv", "other.json", "-o", "out", "--allow-lossy"]).expect_code(0);
+    let told = exported.stderr.lines().filter(|line| line.contains("out of date")).count();
+    assert_eq!(told, other.cameras.len(), "{}", exported.stderr);
+    let _ = scratch.calib(&["report", "other.json", "-o", "other.html"]);
+    assert!(std::fs::read_to_string(scratch.path("other.html")).unwrap().contains("out of date"));
+    scratch.calib(&["check", "other.json", "--allow", "out-of-date"]).expect_code(0);
+}
+
+/// Every number to three digits after the point, as programs write that hold no more; of a lens these would move the
+/// corners, and of errors leave none.
+fn round(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            *value = json!((number.as_f64().unwrap() * 1e3).round() / 1e3);
+        }
+        Value::Array(list) => list.iter_mut().for_each(round),
+        Value::Object(map) => {
+            const KEPT: [&str; 4] = ["covariance", "cross_covariances", "distortion", "sigma"];
+            map.iter_mut()
+                .filter(|(key, _)| !KEPT.contains(&key.as_str()))
+                .for_each(|(_, value)| round(value));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn one_line_moved_added_or_taken_away_makes_a_solution_out_of_date() {
+    let site = calib_demo::demo_site().site;
+    let solved = site.calibrate(&Options::default()).write_into(&site);
+    let of = |changed: &Site| -> Vec<usize> {
+        changed.out_of_date().into_iter().map(|(camera, _)| camera).collect()
+    };
+    for camera in 0..solved.cameras.len() {
+        let verticals = |site: &Site| {
+            site.cameras[camera].annotations.iter().position(|drawn| drawn.kind == Kind::Vertical).unwrap()
+        };
+        let changed = |change: &dyn Fn(&mut Vec<Vec<Pixel>>)| {
+            let mut changed = solved.clone();
+            let index = verticals(&changed);
+            change(changed.cameras[camera].annotations[index].segments.as_mut().unwrap());
+            of(&changed)
+        };
+        assert_eq!(changed(&|lines| lines[0][0].u += 40.0), [camera], "moved");
+        assert_eq!(
+            changed(&|lines| lines.push(vec![Pixel::new(300.0, 300.0), Pixel::new(330.0, 900.0)])),
+            [camera],
+            "added"
+        );
+        assert_eq!(changed(&|lines| drop(lines.pop())), [camera], "taken away");
+    }
+    let mut moved = solved.clone();
+    let camera = moved.cameras.iter().position(|camera| !camera.control_points.is_empty()).unwrap();
+    moved.cameras[camera].control_points[0].px.u += 20.0;
+    assert_eq!(of(&moved), [camera]);
+    let link =
+        solved.links.iter().position(|link| link.solution.is_some() && link.seen[0].px.is_some()).unwrap();
+    let mut moved = solved.clone();
+    moved.links[link].seen[0].px.as_mut().unwrap().v += 20.0;
+    let shown_by = solved.cameras.iter().position(|camera| camera.id == solved.links[link].seen[0].camera);
+    assert_eq!(of(&moved), [shown_by.unwrap()]);
+    // What another program wrote without residuals is nothing that could differ.
+    let mut bare = solved;
+    for camera in &mut bare.cameras {
+        camera.solution.as_mut().unwrap().residuals.clear();
+        camera.annotations.clear();
+    }
+    assert!(of(&bare).is_empty());
 }
 
 #[test]
@@ -251,6 +563,9 @@ fn cameras_that_were_solved_together_err_together() {
     }
     println!("{count} points: {} m apart, {} m as if independent", apart.sqrt(), alone.sqrt());
     assert!(count > 5 && apart < 0.8 * alone, "{count} points: {apart} and {alone}");
+    let groups = &site.solution.as_ref().unwrap().components;
+    let tied: usize = groups.iter().map(|group| group.len() * (group.len() - 1) / 2).sum();
+    assert!(pairs.len() >= tied, "{} of {tied} pairs of cameras that are tied in any way", pairs.len());
     let id = pairs[0].cameras[0].as_str();
     let pixel = Pixel::new(960.0, 900.0);
     let itself = site.floor_covariance_between([(id, pixel), (id, pixel)]).unwrap();

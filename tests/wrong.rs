@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use calib_core::{
-    Annotation, Camera, Covariance, Kind, Lens, Options, Pixel, Report, SceneEntry, Site, SiteCamera, Stage,
-    WorldPoint,
+    Annotation, Camera, Code, Covariance, Kind, Lens, Options, Pixel, Report, SceneEntry, Site, SiteCamera,
+    Stage, WorldPoint,
 };
 use calib_demo::layout::Layout;
 use calib_demo::random::{SIZE, normal};
@@ -96,6 +96,53 @@ fn they_are_found_by_the_scatter_of_the_rest_where_the_noise_is_not_known() {
 #[test]
 fn few_wrong_links_of_many_are_found() {
     hall(700, true);
+}
+
+#[test]
+fn where_most_links_are_wrong_the_search_ends() {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let mut layout = Layout::grid(&mut random, [5, 4], 65, 1.0);
+    layout.place_first();
+    let (_, clean_took) = timed(&layout.site, 3);
+    for every in [2, 1] {
+        let mut wrong = layout.clone();
+        spoil(&mut wrong, &mut random, every);
+        let (report, took) = timed(&wrong.site, 1);
+        println!(
+            "one of {every} wrong: {took:?} instead of {clean_took:?}, {} aside",
+            links_set_aside(&report).len()
+        );
+        assert!(took < 15 * clean_took, "one of {every} wrong: {took:?} instead of {clean_took:?}");
+        let is_misfit = |warnings: &[Warning]| warnings.iter().any(|warning| warning.code == Code::Misfit);
+        let misfits =
+            report.cameras.iter().flat_map(|(_, found)| found).filter(|found| is_misfit(&found.warnings));
+        assert!(misfits.count() > 0 || !report.site.warnings.is_empty(), "what is wrong is told");
+    }
+}
+
+#[test]
+fn thousands_of_lines_cost_as_many_times_what_one_does() {
+    let mut random = ChaCha8Rng::seed_from_u64(22);
+    let took = |annotations: &[Annotation]| timed(&site_of(annotations.to_vec()), 1).1;
+    let (_, few) = drawn(&mut random, 500);
+    let few = timed(&site_of(few), 5).1;
+    let (_, clean) = drawn(&mut random, 5000);
+    let mut wrong = clean.clone();
+    for segment in wrong.iter_mut().flat_map(|drawn| drawn.segments.iter_mut().flatten()) {
+        if random.random_range(0..20) == 0 {
+            *segment = segment.iter().map(|&pixel| moved(pixel, &mut random)).collect();
+        }
+    }
+    let mut equal = clean.clone();
+    for segments in equal.iter_mut().filter_map(|drawn| drawn.segments.as_mut()) {
+        let first = segments[0].clone();
+        segments.fill(first);
+    }
+    let (clean, wrong, equal) = (took(&clean), took(&wrong), took(&equal));
+    println!("500 lines {few:?}, 5000 {clean:?}, one of 20 wrong {wrong:?}, all equal {equal:?}");
+    assert!(clean < 60 * few, "{clean:?} instead of ten times {few:?}");
+    assert!(wrong < 6 * clean, "{wrong:?} instead of {clean:?}");
+    assert!(equal < 3 * clean, "{equal:?} instead of {clean:?}");
 }
 
 /// A camera 4 m high on whose image so many lines are drawn: verticals, and floor lines along x and y.

@@ -37,8 +37,16 @@ pub(crate) struct ImageArgs {
 }
 
 impl SiteArgs {
-    /// Reads, checks and solves the site; cameras that do not hold at the time are left out.
+    /// Reads, checks and solves the site; cameras that do not hold at the time are left out. What is out of date is
+    /// told.
     pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
+        let file = self.read_to_judge()?;
+        file.tell_out_of_date();
+        Ok(file)
+    }
+
+    /// As [`Self::read`], for a command that says itself what is wrong.
+    pub(crate) fn read_to_judge(&self) -> Result<SiteFile, Stop> {
         let file = SiteFile::read_solved(&self.site, self.at.as_deref())?;
         Ok(file.allowing_outside(self.images.allow_outside))
     }

@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if args.max_overlap_m.is_some_and(|most| most.is_nan() || most <= 0.0) {
         return Err(Stop::Usage("--max-overlap-m: expected metres above 0".into()));
     }
-    let file = args.site.read()?;
+    let file = args.site.read_to_judge()?;
     let cameras = file.site.cameras.iter().enumerate();
     let verdicts: Vec<Verdict> =
         cameras.map(|(index, camera)| Verdict::new(&file.site, index, camera, args)).collect();

@@ -9,8 +9,8 @@ use jiff::Timestamp;
 
 use crate::compare::{Compared, Seen, still};
 use crate::files::{self, SiteFile, say};
-use crate::pulse::Pulse;
 use crate::propose::beside;
+use crate::pulse::Pulse;
 use crate::stop::Stop;
 
 /// Less than this share of what was drawn is too little to calibrate by.

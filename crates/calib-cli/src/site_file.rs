@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
-use calib_core::{MAX_BYTES, Options, Site, SiteCamera};
+use calib_core::{Code, MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
 use calib_input::{FileError, decode, size_of};
 use image::RgbImage;
 use sha2::{Digest as _, Sha256};
@@ -50,13 +50,35 @@ impl SiteFile {
 
     /// As [`Self::read`], with every camera solved, and of those the ones whose calibration holds at a time.
     pub(crate) fn read_solved(path: &str, time: Option<&str>) -> Result<Self, Stop> {
-        let file = Self::read(path)?;
+        let file = Self::read(path)?.noting_out_of_date();
         let holds = |camera: &SiteCamera| holds_at(camera, time);
         let mut holds = file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, Stop>>()?.into_iter();
         // What other periods show belongs to the site, too.
         let mut file = file.solved();
         file.site.cameras.retain(|_| holds.next().unwrap_or_default());
         Ok(file)
+    }
+
+    /// With a warning in every solution that is not of what is drawn.
+    fn noting_out_of_date(mut self) -> Self {
+        for (index, finding) in self.site.out_of_date() {
+            let warning = self.site.in_english(Some(index), &finding, Names::InFile);
+            if let Some(solution) = &mut self.site.cameras[index].solution {
+                solution.warnings.push(warning);
+            }
+        }
+        self
+    }
+
+    /// Says which solutions are not of what is drawn.
+    pub(crate) fn tell_out_of_date(&self) {
+        for camera in &self.site.cameras {
+            let warnings = camera.solution.iter().flat_map(|solution| &solution.warnings);
+            for Warning { message, advice, .. } in warnings.filter(|warning| warning.code == Code::OutOfDate)
+            {
+                say(format_args!("calib: camera \"{}\": {message} {advice}", camera.id));
+            }
+        }
     }
 
     /// Refuses an id that no camera has.

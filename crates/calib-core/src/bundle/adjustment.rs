@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use crate::bundle::camera::{BundleCamera, View};
+use crate::bundle::copies::Copies;
 use crate::bundle::initialization::{Initialization, initialize};
 use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel};
 use crate::bundle::refinement::Refinement;
@@ -187,10 +188,15 @@ impl BundleAdjustment<'_> {
             summary.oversized.extend(cluster);
             return;
         }
+        let mut of_cluster = local_landmarks(&landmarks, cluster, summary);
+        let mut between = local_distances(&distances, &landmarks, summary);
+        let copies = Copies::of(&of_cluster, &between);
+        copies.widen(&mut of_cluster, &mut between);
         let refinement = Refinement {
             views: self.views(cluster, poses, summary),
-            landmarks: local_landmarks(&landmarks, cluster, summary),
-            distances: local_distances(&distances, &landmarks, summary),
+            landmarks: of_cluster,
+            distances: between,
+            copies,
             planes: self.planes.clone(),
             noise_is_known: cluster.iter().map(|&camera| self.cameras[camera].noise_is_known).collect(),
         };

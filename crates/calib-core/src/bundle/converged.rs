@@ -1,8 +1,12 @@
 //! A bundle problem at its minimum: its cameras and landmarks, their covariance, and how well every outlier
 //! candidate agrees with the rest.
 
+use std::collections::HashMap;
+
+use nalgebra::DMatrix;
+
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
-use crate::bundle::marginals::of_landmark;
+use crate::bundle::marginals::{are_few, camera_blocks, of_landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
@@ -97,6 +101,12 @@ fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>>
 impl Converged<'_> {
     pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
         self.problem.blocks.covariance(self.problem.normal(&self.state)?, REGULARIZATION)
+    }
+
+    /// The covariances of all cameras with each other, where they are few.
+    pub(crate) fn covariance_between_cameras(&self) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
+        let normal = are_few(self.problem.views.len()).then(|| self.problem.normal(&self.state))??;
+        self.problem.blocks.covariance_between(&normal, REGULARIZATION, &camera_blocks(&self.problem))
     }
 
     /// A camera without covariance, a free yaw in [-180, 180) degrees.

@@ -1,6 +1,6 @@
 //! Covariances of cameras and landmarks, from the inverse of the normal equations at the minimum.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use nalgebra::DMatrix;
 
@@ -22,6 +22,23 @@ pub(crate) struct Marginals<'a> {
     pub(crate) cameras: &'a [Camera],
     /// Factor of the standard deviations of every view.
     pub(crate) inflation: &'a [f64],
+    /// Of all blocks of all cameras, by their pairs, where there are few cameras.
+    pub(crate) between: Option<&'a HashMap<[usize; 2], DMatrix<f64>>>,
+}
+
+/// Most pairs of cameras, those of 45, of which all covariances are given; of more cameras only those are that the
+/// cameras have which observe something in common.
+const MOST_PAIRS: usize = 1000;
+
+/// Whether there are so few views that the covariances of all pairs are given.
+pub(crate) fn are_few(views: usize) -> bool {
+    views > 1 && views * (views - 1) / 2 <= MOST_PAIRS
+}
+
+/// The blocks of all cameras.
+pub(crate) fn camera_blocks(problem: &BundleProblem) -> Vec<usize> {
+    let of = |view: usize| problem.camera_layout(view).iter().flatten().map(|&(block, _)| block);
+    (0..problem.views.len()).flat_map(of).collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
 impl Marginals<'_> {
@@ -36,7 +53,7 @@ impl Marginals<'_> {
                 let (Some((p, row)), Some((q, column))) = (from, to) else { continue };
                 let known = blocks.iter().position(|(pair, _)| *pair == [*p, *q]);
                 let at = known.unwrap_or_else(|| {
-                    blocks.push(([*p, *q], self.covariance.block(&self.problem.blocks, *p, *q)));
+                    blocks.push(([*p, *q], self.block([*p, *q])));
                     blocks.len() - 1
                 });
                 let scale = self.per_parameter(i, a) * self.per_parameter(j, b);
@@ -46,13 +63,29 @@ impl Marginals<'_> {
         found
     }
 
+    fn block(&self, pair: [usize; 2]) -> DMatrix<f64> {
+        let known = self.between.and_then(|between| between.get(&pair)).cloned();
+        known.unwrap_or_else(|| self.covariance.block(&self.problem.blocks, pair[0], pair[1]))
+    }
+
     /// Derivative of a reported value by its parameter: 1, but of the focal by its log.
     fn per_parameter(&self, index: usize, view: usize) -> f64 {
         if index == Covariance::FOCAL { self.cameras[view].focal } else { 1.0 }
     }
 
-    /// Pairs of cameras that observe a landmark in common, the lower index first, with their covariance.
+    /// Pairs of cameras that err together, the lower index first, with their covariance.
     pub(crate) fn of_pairs(&self) -> Vec<([usize; 2], CrossCovariance)> {
+        let views = self.cameras.len();
+        let pairs = match self.between {
+            Some(_) => (0..views).flat_map(|a| (a + 1..views).map(move |b| [a, b])).collect(),
+            None => self.observing_in_common(),
+        };
+        let with_covariance = pairs.into_iter().map(|pair| (pair, self.of_cameras(pair)));
+        with_covariance.filter(|(_, found)| found.iter().flatten().any(|&value| value != 0.0)).collect()
+    }
+
+    /// Pairs of cameras that observe a landmark in common.
+    fn observing_in_common(&self) -> BTreeSet<[usize; 2]> {
         let mut pairs: BTreeSet<[usize; 2]> = BTreeSet::new();
         for landmark in self.problem.landmarks.iter().filter(|landmark| !landmark.off) {
             let views = landmark.views();
@@ -60,7 +93,7 @@ impl Marginals<'_> {
                 pairs.extend(views[i + 1..].iter().map(|&b| [a, b]));
             }
         }
-        pairs.into_iter().map(|pair| (pair, self.of_cameras(pair))).collect()
+        pairs
     }
 }
 

@@ -3,7 +3,8 @@
 //! Law: no document. Cameras, landmarks and observations come as values and go as values. The files in the
 //! order of the data:
 //!
-//! - `landmark` landmarks, observations, measured distances, and the reprojection error; `triangulation` the
+//! - `landmark` landmarks, observations, measured distances, and the reprojection error; `copies` which of them are
+//!   there more than once, and count once; `triangulation` the
 //!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
 //! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
 //!   `initialization` cameras placed along a spanning tree;
@@ -19,6 +20,7 @@
 //! [`Camera::floor_covariance`](crate::Camera::floor_covariance).
 
 mod landmark;
+mod copies;
 mod triangulation;
 mod floor_alignment;
 mod camera;

@@ -3,6 +3,7 @@
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::common_tilt::{CommonTilt, in_view};
+use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::plane_parameters::parameters_of_plane;
@@ -17,6 +18,8 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
+    /// How often landmarks and distances are there.
+    copies: Copies,
     pub(crate) blocks: BlockStructure,
     pub(crate) camera_layout: Vec<CameraLayout>,
     /// Block of every nuisance parameter of stage 1 of every view, and its place there.
@@ -36,8 +39,7 @@ pub(crate) struct BundleProblem<'a> {
 impl<'a> BundleProblem<'a> {
     pub(crate) fn new(
         views: Vec<View<'a>>,
-        landmarks: Vec<Landmark>,
-        distances: Vec<DistanceMeasurement>,
+        (landmarks, distances, copies): (Vec<Landmark>, Vec<DistanceMeasurement>, Copies),
         planes: Vec<PlanePrior>,
     ) -> Self {
         let ParameterLayout {
@@ -52,6 +54,7 @@ impl<'a> BundleProblem<'a> {
             views,
             landmarks,
             distances,
+            copies,
             blocks,
             camera_layout: cameras,
             nuisance_places: nuisances,
@@ -173,7 +176,8 @@ impl<'a> BundleProblem<'a> {
             points as i64 - edge_redundancy(view.edges.iter(), &view.edge_times)
         };
         let edges: i64 = self.views.iter().map(beyond).sum();
-        let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum();
+        let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum::<i64>()
+            + self.copies.repeated(&self.landmarks, &self.distances);
         Some(count - repeated - edges - self.blocks.unknowns() as i64)
     }
 

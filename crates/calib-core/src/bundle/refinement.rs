@@ -11,6 +11,7 @@ use crate::bundle::camera::View;
 use crate::bundle::converged::{
     Converged, LandmarkEstimate, OutlierCandidate, PlaneEstimate, converged, nearly_converged,
 };
+use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::bundle::marginals::{CrossCovariance, Marginals};
 use crate::bundle::problem::BundleProblem;
@@ -42,7 +43,7 @@ pub(crate) struct Refined {
     pub(crate) nuisances: Vec<Vec<f64>>,
     /// Planes that were estimated.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
-    /// Covariance of cameras that observe landmarks in common.
+    /// Covariance of cameras that err together.
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
 }
 
@@ -52,22 +53,30 @@ pub(crate) struct Refinement<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
+    /// How often landmarks and distances are there, which are widened by that already.
+    pub(crate) copies: Copies,
     /// Planes besides the floor.
     pub(crate) planes: Vec<PlanePrior>,
     /// Of which views the noise was given; where it is of all, a chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
 }
 
+/// A minimum without what is plainly wrong.
+struct Screened<'a> {
+    rejected: Vec<OutlierCandidate>,
+    converged: Converged<'a>,
+    /// A tenth was left out, and more is plainly wrong: leaving out one by one explains nothing.
+    is_exhausted: bool,
+}
+
 impl Refinement<'_> {
     /// `None` where the start is impossible.
     pub(crate) fn solve(&self) -> Option<Refined> {
-        let (mut rejected, mut converged) = if self.landmarks.len() >= SCREENED_FROM {
-            self.screened()?
-        } else {
-            (Vec::new(), self.solve_without(&[], None)?)
-        };
+        let Screened { mut rejected, mut converged, is_exhausted } =
+            if self.landmarks.len() >= SCREENED_FROM { self.screened()? } else { self.unscreened()? };
         // Every rejection costs a search; beyond a tenth of the landmarks the fit is reported as a misfit.
-        let max_rejected = rejected.len() + (self.landmarks.len() / 10).clamp(1, 20);
+        let more = if is_exhausted { 0 } else { (self.landmarks.len() / 10).clamp(1, 20) };
+        let max_rejected = rejected.len() + more;
         while rejected.len() < max_rejected && converged.has_outliers() {
             let Some((candidate, without)) = self.worst_outlier(&converged, &rejected) else { break };
             if !self.is_outlier(&converged, &without, rejected.is_empty()) {
@@ -79,26 +88,32 @@ impl Refinement<'_> {
         Some(self.finish(converged, rejected))
     }
 
+    /// With everything.
+    fn unscreened(&self) -> Option<Screened<'_>> {
+        let converged = self.solve_without(&[], None)?;
+        Some(Screened { rejected: Vec::new(), converged, is_exhausted: false })
+    }
+
     /// Without what is plainly wrong among many, at most a tenth; what the rest agrees with comes back.
-    fn screened(&self) -> Option<(Vec<OutlierCandidate>, Converged<'_>)> {
+    fn screened(&self) -> Option<Screened<'_>> {
         let has_weak_prior = self.has_weak_prior();
         let most = self.landmarks.len() / 10;
         let mut rejected = Vec::new();
         let mut found = nearly_converged(self.problem(&[], &has_weak_prior, None))?;
-        loop {
+        let is_exhausted = loop {
             let suspects = found.suspects();
             let room = most - rejected.len();
             if suspects.is_empty() || room == 0 {
-                break;
+                break !suspects.is_empty();
             }
             rejected.extend(suspects.into_iter().take(room));
             found = nearly_converged(self.problem(&rejected, &has_weak_prior, Some(&found)))?;
-        }
+        };
         let factor = if self.all_noise_is_known() { 1.0 } else { inflation(found.chi2, found.dof) };
         let cameras: Vec<Camera> = (0..self.views.len()).map(|view| found.camera(view)).collect();
         rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
-        let found = self.solve_without(&rejected, Some(&found))?;
-        Some((rejected, found))
+        let converged = self.solve_without(&rejected, Some(&found))?;
+        Some(Screened { rejected, converged, is_exhausted })
     }
 
     /// Of which views the weak prior on the focal may enter.
@@ -188,7 +203,7 @@ impl Refinement<'_> {
             let weak: Option<Prior> = view.stage_1.priors.weak_log_focal.filter(|_| *with);
             view.stage_1.priors.weak_log_focal = weak;
         }
-        BundleProblem::new(views, landmarks, distances, self.planes.clone())
+        BundleProblem::new(views, (landmarks, distances, self.copies.clone()), self.planes.clone())
     }
 
     /// The candidate without which the rest has the least chi-square score, with the minimum there.
@@ -223,7 +238,9 @@ impl Refinement<'_> {
             // Noise that was given is not scaled.
             let factors: Vec<f64> =
                 self.noise_is_known.iter().map(|&known| if known { 1.0 } else { spread }).collect();
-            let marginals = Marginals { problem, covariance, cameras: &cameras, inflation: &factors };
+            let between = converged.covariance_between_cameras();
+            let (inflation, between) = (&factors[..], between.as_ref());
+            let marginals = Marginals { problem, covariance, cameras: &cameras, inflation, between };
             let own: Vec<CrossCovariance> =
                 (0..cameras.len()).map(|view| marginals.of_cameras([view, view])).collect();
             pairs = marginals.of_pairs();

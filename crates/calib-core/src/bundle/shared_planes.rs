@@ -116,6 +116,7 @@ pub(crate) const POSE_OF_PLANE: [usize; 3] = [Covariance::X, Covariance::Y, Cova
 mod tests {
     use super::*;
     use crate::bundle::camera::{CAMERA_PARAMS, View};
+    use crate::bundle::copies::Copies;
     use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
     use crate::camera::{Camera, FloorPoint, Lens, Pixel, WorldPoint};
     use crate::single::{
@@ -224,7 +225,7 @@ mod tests {
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];
-            let problem = BundleProblem::new(vec![view(0), view(1)], landmarks(&prior), distances, planes);
+            let problem = BundleProblem::new(vec![view(0), view(1)], (landmarks(&prior), distances, Copies::default()), planes);
             let mut state = problem.start();
             state.iter_mut().zip(nudges.iter().cycle()).for_each(|(value, nudge)| *value += 1e-3 * nudge);
             let residuals = |state: &[f64]| {

@@ -63,7 +63,8 @@ pub struct BundleSummary {
     /// Largest root mean square disagreement on the floor, in metres, that the initialisation left between
     /// two cameras that share landmarks and were not placed one by the other; `None` without loops.
     pub loop_closure: Option<f64>,
-    /// Covariance of every two cameras that observe a landmark in common, the lower index first.
+    /// Covariance of every two cameras that were refined together, the lower index first; of over 45 cameras, of those
+    /// that observe a landmark in common.
     pub cross_covariances: HashMap<[usize; 2], CrossCovariance>,
 }
 
@@ -148,9 +149,11 @@ impl CameraEstimate {
         let (entry, camera) = (&cameras[index], refined.cameras[view]);
         let inflation = if entry.noise_is_known { 1.0 } else { refined.inflation };
         let sigma = entry.fit.map_or(1.0, |fit| fit.sigma);
-        let times = |source: Source| entry.constraints.repeats.times(source).sqrt();
-        let mut residuals: Vec<(Source, f64)> =
-            residuals.iter().map(|(source, residual)| (*source, residual * sigma * times(*source))).collect();
+        let stage_1 = entry.stage_1();
+        let pixels = |&(source, residual): &(Source, f64)| {
+            (source, residual * stage_1.sigma_of(source) * entry.constraints.repeats.times(source).sqrt())
+        };
+        let mut residuals: Vec<(Source, f64)> = residuals.iter().map(pixels).collect();
         residuals.extend(rejected_residuals(entry, &camera, &refined.nuisances[view], planes));
         Self {
             camera,

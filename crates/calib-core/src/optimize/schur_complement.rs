@@ -29,7 +29,10 @@
 //! - eliminated with itself: `D^-1 + G Z G'`.
 //!
 //! Of Z only the blocks of neighbours are needed there, and only those of coupled cameras are asked for:
-//! the selected inverse has them all.
+//! the selected inverse has them all. Those of cameras that nothing couples directly are solved for, column by
+//! column, where they are wanted.
+
+use std::collections::HashMap;
 
 use nalgebra::DMatrix;
 
@@ -166,7 +169,46 @@ impl BlockStructure {
     /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that
     /// what the residuals do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
-        let Reduced { mut blocks, inverses, .. } = self.reduced(&normal, 0.0);
+        let (values, inverses) = self.regular(&normal, regularization);
+        let inverse = self.sparse.factor(&values)?.inverse();
+        Some(BlockCovariance { normal, inverses, inverse })
+    }
+
+    /// The covariance of kept blocks with each other, whether anything couples them or not, by their pairs: as
+    /// [`Self::covariance`], column by column of the inverse.
+    pub(crate) fn covariance_between(
+        &self,
+        normal: &NormalEquations,
+        regularization: f64,
+        wanted: &[usize],
+    ) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
+        let (values, _) = self.regular(normal, regularization);
+        let factor = self.sparse.factor(&values)?;
+        let starts = self.starts();
+        let place = |&block: &usize| match self.roles[block] {
+            Role::Kept(i) => Some((block, starts[i], self.sizes[block])),
+            Role::Eliminated(_) => None,
+        };
+        let places: Vec<(usize, usize, usize)> = wanted.iter().filter_map(place).collect();
+        let total: usize = self.kept.iter().map(|&block| self.sizes[block]).sum();
+        let mut found = HashMap::new();
+        for &(of, start, width) in &places {
+            let unit = |column: usize| {
+                let mut unit = vec![0.0; total];
+                unit[start + column] = 1.0;
+                factor.solve(&unit)
+            };
+            let columns: Vec<Vec<f64>> = (0..width).map(unit).collect();
+            for &(with, row, height) in &places {
+                found.insert([with, of], DMatrix::from_fn(height, width, |i, j| columns[j][row + i]));
+            }
+        }
+        Some(found)
+    }
+
+    /// The values of the regularised matrix, and `D^-1` of every eliminated block.
+    fn regular(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let Reduced { mut blocks, inverses, .. } = self.reduced(normal, 0.0);
         for (i, &block) in self.kept.iter().enumerate() {
             let size = self.sizes[block];
             let Some(&at) = self.pair_of.get(&[i, i]) else { continue };
@@ -174,8 +216,7 @@ impl BlockStructure {
                 blocks[at][k] += (regularization * normal.kept[at][k]).max(1e-18);
             }
         }
-        let inverse = self.sparse.factor(&self.values(&blocks))?.inverse();
-        Some(BlockCovariance { normal, inverses, inverse })
+        (self.values(&blocks), inverses)
     }
 
     /// First row of every kept block in the reduced system.
@@ -321,6 +362,12 @@ mod tests {
                         prop_assert!((found - exact).amax() < 1e-9);
                     }
                 }
+            }
+            let between = blocks.covariance_between(&normal, 0.0, &(0..sizes.len()).collect::<Vec<_>>()).unwrap();
+            prop_assert_eq!(between.len(), count * count, "of all pairs that are kept");
+            for (&[a, b], found) in &between {
+                let exact = exact.view((blocks.offsets[a], blocks.offsets[b]), (sizes[a], sizes[b]));
+                prop_assert!((found - exact).amax() < 1e-9);
             }
         }
     }

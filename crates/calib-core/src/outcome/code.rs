@@ -55,6 +55,8 @@ codes! {
         FewResiduals = "few-residuals",
         /// Nothing is known of the errors of the camera.
         UncertaintyUnknown = "uncertainty-unknown",
+        /// The solution is not of what is drawn now.
+        OutOfDate = "out-of-date",
         /// The camera stands below the floor.
         BelowFloor = "below-floor",
         /// The camera sees no floor where its field of view is.
@@ -96,9 +98,12 @@ impl Code {
     #[must_use]
     pub const fn severity(self) -> Severity {
         match self {
-            Self::Outlier | Self::Unusable | Self::Misfit | Self::BelowFloor | Self::NoFloor => {
-                Severity::Error
-            }
+            Self::Outlier
+            | Self::Unusable
+            | Self::Misfit
+            | Self::OutOfDate
+            | Self::BelowFloor
+            | Self::NoFloor => Severity::Error,
             Self::FocalUnobservable
             | Self::TwoSolutions
             | Self::Unchecked
@@ -119,6 +124,7 @@ impl Code {
                 | Self::TwoSolutions
                 | Self::Unchecked
                 | Self::UncertaintyUnknown
+                | Self::OutOfDate
                 | Self::BelowFloor
                 | Self::NoFloor
                 | Self::ScaleConflict

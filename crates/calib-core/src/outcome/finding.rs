@@ -171,6 +171,15 @@ pub enum Finding {
     },
     /// Nothing is known of the errors of the camera.
     UncertaintyUnknown,
+    /// The solution is not of what is drawn now.
+    OutOfDate {
+        /// What differs most from what the solution says of it.
+        what: Subject,
+        /// Its residual as the solution has it, in pixels; `None` of what the solution does not know.
+        stored: Option<f64>,
+        /// Its residual now, in pixels; `None` of what is not there any more, or cannot be where it is.
+        now: Option<f64>,
+    },
     /// The camera stands below the floor.
     BelowFloor {
         /// Its height, in metres.
@@ -279,6 +288,7 @@ impl Finding {
             Self::Unchecked { .. } => Code::Unchecked,
             Self::FewResiduals { .. } => Code::FewResiduals,
             Self::UncertaintyUnknown => Code::UncertaintyUnknown,
+            Self::OutOfDate { .. } => Code::OutOfDate,
             Self::BelowFloor { .. } => Code::BelowFloor,
             Self::LineOutlier { .. }
             | Self::ControlPointOutlier { .. }
@@ -354,6 +364,7 @@ impl Finding {
                 Subject::ControlPoint { camera: *camera, point: *point }
             }
             Self::ElementOutlier { element, .. } => *element,
+            Self::OutOfDate { what, .. } => *what,
             Self::DistanceOutlier { distance } => Subject::Distance(*distance),
             Self::NotConnected { cameras, .. } => {
                 cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))

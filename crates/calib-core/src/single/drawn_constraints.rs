@@ -8,7 +8,7 @@ use crate::single::constraints::{
     Constraints, Direction, DrawnPlane, Endpoint, InvalidSegment, Length, Line, Upright,
 };
 use crate::single::plane_prior::PlanePrior;
-use crate::single::repeats::Drawn;
+use crate::single::redrawing::share_redrawn;
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// Least length of a segment that has a direction, in pixels.
@@ -52,17 +52,6 @@ impl Constraints<ByLens> {
     }
 }
 
-/// Segments on one edge share its noise.
-fn share_noise<E: Number>(drawn: &mut Constraints<E>) {
-    let lines = drawn.lines.iter_mut().map(|line| (line.source, line.ends.each_mut()));
-    drawn.repeats.share(lines.map(Drawn::new).collect());
-    let lengths = drawn.lengths.iter_mut().map(|length| (length.source, length.ends.each_mut()));
-    drawn.repeats.share(lengths.map(Drawn::new).collect());
-    let uprights =
-        drawn.uprights.iter_mut().map(|upright| (upright.source, [&mut upright.foot, &mut upright.head]));
-    drawn.repeats.share(uprights.map(Drawn::new).collect());
-}
-
 /// Constraints in the making.
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
@@ -90,7 +79,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 builder.add(index, annotation);
             }
         }
-        share_noise(&mut builder.constraints);
+        share_redrawn(&mut builder.constraints);
         builder.constraints
     }
 

@@ -87,13 +87,23 @@ impl<'a> Problem<'a> {
         count - unknowns as i64
     }
 
-    /// How many of the residuals are of what is drawn again; a part of one counts as one.
+    /// How many of the residuals are of what is drawn again, less the unknowns of that alone; a part of one counts
+    /// as one.
     pub(crate) fn repeated(&self) -> i64 {
-        let again = |source: Source| 1.0 - self.constraints.repeats.times(source).recip();
+        let Constraints { repeats, groups, length_groups, .. } = self.constraints;
+        let again = |source: Source| 1.0 - repeats.times(source).recip();
         let lines: f64 = self.lines().map(|line| again(line.source)).sum();
         let lengths: f64 = self.lengths().map(|length| again(length.source)).sum();
         let uprights: f64 = self.uprights().map(|upright| again(upright.source)).sum();
-        (lines + lengths + 2.0 * uprights - 1e-9).ceil() as i64
+        let (used, nuisances) = (self.used(), self.nuisances());
+        let directions: f64 = (0..*groups)
+            .filter(|&group| used[group])
+            .map(|group| 1.0 - repeats.share_of_direction(group))
+            .sum();
+        let is_unknown = |&group: &usize| length_groups[group].is_none() && used[nuisances.length(group)];
+        let unknown = (0..length_groups.len()).filter(is_unknown);
+        let unknown: f64 = unknown.map(|group| 1.0 - repeats.share_of_length(group)).sum();
+        (lines + lengths + 2.0 * uprights - directions - unknown - 1e-9).ceil() as i64
     }
 
     /// Which nuisance parameters any residual depends on.
@@ -245,7 +255,7 @@ impl<'a, E: Number> Problem<'a, E> {
 
     /// Standard deviation of a drawn coordinate of an annotation, in pixels.
     #[inline]
-    pub(super) fn sigma_of(&self, source: Source) -> f64 {
+    pub(crate) fn sigma_of(&self, source: Source) -> f64 {
         self.constraints.sigma_px.get(source.annotation).copied().flatten().unwrap_or(self.sigma)
     }
 

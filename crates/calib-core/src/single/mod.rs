@@ -5,7 +5,8 @@
 //!
 //! - `annotation` what was drawn, in raw pixels, and the table of kinds; `usual_sizes` things of
 //!   known size; `scene_errors` how far the scene may be
-//!   from it; `constraints` the same, undistorted, by `drawn_constraints`;
+//!   from it; `constraints` the same, undistorted, by `drawn_constraints`; `overlaps`, `repeats`, `redrawing` what of
+//!   it is drawn more than once, and counts once;
 //! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `lens_problem`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
@@ -22,8 +23,10 @@ mod usual_sizes;
 mod scene_errors;
 mod plane_prior;
 mod endpoint;
+mod overlaps;
 mod repeats;
 mod constraints;
+mod redrawing;
 mod drawn_constraints;
 mod straightness;
 mod edge_information;
@@ -80,6 +83,7 @@ pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{
     LEVEL, chi2_score, inflation, is_inconsistent, is_misfit, is_significant, student_factor,
 };
-pub(crate) use prediction::{predictable, residuals_at};
+pub(crate) use overlaps::{BESIDE, lies_on};
+pub(crate) use prediction::{Held, predictable, residuals_at, residuals_held};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 pub(crate) use straightness::{edge_redundancy, edges, straightness_with_jacobian, times_drawn};

@@ -151,6 +151,9 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         if round == most {
             break;
         }
+        if !may_explain(&without, best, most - round) {
+            break;
+        }
         let Some(Outlier { source, chi2, runner_up }) = worst_outlier(&without, best, search) else { break };
         let count = sources(&without).len();
         let chi2_before = best.chi2;
@@ -167,6 +170,27 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
     }
     rejected.truncate(confirmed);
     (results.swap_remove(confirmed), rejected)
+}
+
+/// From more constraints than so many one moves the minimum too little to lead to another, and has next to no
+/// leverage: its residual tells what its rejection gains.
+const MANY: usize = 400;
+
+/// Whether leaving out so many of the constraints may make a fit of the rest. Of few constraints nobody knows before
+/// it is tried; of many the largest residuals tell, with a margin for what they pull.
+fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
+    const MARGIN: f64 = 4.0;
+    let count = sources(problem).len();
+    if count <= MANY {
+        return true;
+    }
+    let mut squares: Vec<f64> = Vec::with_capacity(count);
+    let _ = problem.each_residual(&best.state, |residual: f64, _, source| {
+        squares.extend(source.map(|_| residual * residual));
+    });
+    squares.sort_by(|a, b| b.total_cmp(a));
+    let gain: f64 = squares.iter().take(usize::try_from(most).unwrap_or(0)).sum();
+    !is_misfit(best.chi2 - MARGIN * gain, problem.dof() - most)
 }
 
 /// Chi-square by which the next best rejection must be worse for the best one to be told from it.
@@ -186,7 +210,11 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     const MAX_MULTISTART: usize = 40;
     const MULTISTART_OF_MORE: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
-    let multistart = if candidates.len() <= MAX_MULTISTART { candidates.len() } else { MULTISTART_OF_MORE };
+    let multistart = match sources(problem).len() {
+        count if count > MANY => 0,
+        _ if candidates.len() <= MAX_MULTISTART => candidates.len(),
+        _ => MULTISTART_OF_MORE,
+    };
     let mut scored: Vec<(f64, Source, f64)> = Vec::new();
     for (rank, &source) in candidates.iter().enumerate() {
         let rejected: Vec<Source> = problem.rejected.iter().copied().chain([source]).collect();
@@ -218,7 +246,9 @@ fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) 
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let mut sources: Vec<Source> = found.into_iter().map(|(source, _)| source).collect();
-    if sources.len() > FEW {
+    if sources.len() > MANY {
+        sources.truncate(MOST);
+    } else if sources.len() > FEW {
         let promised = problem.chi2_without(&best.state);
         let of = |source: &Source| promised.get(source).copied().unwrap_or(f64::INFINITY);
         sources.sort_by(|a, b| of(a).total_cmp(&of(b)));

@@ -1,12 +1,13 @@
 //! What a camera at fixed parameters predicts of drawings that were not fitted.
 
+use crate::optimize::least_squares;
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::Problem;
 use crate::single::nuisances::Nuisances;
 use crate::single::orientation::Orientation;
 use crate::single::plane_frame::Measured;
-use crate::single::prior::Priors;
+use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{CameraTerms, Parameters, floor_length, upright_residuals};
 
 /// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
@@ -27,6 +28,46 @@ pub(crate) fn residuals_at(
     let constraints = predictable(constraints, &parameters);
     let problem = Problem::new(&constraints, fixed, Priors::default(), 1.0, width);
     problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
+}
+
+/// A camera whose drawings are looked at again.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Held<'a> {
+    pub(crate) orientation: Orientation,
+    /// In metres.
+    pub(crate) height: f64,
+    /// Whether the height is estimated from the drawings, as that of a camera is that somebody placed by hand.
+    pub(crate) height_is_free: bool,
+    /// What is known of the height.
+    pub(crate) height_prior: Option<Prior>,
+    /// Standard deviation of a drawn coordinate, in pixels.
+    pub(crate) sigma: f64,
+    /// What was rejected.
+    pub(crate) rejected: &'a [Source],
+    /// Of the image, in pixels.
+    pub(crate) width: f64,
+}
+
+/// The residuals in pixels of all constraints that have a prediction at a camera, with the nuisance parameters
+/// where they are likeliest there.
+pub(crate) fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f64)> {
+    /// What is left to estimate is next to linear.
+    const MAX_STEPS: usize = 20;
+    let Held { orientation: at, height, .. } = *held;
+    let fixed = FixedParameters {
+        roll: Some(at.roll),
+        pitch: Some(at.pitch),
+        focal: Some(at.focal),
+        height: Some(height).filter(|_| !held.height_is_free),
+    };
+    let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
+    let constraints = predictable(constraints, &parameters);
+    let priors = Priors { height: held.height_prior, ..Priors::default() };
+    let problem = Problem::new(&constraints, fixed, priors, held.sigma, held.width);
+    let problem = Problem { rejected: held.rejected, ..problem };
+    let found = problem.state_at(parameters).and_then(|start| least_squares(&problem, start, MAX_STEPS));
+    let everything = Problem { rejected: &[], ..problem.clone() };
+    found.and_then(|found| everything.residuals_in_pixels(&found.state)).unwrap_or_default()
 }
 
 /// The constraints that have a prediction at these parameters: no length above the horizon, no head behind

@@ -112,7 +112,9 @@ impl<E: Number> Problem<'_, E> {
         let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
         let with_sigma =
             known.filter_map(|(group, known)| Some((group, known.value, known.sigma? / known.value)));
-        with_sigma.filter(|&(group, ..)| self.lengths().any(|length| length.group == group))
+        let mut is_drawn = vec![false; self.constraints.length_groups.len()];
+        self.lengths().for_each(|length| is_drawn[length.group] = true);
+        with_sigma.filter(move |&(group, ..)| is_drawn[group])
     }
 }
 

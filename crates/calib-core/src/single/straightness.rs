@@ -9,7 +9,7 @@
 use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
-use crate::single::repeats::repeats;
+use crate::single::overlaps::Overlaps;
 
 /// A straight edge: a polyline, and the drawing that it comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 /// together say what one of them says (`repeats.rs`).
 pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
     let points = |edge: &Edge| edge.points.iter().map(|&point| <[f64; 2]>::from(point)).collect();
-    repeats(&edges.map(points).collect::<Vec<_>>())
+    Overlaps::new(&edges.map(points).collect::<Vec<_>>()).times()
 }
 
 /// Points that are drawn again less the two parameters of the line through every edge: what edges have more of

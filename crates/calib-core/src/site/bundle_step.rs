@@ -44,7 +44,7 @@ pub(crate) struct BundleResult {
     /// Planes that were estimated.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
     pub(crate) loop_closure: Option<f64>,
-    /// Covariance of pairs of cameras that observe landmarks in common.
+    /// Covariance of pairs of cameras that were refined together.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
 }
 

@@ -23,6 +23,8 @@ pub const MAX_VALUES: usize = 4_000_000;
 /// Most segments and polylines of one camera: far more than anybody draws, and solved within minutes even where
 /// every second one is wrong.
 const MAX_LINES: usize = 20_000;
+/// Most segments and polylines of all cameras of a site together: what takes minutes is not one camera alone.
+const MAX_LINES_OF_SITE: usize = 100_000;
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
 
@@ -81,6 +83,7 @@ impl Site {
         for (i, camera) in self.cameras.iter().enumerate() {
             check_camera(&cameras.index(i), camera, self)?;
         }
+        check_lines_of_site(&cameras, &self.cameras)?;
         check_periods(&cameras, &self.cameras)?;
         check_elements(&root, self)
     }
@@ -233,9 +236,24 @@ fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
     check_ties(at, annotations)
 }
 
+/// Segments and polylines.
+fn lines(annotations: &[Annotation]) -> usize {
+    annotations.iter().map(|annotation| annotation.segments.as_ref().map_or(1, Vec::len)).sum()
+}
+
+fn check_lines_of_site(at: &At, cameras: &[SiteCamera]) -> Checked {
+    let found: usize = cameras.iter().map(|camera| lines(&camera.annotations)).sum();
+    if found <= MAX_LINES_OF_SITE {
+        return Ok(());
+    }
+    at.expected(
+        format!("{found} segments and polylines in all cameras together"),
+        format!("at most {MAX_LINES_OF_SITE} in one site; a few dozen calibrate a camera"),
+    )
+}
+
 fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
-    let lines = |annotation: &Annotation| annotation.segments.as_ref().map_or(1, Vec::len);
-    let found = annotations.iter().map(lines).sum::<usize>();
+    let found = lines(annotations);
     if found <= MAX_LINES {
         return Ok(());
     }

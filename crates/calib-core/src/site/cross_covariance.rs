@@ -100,7 +100,7 @@ impl CrossCovarianceEntry {
 }
 
 impl Site {
-    /// The covariances of the cameras that show something in common.
+    /// The covariances of the cameras that were solved together.
     pub(crate) fn cross_covariances(
         &self,
         bundle: &BundleResult,
@@ -124,8 +124,8 @@ impl Site {
     /// together. A tracker that takes them for independent believes in their mean too much.
     ///
     /// Cameras that no joint solve ties together are independent. `None` where a camera has no solution or
-    /// shows no floor there, where nothing is known of its errors, and for two cameras of one group that show
-    /// nothing in common: of them the file does not have it.
+    /// shows no floor there, where nothing is known of its errors, and for two of over 45 cameras of one group that
+    /// show nothing in common: of them the file does not have it.
     #[must_use]
     pub fn floor_covariance_between(&self, [a, b]: [(&str, Pixel); 2]) -> Option<[[f64; 2]; 2]> {
         let cameras = [self.camera(a.0)?.camera()?, self.camera(b.0)?.camera()?];

@@ -9,6 +9,7 @@
 //! - `view` a calibrated camera by its id, as other languages ask for it;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
 //!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws;
+//! - `out_of_date` whether a solution is of what is drawn;
 //! - `recovered` a camera that turned as a new entry, with what was drawn on its old still.
 
 mod bounded_list;
@@ -44,6 +45,7 @@ mod cross_covariance;
 mod quality;
 mod pose_findings;
 mod pipeline;
+mod out_of_date;
 mod lens_family;
 mod recovered;
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::camera::{Camera, Covariance, WorldPoint};
 use crate::floor::{ControlPoint, from_control_points, with_placement_covariance};
 use crate::outcome::{Code, Finding, Residual, ResidualOf};
-use crate::single::{floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
+use crate::single::{BESIDE, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{ControlPointEntry, Site, SiteCamera};
 use crate::site::solution::{Solution, Stage};
@@ -22,12 +22,8 @@ impl Site {
         findings: &mut Vec<Finding>,
     ) -> (Camera, Stage) {
         let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
-        let points: Vec<ControlPoint> = entry
-            .control_points
-            .iter()
-            .filter(|point| !point.off)
-            .filter_map(|point| point.control_point(self.plan.as_ref()))
-            .collect();
+        let points = entry.control_points.iter().filter(|point| !point.off);
+        let points = each_once(points.filter_map(|point| point.control_point(self.plan.as_ref())).collect());
         let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
         if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
             scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
@@ -85,6 +81,24 @@ impl Site {
         let far = far_off(entry, &result.solution);
         result.findings.extend(far);
     }
+}
+
+/// Control points without those that show again what another one shows, beside the same pixel.
+fn each_once(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
+    /// In metres: what is nearer is one point.
+    const SAME: f64 = 0.01;
+    points.sort_by(|a, b| a.pixel.u.total_cmp(&b.pixel.u));
+    let mut once: Vec<ControlPoint> = Vec::new();
+    for point in points {
+        let mut near = once.iter().rev().take_while(|known| point.pixel.u - known.pixel.u <= BESIDE);
+        let is_known = |known: &ControlPoint| {
+            known.pixel.distance(point.pixel) <= BESIDE && known.world.distance(point.world) <= SAME
+        };
+        if !near.any(is_known) {
+            once.push(point);
+        }
+    }
+    once
 }
 
 /// Control points that are farther from their pixels than drawing explains.

@@ -49,7 +49,8 @@ document! {
         /// Pairs of cameras that see the same floor.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         overlaps: Vec<Overlap>,
-        /// Covariances of cameras that show something in common with each other.
+        /// Covariances with each other of cameras that were solved together: of up to 45 cameras all, of more those that
+        /// show something in common.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         cross_covariances: Vec<CrossCovarianceEntry>,
         /// What the operator should know.

@@ -34,6 +34,7 @@ impl English<'_> {
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
             F::UncertaintyUnknown => "Nothing tells how well the camera is known.".into(),
+            F::OutOfDate { what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::BelowFloor { height } => format!("The camera stands {:.2} m below the floor.", -height),
             F::NoFloor => "The camera sees no floor where its field of view is.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
@@ -118,6 +119,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::UncertaintyUnknown => {
             "Draw lines on its image, or import it with standard deviations; \"sigma\" in the solution holds them."
         }
+        F::OutOfDate { .. } => "Solve the site again: calib solve, or Solve in the app.",
         F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
         F::LineOutlier { .. } => "Draw it again, delete it, or use it anyway (\"keep\") if it is right.",
         F::Misfit { .. } => {

@@ -104,6 +104,29 @@ impl English<'_> {
         }
     }
 
+    /// What is not as the solution has it.
+    pub(super) fn out_of_date(&self, what: Subject, stored: Option<f64>, now: Option<f64>) -> String {
+        let name = match what {
+            Subject::Line(line) if self.annotations().get(line.annotation).is_some() => self.line_of(line),
+            Subject::Line(line) => format!("Annotation {}", line.annotation),
+            Subject::OwnControlPoint(point) => {
+                format!("Control point {}", self.control_point(self.entry, point))
+            }
+            what => capitalised(&self.shared(what)),
+        };
+        match (stored, now) {
+            (Some(stored), Some(now)) => format!(
+                "The solution is out of date: {name} is {:.1} px from its prediction, and was {:.1} px when it was solved.",
+                now.abs(),
+                stored.abs()
+            ),
+            (None, Some(_)) => format!("The solution is out of date: it does not know {name}."),
+            (_, None) => {
+                format!("The solution is out of date: {name} is not where it was when it was solved.")
+            }
+        }
+    }
+
     pub(super) fn misfit(&self, chi2: f64, dof: i64, worst: Option<(Source, f64)>) -> String {
         let worst = worst.map_or_else(String::new, |(line, px)| {
             format!(" The largest is {}: {px:.1} px.", self.line_of(line))

@@ -1,0 +1,378 @@
+//! Polylines that lie on each other: what is drawn more than once.
+//!
+//! A polyline lies on another as far as its pieces have both ends beside pieces of the other; a shorter one does
+//! not count against a longer one. What is drawn alike to the last bit is one place, looked at once. Pieces stand
+//! sorted by their angle: two of which one lies on the other differ in angle by no more than their distance over
+//! the length of the one, so that of many lines few are compared.
+
+use std::collections::HashMap;
+
+/// How far a segment may lie beside another, in pixels, to be on the same edge.
+pub(crate) const BESIDE: f64 = 3.0;
+/// Of what length, relative to a segment's own, a segment is that counts against it.
+const AS_LONG: f64 = 0.8;
+/// From which length on a piece has an angle that tells what may lie on it, in pixels.
+const WITH_ANGLE: f64 = 8.0 * BESIDE;
+
+/// How often a polyline is drawn: among all that have a class, and in its own class; itself counts as one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Count {
+    pub(crate) all: f64,
+    pub(crate) own: f64,
+}
+
+impl Count {
+    /// Which share of all is in its own class; all of it where it has none.
+    pub(crate) fn share(&self) -> f64 {
+        if self.all > 0.0 { self.own / self.all } else { 1.0 }
+    }
+}
+
+/// Polylines by the places where they are drawn.
+pub(crate) struct Overlaps<'a> {
+    places: Vec<Extent<'a>>,
+    /// The place of every polyline.
+    place_of: Vec<usize>,
+    /// Of all places, by their angle.
+    pieces: Vec<Piece>,
+}
+
+impl<'a> Overlaps<'a> {
+    pub(crate) fn new(polylines: &'a [Vec<[f64; 2]>]) -> Self {
+        let mut known: HashMap<Vec<[u64; 2]>, usize> = HashMap::new();
+        let mut places: Vec<Extent> = Vec::new();
+        let place = |points: &'a Vec<[f64; 2]>| {
+            *known.entry(points.iter().map(|p| p.map(f64::to_bits)).collect()).or_insert_with(|| {
+                places.push(Extent::new(points));
+                places.len() - 1
+            })
+        };
+        let place_of = polylines.iter().map(place).collect();
+        let of = |(place, extent): (usize, &Extent<'a>)| {
+            segments(extent.points).map(move |ends| Piece::new(place, ends)).collect::<Vec<_>>()
+        };
+        let mut pieces: Vec<Piece> = places.iter().enumerate().flat_map(of).collect();
+        pieces.sort_by(|a, b| a.angle.total_cmp(&b.angle));
+        Self { places, place_of, pieces }
+    }
+
+    /// How often every polyline is drawn.
+    pub(crate) fn times(&self) -> Vec<f64> {
+        self.counts([&|_| Some(0)]).into_iter().map(|[count]| count.all).collect()
+    }
+
+    /// How often every polyline is drawn, by each of several classifications; without a class it counts in none.
+    pub(crate) fn counts<const N: usize>(
+        &self,
+        classes: [&dyn Fn(usize) -> Option<usize>; N],
+    ) -> Vec<[Count; N]> {
+        let tallies: [Vec<Tally>; N] = classes.map(|class| self.tallies(class));
+        let mut sums: [Vec<Sum>; N] = tallies.each_ref().map(|of| of.iter().map(Sum::new).collect());
+        self.each_overlap(|on, other, share| {
+            for (sums, tallies) in sums.iter_mut().zip(&tallies) {
+                sums[on].add(&tallies[on], &tallies[other], share);
+            }
+        });
+        let of = |(polyline, &place): (usize, &usize)| {
+            std::array::from_fn(|k| sums[k][place].count(&tallies[k][place], classes[k](polyline)))
+        };
+        self.place_of.iter().enumerate().map(of).collect()
+    }
+
+    /// What is drawn at every place.
+    fn tallies(&self, class: &dyn Fn(usize) -> Option<usize>) -> Vec<Tally> {
+        let mut classes: Vec<Vec<usize>> = vec![Vec::new(); self.places.len()];
+        for (polyline, &place) in self.place_of.iter().enumerate() {
+            classes[place].extend(class(polyline));
+        }
+        classes.into_iter().map(Tally::new).collect()
+    }
+
+    /// Calls `sink` with every place, another one that it lies on, and the share of it that does.
+    fn each_overlap(&self, mut sink: impl FnMut(usize, usize, f64)) {
+        // Of the piece at hand and of its place, with every other place.
+        let (mut of_piece, mut of_place) = (Lengths::of(self.places.len()), Lengths::of(self.places.len()));
+        for (index, own) in self.places.iter().enumerate().filter(|(_, own)| own.length > 0.0) {
+            for ends in segments(own.points) {
+                let whole = length(&ends);
+                self.each_near(own, &ends, |other| {
+                    if other.place != index && own.may_lie_on(&self.places[other.place]) {
+                        of_piece.add(other.place, common_length(&ends, &other.ends));
+                    }
+                });
+                of_piece.drain(|place, common| of_place.add(place, common.min(whole)));
+            }
+            of_place.drain(|place, common| sink(index, place, common / own.length));
+        }
+    }
+
+    /// Calls `sink` with every piece that a piece of a polyline may lie on.
+    fn each_near(&self, own: &Extent, ends: &[[f64; 2]; 2], mut sink: impl FnMut(&Piece)) {
+        use std::f64::consts::PI;
+        let whole = length(ends);
+        if whole < WITH_ANGLE {
+            let near = self.places.iter().enumerate().filter(|(_, other)| own.may_lie_on(other));
+            for (place, other) in near {
+                segments(other.points).for_each(|ends| sink(&Piece::new(place, ends)));
+            }
+            return;
+        }
+        let (angle, most) = (angle(ends), (2.0 * BESIDE / whole).asin() + 1e-9);
+        let mut within = |low: f64, high: f64| {
+            let first = self.pieces.partition_point(|piece| piece.angle < low);
+            self.pieces[first..].iter().take_while(|piece| piece.angle <= high).for_each(&mut sink);
+        };
+        within(angle - most, angle + most);
+        // A direction has no sign.
+        if angle < most {
+            within(angle - most + PI, PI);
+        }
+        if angle > PI - most {
+            within(0.0, angle + most - PI);
+        }
+    }
+}
+
+/// Lengths by place, of few places at a time.
+struct Lengths {
+    by_place: Vec<f64>,
+    known: Vec<usize>,
+}
+
+impl Lengths {
+    fn of(count: usize) -> Self {
+        Self { by_place: vec![0.0; count], known: Vec::new() }
+    }
+
+    fn add(&mut self, place: usize, length: f64) {
+        if length > 0.0 {
+            if self.by_place[place] == 0.0 {
+                self.known.push(place);
+            }
+            self.by_place[place] += length;
+        }
+    }
+
+    fn drain(&mut self, mut sink: impl FnMut(usize, f64)) {
+        for place in self.known.drain(..) {
+            sink(place, std::mem::take(&mut self.by_place[place]));
+        }
+    }
+}
+
+/// What is drawn at one place: how much, and how much of which class, by its number.
+struct Tally {
+    all: f64,
+    by_class: Vec<(usize, f64)>,
+}
+
+impl Tally {
+    fn new(mut classes: Vec<usize>) -> Self {
+        classes.sort_unstable();
+        let by_class = classes.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as f64)).collect();
+        Self { all: classes.len() as f64, by_class }
+    }
+
+    /// Where a class stands in the list.
+    fn position(&self, class: usize) -> Option<usize> {
+        self.by_class.binary_search_by_key(&class, |&(known, _)| known).ok()
+    }
+
+    fn of(&self, class: usize) -> f64 {
+        self.position(class).map_or(0.0, |at| self.by_class[at].1)
+    }
+}
+
+/// What is drawn at one place and where it lies on other places: all, and of the classes of the place.
+struct Sum {
+    all: f64,
+    by_class: Vec<f64>,
+}
+
+impl Sum {
+    fn new(tally: &Tally) -> Self {
+        Self { all: tally.all, by_class: tally.by_class.iter().map(|&(_, drawn)| drawn).collect() }
+    }
+
+    fn add(&mut self, own: &Tally, other: &Tally, share: f64) {
+        self.all += share * other.all;
+        for (sum, &(class, _)) in self.by_class.iter_mut().zip(&own.by_class) {
+            *sum += share * other.of(class);
+        }
+    }
+
+    fn count(&self, own: &Tally, class: Option<usize>) -> Count {
+        let own = class.and_then(|class| own.position(class));
+        own.map_or(Count::default(), |at| Count { all: self.all, own: self.by_class[at] })
+    }
+}
+
+/// One segment of what is drawn at a place.
+struct Piece {
+    place: usize,
+    ends: [[f64; 2]; 2],
+    /// In [0, pi).
+    angle: f64,
+}
+
+impl Piece {
+    fn new(place: usize, ends: [[f64; 2]; 2]) -> Self {
+        Self { place, ends, angle: angle(&ends) }
+    }
+}
+
+/// A polyline with its length and the box around it.
+struct Extent<'a> {
+    points: &'a [[f64; 2]],
+    length: f64,
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl<'a> Extent<'a> {
+    fn new(points: &'a [[f64; 2]]) -> Self {
+        let fold = |k: usize, pick: fn(f64, f64) -> f64, start| points.iter().map(|p| p[k]).fold(start, pick);
+        Self {
+            points,
+            length: segments(points).map(|segment| length(&segment)).sum(),
+            low: [0, 1].map(|k| fold(k, f64::min, f64::INFINITY)),
+            high: [0, 1].map(|k| fold(k, f64::max, f64::NEG_INFINITY)),
+        }
+    }
+
+    /// Whether another is long enough to count, and anywhere near.
+    fn may_lie_on(&self, other: &Self) -> bool {
+        let is_near =
+            |k: usize| self.low[k] <= other.high[k] + BESIDE && other.low[k] <= self.high[k] + BESIDE;
+        other.length >= AS_LONG * self.length && is_near(0) && is_near(1)
+    }
+}
+
+fn segments(points: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
+    points.windows(2).map(|pair| [pair[0], pair[1]])
+}
+
+fn length([a, b]: &[[f64; 2]; 2]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+/// The angle of the line through two points, in [0, pi).
+fn angle([a, b]: &[[f64; 2]; 2]) -> f64 {
+    let angle = (b[1] - a[1]).atan2(b[0] - a[0]).rem_euclid(std::f64::consts::PI);
+    if angle < std::f64::consts::PI { angle } else { 0.0 }
+}
+
+/// Whether a segment lies on another as far as would have it count as drawn again.
+pub(crate) fn lies_on(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> bool {
+    common_length(segment, other) >= AS_LONG * length(segment)
+}
+
+/// The length of a segment that lies on another.
+fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
+    let [from, to] = *other;
+    let reach = length(other);
+    if reach <= 0.0 {
+        return 0.0;
+    }
+    let along = [(to[0] - from[0]) / reach, (to[1] - from[1]) / reach];
+    let place = |p: [f64; 2]| {
+        let (dx, dy) = (p[0] - from[0], p[1] - from[1]);
+        (dx * along[0] + dy * along[1], dx * along[1] - dy * along[0])
+    };
+    let [(a, beside_a), (b, beside_b)] = segment.map(place);
+    if !(beside_a.abs() <= BESIDE && beside_b.abs() <= BESIDE) {
+        return 0.0;
+    }
+    (a.max(b).min(reach) - a.min(b).max(0.0)).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn times(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
+        Overlaps::new(polylines).times()
+    }
+
+    /// As the definition has it: every one with every other.
+    fn times_one_by_one(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
+        let drawn: Vec<Extent> = polylines.iter().map(|points| Extent::new(points)).collect();
+        let common = |own: &Extent, other: &Extent| -> f64 {
+            let on = |own: [[f64; 2]; 2]| -> f64 {
+                segments(other.points)
+                    .map(|theirs| common_length(&own, &theirs))
+                    .sum::<f64>()
+                    .min(length(&own))
+            };
+            segments(own.points).map(on).sum::<f64>() / own.length
+        };
+        let others = |i: usize| (0..drawn.len()).filter(move |&j| j != i);
+        let covered = |i: usize| -> f64 {
+            let on = others(i).filter(|&j| drawn[i].may_lie_on(&drawn[j]));
+            on.map(|j| common(&drawn[i], &drawn[j])).sum()
+        };
+        (0..drawn.len()).map(|i| 1.0 + covered(i)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn copies_together_are_one(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], angle in 0.0..6.0_f64, length in 40.0..900.0_f64, count in 1..30_usize,
+        ) {
+            let end = |s: f64| [a[0] + s * length * angle.cos(), a[1] + s * length * angle.sin()];
+            let together: f64 = times(&vec![vec![end(0.0), end(1.0)]; count]).iter().map(|times| times.recip()).sum();
+            prop_assert!((together - 1.0).abs() < 1e-9);
+            let apart = [[0.0, 1.0], [1.1, 2.1]].map(|ends| ends.map(end).to_vec());
+            prop_assert_eq!(times(&apart), vec![1.0, 1.0], "two pieces of one edge, one after the other");
+            let pieces = [[0.0, 1.0], [0.2, 0.4], [0.9, 0.5]].map(|ends| ends.map(end).to_vec());
+            prop_assert_eq!(times(&pieces)[0], 1.0, "pieces do not count against the whole");
+            prop_assert!(times(&pieces)[1] > 1.999, "the whole counts against a piece");
+        }
+
+        #[test]
+        fn a_bent_edge_is_one_wherever_its_points_are_set(
+            radius in 1500.0..6000.0_f64, counts in proptest::collection::vec(9..40_usize, 1..12),
+        ) {
+            let at = |s: f64| [radius * (s * 900.0 / radius).sin(), radius * (s * 900.0 / radius).cos()];
+            let drawn: Vec<Vec<[f64; 2]>> = counts.iter().map(|&count| {
+                (0..count).map(|i| at(i as f64 / (count - 1) as f64)).collect()
+            }).collect();
+            let together: f64 = times(&drawn).iter().map(|times| times.recip()).sum();
+            prop_assert!((together - 1.0).abs() < 0.1, "{together} of {counts:?}");
+            let beside: Vec<[f64; 2]> = drawn[0].iter().map(|[x, y]| [*x, y + 8.0]).collect();
+            prop_assert_eq!(times(&[drawn[0].clone(), beside]), vec![1.0, 1.0], "an edge beside it is another");
+        }
+
+        #[test]
+        fn the_search_by_angle_misses_nothing(
+            drawn in proptest::collection::vec(([0.0..300.0_f64, 0.0..300.0_f64], 0.0..6.3_f64, 1.0..200.0_f64, 2..5_usize), 1..30),
+            again in proptest::collection::vec((0..30_usize, [-3.0..3.0_f64, -3.0..3.0_f64], 0.5..1.5_f64), 0..30),
+        ) {
+            let line = |a: [f64; 2], angle: f64, length: f64, points: usize| -> Vec<[f64; 2]> {
+                let at = |s: f64| [a[0] + s * length * angle.cos(), a[1] + s * length * angle.sin()];
+                (0..points).map(|i| at(i as f64 / (points - 1) as f64)).collect()
+            };
+            let mut lines: Vec<Vec<[f64; 2]>> = drawn.iter().map(|&(a, angle, length, points)| line(a, angle, length, points)).collect();
+            for &(of, by, scale) in &again {
+                let (a, angle, length, points) = drawn[of % drawn.len()];
+                lines.push(line([a[0] + by[0], a[1] + by[1]], angle + 0.003 * by[0], scale * length, points));
+            }
+            for (fast, slow) in times(&lines).into_iter().zip(times_one_by_one(&lines)) {
+                prop_assert!((fast - slow).abs() < 1e-9, "{fast} {slow}");
+            }
+        }
+
+        #[test]
+        fn what_two_classes_draw_is_shared_between_them(
+            a in [-900.0..900.0_f64, -500.0..500.0_f64], angle in 0.0..6.0_f64, counts in [1..9_usize, 1..9_usize],
+        ) {
+            let segment = vec![a, [a[0] + 300.0 * angle.cos(), a[1] + 300.0 * angle.sin()]];
+            let drawn = vec![segment; counts[0] + counts[1]];
+            let class = |i: usize| Some(usize::from(i >= counts[0]));
+            let shares: Vec<f64> = Overlaps::new(&drawn).counts([&class]).iter().map(|[count]| count.share()).collect();
+            prop_assert!((shares[0] + shares[counts[0]] - 1.0).abs() < 1e-12);
+            prop_assert!((shares[0] - counts[0] as f64 / (counts[0] + counts[1]) as f64).abs() < 1e-12);
+        }
+    }
+}
