@@ -310,8 +310,8 @@ fn what_six_or_seven_lines_say_by_chance_is_not_certain() {
     let (mut certain, mut solutions) = (0, 0);
     for _ in 0..400 {
         let mut camera = SiteCamera::new("a", SIZE);
-        let verticals = random.random_range(0..=3);
-        let parallels = random.random_range(6..=7) - verticals;
+        let verticals: usize = random.random_range(0..=3);
+        let parallels: usize = random.random_range(6..=7) - verticals;
         let groups = [
             (Kind::Vertical, verticals),
             (Kind::Parallel, parallels / 2),

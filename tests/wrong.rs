@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use calib_core::{
     Annotation, Camera, Code, Covariance, Kind, Lens, Options, Pixel, Report, SceneEntry, Site, SiteCamera,
-    Stage, WorldPoint,
+    Stage, Warning, WorldPoint,
 };
 use calib_demo::layout::Layout;
 use calib_demo::random::{SIZE, normal};
