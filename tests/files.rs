@@ -400,7 +400,8 @@ fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
         ("v", at()),
     ]);
     let mut whole = Vec::new();
-    let mut writer = ArrowWriter::try_new(&mut whole, row.as_ref().unwrap().schema(), None).unwrap();
+    let plain = WriterProperties::builder().set_dictionary_enabled(false).build();
+    let mut writer = ArrowWriter::try_new(&mut whole, row.as_ref().unwrap().schema(), Some(plain)).unwrap();
     writer.write(&row.unwrap()).unwrap();
     writer.close().unwrap();
     for (values, said) in

@@ -29,7 +29,7 @@ pub(crate) struct Args {
     /// Compare this camera; without it a still is of the camera that its name begins with
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
-    /// Newer stills (PNG, JPEG), or folders of them, in the order of the times in their names (20260501_0830, UTC) or their EXIF data
+    /// Newer stills (PNG, JPEG), or folders of them, in the order of the times in their names (2026-05-01T0830, UTC) or their EXIF data
     #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
     stills: Vec<PathBuf>,
     /// How to report

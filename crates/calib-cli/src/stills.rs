@@ -59,7 +59,7 @@ pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The time that a name says, such as 2026-05-01T080000Z or 20260501_0800: of UTC, as names of files have no zone.
+/// The time that a name says, such as `2026-05-01T080000Z` or `20260501_0800`: of UTC, as names of files have no zone.
 fn time_in(name: &str) -> Option<Timestamp> {
     (0..name.len()).filter(|&start| begins_a_number(name, start)).find_map(|start| time_at(&name[start..]))
 }

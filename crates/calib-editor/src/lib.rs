@@ -32,6 +32,7 @@ mod epipolar;
 mod preview;
 mod refine;
 mod session;
+mod part_name;
 mod placing;
 mod proposals;
 mod together;

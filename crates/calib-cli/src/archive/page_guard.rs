@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Cursor, Read as _};
+use std::io::{Cursor, Read};
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ::parquet::basic::Compression;
 use ::parquet::errors::{ParquetError, Result};
@@ -31,7 +31,35 @@ const HEAD: u64 = 40;
 /// The pages of a file.
 pub(super) struct PageGuard {
     file: File,
-    chunks: Vec<Chunk>,
+    chunks: Arc<[Chunk]>,
+}
+
+/// A file from where a page may begin: whoever reads on reads its header.
+pub(super) struct FromPage {
+    file: <File as ChunkReader>::T,
+    begin: u64,
+    /// Until the first byte is wanted: the library goes to where pages begin without reading, too.
+    chunks: Option<Arc<[Chunk]>>,
+    head: Cursor<Vec<u8>>,
+}
+
+impl Read for FromPage {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        if let Some(chunks) = self.chunks.take() {
+            self.file.by_ref().take(HEAD).read_to_end(self.head.get_mut())?;
+            let chunk = chunk_at(&chunks, self.begin);
+            let checked = chunk.map_or(Ok(()), |chunk| chunk.check(self.begin, self.head.get_ref()));
+            checked.map_err(std::io::Error::other)?;
+        }
+        let count = self.head.read(to)?;
+        if count > 0 { Ok(count) } else { self.file.read(to) }
+    }
+}
+
+/// The chunk at a place.
+fn chunk_at(chunks: &[Chunk], at: u64) -> Option<&Chunk> {
+    let index = chunks.partition_point(|chunk| chunk.range.start <= at).checked_sub(1)?;
+    chunks.get(index).filter(|chunk| chunk.range.contains(&at))
 }
 
 /// The pages of a column in a group of rows.
@@ -56,13 +84,7 @@ impl PageGuard {
         });
         let mut chunks: Vec<_> = chunks.collect();
         chunks.sort_by_key(|chunk| chunk.range.start);
-        Self { file, chunks }
-    }
-
-    /// The chunk at a place.
-    fn chunk(&self, at: u64) -> Option<&Chunk> {
-        let index = self.chunks.partition_point(|chunk| chunk.range.start <= at).checked_sub(1)?;
-        self.chunks.get(index).filter(|chunk| chunk.range.contains(&at))
+        Self { file, chunks: chunks.into() }
     }
 }
 
@@ -91,21 +113,17 @@ impl Length for PageGuard {
 }
 
 impl ChunkReader for PageGuard {
-    type T = std::io::Chain<Cursor<Vec<u8>>, <File as ChunkReader>::T>;
+    type T = FromPage;
 
-    /// From here a header is read.
     fn get_read(&self, start: u64) -> Result<Self::T> {
-        let mut rest = self.file.get_read(start)?;
-        let mut head = Vec::new();
-        rest.by_ref().take(HEAD).read_to_end(&mut head)?;
-        self.chunk(start).map_or(Ok(()), |chunk| chunk.check(start, &head))?;
-        Ok(Cursor::new(head).chain(rest))
+        let (file, chunks) = (self.file.get_read(start)?, Some(Arc::clone(&self.chunks)));
+        Ok(FromPage { file, begin: start, chunks, head: Cursor::default() })
     }
 
     /// The bytes of a page.
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
         let bytes = self.file.get_bytes(start, length)?;
-        match self.chunk(start).map(|chunk| chunk.packed) {
+        match chunk_at(&self.chunks, start).map(|chunk| chunk.packed) {
             Some(Compression::ZSTD(_)) => check(zstd_bound::unpacked(&bytes))?,
             Some(Compression::GZIP(_)) if GZIP * length as u64 > MOST => check(gunzipped(&bytes))?,
             _ => {}

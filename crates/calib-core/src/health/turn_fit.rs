@@ -318,7 +318,7 @@ mod tests {
         let u = 120.0 * ((block % COLUMNS) as f64 + random.random_range(0.0..1.0));
         let v = 90.0 * ((block / COLUMNS) as f64 + random.random_range(0.0..1.0));
         let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
-        let (sin, cos) = random.random_range(0.0..6.28_f64).sin_cos();
+        let (sin, cos) = random.random_range(0.0..std::f64::consts::TAU).sin_cos();
         let slope = |k: usize| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = ASIDE;

@@ -88,9 +88,9 @@ impl Site {
             (!nearest.is_some_and(|now| is_same(known.px, now, sigma))).then_some(difference)
         };
         let mut found: Vec<Difference> =
-            stored.iter().filter(|(source, _)| comparable(*source)).filter_map(difference).collect();
+            stored.iter().filter(|(source, _)| comparable(source)).filter_map(difference).collect();
         let drawn = now.first().into_iter().flatten();
-        let new = drawn.filter(|(source, _)| !stored.contains_key(*source) && comparable(*source));
+        let new = drawn.filter(|(source, _)| !stored.contains_key(*source) && comparable(source));
         found.extend(new.map(|(&source, &px)| Difference {
             what: Subject::Line(source),
             stored: None,

@@ -156,9 +156,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Check that every camera shows the same thing there; \"keep\" has it used all the same."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
-        F::NotConnected { .. } => {
-            "Link two points or more with a camera that is tied, or give control points."
-        }
+        F::NotConnected { .. } => "Link two points with a camera that is tied, or give control points.",
         F::Sliding { .. } => "Link points far apart from each other.",
         F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => GIVE_A_SCALE,
         F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
