@@ -409,7 +409,7 @@ fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
     {
         // One that begins the row and others that continue it; then that every one is nothing, in a list.
         let begins = [&[2, 0][..], &varint(values - 1), &[1]].concat();
-        let are = [&varint(values)[..], &[2]].concat();
+        let are = [&varint(values)[..], &[1]].concat();
         let page: Vec<u8> = [begins, are]
             .iter()
             .flat_map(|runs| [&(runs.len() as u32).to_le_bytes(), &runs[..]].concat())

@@ -65,8 +65,8 @@ static CalibResult call(int function, const CalibCamera *camera, size_t n, void 
 
 static void pointers(const CalibCamera *camera)
 {
-    static double places[6][16];
-    unsigned char *odd = (unsigned char *)places[0] + 1;
+    static double places[6][16], spare[16];
+    unsigned char *odd = (unsigned char *)spare + 1;
     for (int function = 0; function < 6; function++) {
         void *good[6], *bad[6];
         const int count = FUNCTIONS[function].pointers;
