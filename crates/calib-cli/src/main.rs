@@ -3,6 +3,8 @@
 //! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
 //! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
 
+#![cfg_attr(not(feature = "archives"), allow(dead_code, reason = "what reads archives uses it"))]
+
 #[cfg(feature = "archives")]
 mod archive;
 mod args;

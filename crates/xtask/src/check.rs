@@ -63,6 +63,11 @@ const CHECKS: &[Check] = &[
         command: &["cargo", "check", "--package", "calib-core", "--no-default-features"],
         ..PLAIN
     },
+    Check {
+        name: "command line without archives, as `cargo demo` has it",
+        command: &["cargo", "check", "--package", "calib-cli", "--no-default-features"],
+        ..PLAIN
+    },
     // With the features of all packages together; what follows uses what lies there.
     Check {
         name: "build",
