@@ -530,7 +530,7 @@ await step("unable", unable);
 await step("memory", memory);
 // An unoptimised number is worse than none.
 if (process.env.CALIB_NATIVE_MS) await step("pace", pace);
-else console.log("pace: not measured; cargo run --release -p xtask --features web -- browser measures it");
+else console.log("pace: not measured; cargo run --release -p xtask --features all -- browser measures it");
 await browser.close();
 rmSync(scratch, { recursive: true });
 assert.deepEqual(only?.filter((name) => !done.includes(name)) ?? [], [], "no such scenarios");
