@@ -150,6 +150,7 @@ fn turned(still: &RgbImage, camera: &Camera, turn: &Turn, other: &RgbImage) -> R
 }
 
 /// What stands between two stills besides the camera.
+#[derive(Debug)]
 struct Day {
     gamma: f64,
     gain: f64,
@@ -242,6 +243,7 @@ fn any_turn(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn 
 }
 
 /// One comparison beside the truth.
+#[derive(Debug)]
 struct Trial {
     became: Became,
     /// Errors over sigmas: turn about three axes, zoom.
@@ -352,53 +354,24 @@ fn measured(
         let mut random = ChaCha8Rng::seed_from_u64(index as u64);
         let other = &all[(index + 3) % all.len()].moments[0];
         let cover = &all[(index + 1) % all.len()].moments[0];
-        for (size, (name, degrees, zoom)) in SIZES.iter().enumerate() {
+        // A camera that moved by each size, and one that did not.
+        let sizes = SIZES.map(|(name, degrees, zoom)| (name, Some((degrees, zoom))));
+        for (size, (name, moved)) in sizes.into_iter().chain([("unchanged", None)]).enumerate() {
             for number in 0..trials {
-                let truth = any_turn(&mut random, *degrees, *zoom);
-                let image =
-                    turned(&stills.moments[number % stills.moments.len()], &stills.camera, &truth, other);
+                let truth = moved.map(|(degrees, zoom)| any_turn(&mut random, degrees, zoom));
+                let still = &stills.moments[number % stills.moments.len()];
+                let still = match &truth {
+                    Some(truth) => turned(still, &stills.camera, truth, other),
+                    None => still.clone(),
+                };
                 let day = Day::any(&mut random, covered);
-                let new = day.shown(image, cover, &mut random);
-                let trial = trial(stills, &new, &truth);
+                let new = day.shown(still, cover, &mut random);
+                let trial = trial(stills, &new, &truth.unwrap_or_default());
                 if verbose {
-                    println!(
-                        "{} {name} {number}: {:?} truth {:.3} deg {:.3}, off {:.4} deg {:.4}, errors {:.1?}, covered {:.2} jpeg {} gamma {:.2} noise {:.1}",
-                        stills.id,
-                        trial.became,
-                        truth.angle().to_degrees(),
-                        truth.zoom,
-                        trial.off[0],
-                        trial.off[1],
-                        trial.errors,
-                        day.covered,
-                        day.quality,
-                        day.gamma,
-                        day.noise
-                    );
+                    println!("{} {name} {number}: {truth:.3?}, {trial:.4?}, {day:.2?}", stills.id);
                 }
-                rows.entry(format!("{size} {name}")).or_default().add(&trial, true);
+                rows.entry(format!("{size} {name}")).or_default().add(&trial, moved.is_some());
             }
-        }
-        for number in 0..trials {
-            let day = Day::any(&mut random, covered);
-            let still = stills.moments[number % stills.moments.len()].clone();
-            let new = day.shown(still, cover, &mut random);
-            let trial = trial(stills, &new, &Turn::default());
-            if verbose {
-                println!(
-                    "{} still {number}: {:?} off {:.4} deg {:.5}, errors {:.1?}, covered {:.2} jpeg {} gamma {:.2} noise {:.1}",
-                    stills.id,
-                    trial.became,
-                    trial.off[0],
-                    trial.off[1],
-                    trial.errors,
-                    day.covered,
-                    day.quality,
-                    day.gamma,
-                    day.noise
-                );
-            }
-            rows.entry("4 unchanged".into()).or_default().add(&trial, false);
         }
     }
     rows

@@ -1,8 +1,6 @@
 //! Development commands: `cargo xtask test [--install]`, `bench`, `peers`, `accuracy`, `notices`, `web`, `js`, `py`,
 //! `c`, `golden`, `serve`.
 
-#![cfg_attr(not(feature = "all"), allow(dead_code, reason = "the heavy commands use it"))]
-
 // A module uses only those above it.
 mod workspace;
 mod wasm;
@@ -11,33 +9,7 @@ mod check;
 mod notices;
 mod serve;
 #[cfg(feature = "all")]
-mod accuracy;
-#[cfg(feature = "all")]
-mod coverage;
-#[cfg(feature = "all")]
-mod product;
-#[cfg(feature = "all")]
-mod archives;
-#[cfg(feature = "all")]
-mod golden;
-#[cfg(feature = "all")]
-mod py;
-#[cfg(feature = "all")]
-mod c;
-#[cfg(feature = "all")]
-mod bench;
-#[cfg(feature = "all")]
-mod peers;
-#[cfg(feature = "all")]
-mod pictures;
-#[cfg(feature = "all")]
-mod web;
-#[cfg(feature = "all")]
-mod browser;
-#[cfg(feature = "all")]
-mod js;
-#[cfg(feature = "all")]
-mod run;
+mod heavy;
 
 use std::path::PathBuf;
 
@@ -178,7 +150,7 @@ fn main() -> anyhow::Result<()> {
             Ok(())
         }
         #[cfg(feature = "all")]
-        Command::Heavy(command) => run::run(command),
+        Command::Heavy(command) => heavy::run(command),
         #[cfg(not(feature = "all"))]
         Command::Heavy(_) => workspace::rerun(&[]),
     }

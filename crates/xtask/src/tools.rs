@@ -12,6 +12,14 @@ pub(crate) struct Tool {
     pub(crate) install: &'static [&'static [&'static str]],
 }
 
+/// Debian's lists of packages as they are today.
+const UPDATE: &[&str] = &["apt-get", "update", "--quiet"];
+
+/// Installs packages of Debian.
+macro_rules! debian {
+    ($($argument:literal),*) => { &["apt-get", "install", "--quiet", "--yes", $($argument),*] };
+}
+
 /// A folder of Python packages at these versions; where they are raised, it is made anew.
 macro_rules! python {
     ($name:literal, $folder:literal, $pins:literal) => {
@@ -75,17 +83,8 @@ pub(crate) const ULTRALYTICS: Tool = Tool {
         runs("target/ultralytics-venv/bin/python", &["-c", "import ultralytics.engine.results, pytest"])
     },
     install: &[
-        &["apt-get", "update", "--quiet"],
-        &[
-            "apt-get",
-            "install",
-            "--quiet",
-            "--yes",
-            "--no-install-recommends",
-            "python3-torch",
-            "python3-torchvision",
-            "python3-venv",
-        ],
+        UPDATE,
+        debian!("--no-install-recommends", "python3-torch", "python3-torchvision", "python3-venv"),
         &["/usr/bin/python3", "-m", "venv", "--clear", "--system-site-packages", "target/ultralytics-venv"],
         &[
             "target/ultralytics-venv/bin/python",
@@ -119,17 +118,8 @@ pub(crate) const COMPILERS: Tool = Tool {
     name: "compilers for C and C++, and GStreamer's headers",
     is_there: || is_on_path("cc") && is_on_path("c++") && finds("gstreamer-video-1.0"),
     install: &[
-        &["apt-get", "update", "--quiet"],
-        &[
-            "apt-get",
-            "install",
-            "--quiet",
-            "--yes",
-            "--no-install-recommends",
-            "g++",
-            "pkg-config",
-            "libgstreamer-plugins-base1.0-dev",
-        ],
+        UPDATE,
+        debian!("--no-install-recommends", "g++", "pkg-config", "libgstreamer-plugins-base1.0-dev"),
     ],
 };
 
@@ -139,10 +129,7 @@ pub(crate) const TYPOS: Tool = python!("typos", "target/tools-venv", "typos==1.5
 pub(crate) const JAVA: Tool = Tool {
     name: "Java",
     is_there: || is_on_path("java"),
-    install: &[
-        &["apt-get", "update", "--quiet"],
-        &["apt-get", "install", "--quiet", "--yes", "default-jre-headless"],
-    ],
+    install: &[UPDATE, debian!("default-jre-headless")],
 };
 
 pub(crate) const FUZZ: Tool = Tool {
@@ -187,10 +174,10 @@ pub(crate) const BROWSER: Tool = Tool {
         runs("/usr/bin/chromium", &["--version"]) && has_node && wanted.is_some() && wanted == made
     },
     install: &[
-        &["apt-get", "update", "--quiet"],
+        UPDATE,
         // Whoever has a newer Node from elsewhere keeps it.
         &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
-        &["apt-get", "install", "--quiet", "--yes", "chromium"],
+        debian!("chromium"),
         &["mkdir", "-p", "target/browser"],
         &["cp", "crates/calib-app/tests/browser/package.json", LOCK[0], "target/browser"],
         &["npm", "ci", "--prefix", "target/browser", "--no-fund", "--no-audit"],

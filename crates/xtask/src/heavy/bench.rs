@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, bail};
 use serde_json::{Map, Value, json};
 
-use crate::{archives, py};
+use crate::heavy::{archives, py};
 
 /// Benchmarks that stand beside the code: package, program, and the keys of its JSON object. They are not
 /// linked here, so that every other command of this one is built without a window.

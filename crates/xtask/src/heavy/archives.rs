@@ -14,7 +14,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::product::calib;
+use crate::heavy::product::calib;
 use crate::workspace::root;
 
 const PYTHON: &str = "target/engines-venv/bin/python";

@@ -6,9 +6,9 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, ensure};
 
-use crate::golden;
-use crate::product::{build, profile};
-use crate::workspace::{done, root};
+use crate::heavy::golden;
+use crate::heavy::product::{build, done, profile};
+use crate::workspace::root;
 
 const CRATE: &str = "crates/calib-c";
 const HEADER: &str = "crates/calib-c/include/calib.h";

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context as _, ensure};
+use anyhow::{Context as _, bail, ensure};
 
 use crate::check::IS_BUILT;
 use crate::workspace::root;
@@ -34,4 +34,15 @@ pub(crate) fn program(folder: &Path, name: &str) -> PathBuf {
 /// The command line tool.
 pub(crate) fn calib() -> anyhow::Result<PathBuf> {
     Ok(program(&build(&["--package", "calib-cli"])?, "calib"))
+}
+
+/// Runs a command to its end; an error names it.
+pub(crate) fn done(command: &mut Command) -> anyhow::Result<()> {
+    let program = command.get_program().to_string_lossy().into_owned();
+    let status = command.status().with_context(|| program.clone())?;
+    if !status.success() {
+        let arguments: Vec<_> = command.get_args().map(|argument| argument.to_string_lossy()).collect();
+        bail!("{program} {} failed", arguments.join(" "));
+    }
+    Ok(())
 }

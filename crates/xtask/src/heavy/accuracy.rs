@@ -10,7 +10,8 @@ use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::workspace::{done, root};
+use crate::heavy::product::done;
+use crate::workspace::root;
 
 /// Scenes and draws of noise per scene.
 pub(crate) struct Extent {

@@ -6,7 +6,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, ensure};
 use serde_json::{Map, Value};
 
-use crate::{bench, tools};
+use crate::heavy::bench;
+use crate::tools;
 
 /// Keys of the benchmarks, what the table calls them, and the peer.
 const ROWS: [(&str, &str, &str); 6] = [

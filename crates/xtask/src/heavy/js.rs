@@ -8,13 +8,14 @@ use anyhow::{Context as _, ensure};
 use serde_json::json;
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::product::calib;
+use crate::heavy::golden;
+use crate::heavy::product::calib;
+use crate::heavy::wasm_build;
 use crate::workspace::root;
-use crate::{golden, wasm};
 
 /// Writes the package into `out`.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
-    let folder = wasm::build(&["--package", "calib-js", "--lib", "--profile", "web"])?;
+    let folder = wasm_build::build(&["--package", "calib-js", "--lib", "--profile", "web"])?;
     if out.exists() {
         fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
     }
@@ -50,16 +51,15 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
 }
 
 /// Checks the types of the test, and runs it: the package beside the command line.
-pub(crate) fn test(out: &Path) -> anyhow::Result<()> {
+pub(crate) fn test(out: &Path, golden: &Path) -> anyhow::Result<()> {
     let tools = root().join("target/browser/node_modules");
     ensure!(tools.exists(), "target/browser is absent; `cargo xtask test --install` makes it");
     let mut compile = Command::new("node");
     compile.arg(tools.join("typescript/bin/tsc")).args(["--project", "crates/calib-js/tests"]);
     ensure!(compile.current_dir(root()).status()?.success(), "the types of the package do not fit its test");
-    let points = root().join("target/golden");
-    golden::run(&points)?;
+    golden::run(golden)?;
     let mut run = Command::new("node");
-    run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(points).current_dir(root());
+    run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(golden).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
     Ok(())
 }

@@ -7,9 +7,10 @@ use std::process::Command;
 use anyhow::{Context as _, ensure};
 use serde_json::{Map, Value};
 
-use crate::product::{build, calib, program};
-use crate::workspace::{done, root};
-use crate::{golden, tools};
+use crate::heavy::golden;
+use crate::heavy::product::{build, calib, done, program};
+use crate::tools;
+use crate::workspace::root;
 
 /// Where its tools and what it is tried with are installed.
 const VENV: &str = "target/python-venv";

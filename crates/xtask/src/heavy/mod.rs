@@ -1,9 +1,25 @@
 //! The commands that need what they measure, and heavy tools.
 
+// A module uses only those above it.
+mod product;
+mod wasm_build;
+mod accuracy;
+mod coverage;
+mod archives;
+mod golden;
+mod py;
+mod c;
+mod bench;
+mod peers;
+mod pictures;
+mod web;
+mod browser;
+mod js;
+
 use std::path::PathBuf;
 
+use crate::Heavy;
 use crate::workspace::{rerun, root};
-use crate::{Heavy, accuracy, bench, browser, c, coverage, golden, js, peers, py, web};
 
 /// Where the tests of other languages find the golden points.
 fn points() -> PathBuf {
@@ -25,7 +41,7 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
         Heavy::Js { out, test } => {
             let out = root().join(out);
             js::run(&out)?;
-            if test { js::test(&out) } else { Ok(()) }
+            if test { js::test(&out, &points()) } else { Ok(()) }
         }
         Heavy::Py { out, ultralytics: true, .. } => py::ultralytics(&root().join(out), &points()),
         Heavy::Py { out, test, .. } => {

@@ -6,12 +6,13 @@ use std::process::Command;
 
 use anyhow::{Context as _, ensure};
 
-use crate::product::calib;
+use crate::heavy::product::calib;
+use crate::heavy::web;
+use crate::serve;
 use crate::workspace::root;
-use crate::{serve, web};
 
 // The page and the benchmarks are measured in one way.
-#[path = "../../calib-core/benches/measure/median.rs"]
+#[path = "../../../calib-core/benches/measure/median.rs"]
 mod median;
 
 /// Where what drives the browser is installed.

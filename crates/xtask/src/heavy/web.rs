@@ -11,8 +11,8 @@ use flate2::write::GzEncoder;
 use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::pictures::{Picture, pictures};
-use crate::wasm;
+use crate::heavy::pictures::{Picture, pictures};
+use crate::heavy::wasm_build;
 use crate::workspace::root;
 
 /// The most that a browser has to fetch for the program, gzipped, in bytes.
@@ -66,7 +66,7 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
 
 /// Builds the program.
 fn program() -> anyhow::Result<PathBuf> {
-    let folder = wasm::build(&["--package", "calib-app", "--bin", "calib-app", "--profile", "web"])?;
+    let folder = wasm_build::build(&["--package", "calib-app", "--bin", "calib-app", "--profile", "web"])?;
     Ok(folder.join("web/calib-app.wasm"))
 }
 

@@ -1,0 +1,34 @@
+//! Builds for the browser.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context as _, ensure};
+
+use crate::wasm::{WASM, debian_rustc, has_target};
+use crate::workspace::root;
+
+/// Builds what the arguments say; returns the folder that holds a folder of each profile.
+pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
+    // Beside what is built for this machine: two compilers in one folder would undo each other's work.
+    let folder =
+        std::env::var_os("CALIB_WEB_TARGET").map_or_else(|| root().join("target/web-build"), PathBuf::from);
+    let mut command = if has_target() {
+        Command::new("cargo")
+    } else {
+        let rustc = debian_rustc().context(
+            "no compiler for wasm32: run `rustup target add wasm32-unknown-unknown`, or on Debian \
+             `apt-get install rustc-web cargo-web rust-web-src lld`",
+        )?;
+        let mut command = Command::new("/usr/bin/cargo");
+        command.env("RUSTC", rustc).env("RUSTC_BOOTSTRAP", "1").env_remove("RUSTUP_TOOLCHAIN");
+        command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
+        command
+    };
+    command.arg("build").args(arguments).args(["--target", WASM]).arg("--target-dir").arg(&folder);
+    if !has_target() {
+        command.args(["-Z", "build-std=std,panic_abort"]);
+    }
+    ensure!(command.current_dir(root()).status()?.success(), "the build for wasm32 failed");
+    Ok(folder.join(WASM))
+}
