@@ -139,11 +139,12 @@ pub use camera::{
     angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape, PRISM_HEIGHT,
-    PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT, Status, Stream, StreamError,
-    StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas, Undistortion, default_efov,
-    efov_on_floor, efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, on_image,
-    position_ellipse, prism, vertical, with_placement_covariance,
+    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape,
+    NoStraightView, PRISM_HEIGHT, PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT,
+    Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector,
+    SurfaceSigmas, Undistortion, default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid,
+    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
+    with_placement_covariance,
 };
 pub use health::{
     CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting,
@@ -164,10 +165,10 @@ pub use single::{
 #[cfg(feature = "serde")]
 pub use site::{
     About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance,
-    DistortionEntry, DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, Format, Georeference,
-    LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS, MAX_SIDE, MAX_VALUES,
-    Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap,
-    PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry,
-    SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry,
-    Warning,
+    DistortionEntry, DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, FindingEntry, Format,
+    Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS,
+    MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView,
+    Options, Overlap, PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale,
+    SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
+    Stage, TiltEntry, Warning,
 };

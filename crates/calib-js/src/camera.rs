@@ -1,176 +1,242 @@
-//! A calibrated camera: whole columns at once, in typed arrays.
+//! A calibrated camera, for the pixels of one of its streams.
 
-use calib_core::{BoxForm, CameraView, Status};
-use js_sys::{Float64Array, Uint8Array};
+use calib_core::{CameraView, Pixel};
+use js_sys::{Array, Float64Array};
 use wasm_bindgen::prelude::*;
 
-use crate::point::object;
+use crate::object::{doubles, object, tuple};
+use crate::options::StreamOptions;
+use crate::undistorter::{Two, Undistorter, View};
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
-/** Points of a plane, in metres, NaN where there is none; statuses are numbers of `statusNames`. */
-export interface FloorColumns { x: Float64Array; y: Float64Array; status: Uint8Array; }
-/** Pixels, NaN where there is none; statuses are numbers of `statusNames`. */
-export interface PixelColumns { u: Float64Array; v: Float64Array; status: Uint8Array; }
-/** Pixels of a camera without distortion, NaN outside the lens. */
-export interface StraightColumns { u: Float64Array; v: Float64Array; }
-/**
- * Covariances xx, xy, yx, yy of every point, one after the other, in square metres. The pixel's part is independent from
- * detection to detection; the calibration's is common to all of a camera, so that a filter must not average it away.
- */
-export interface CovarianceColumns { pixel: Float64Array; calibration: Float64Array; }
+/** A lens: its model, its coefficients by name, and the focal that they are for. */
+export type Distortion = { model: string; focalPx: number } & { [coefficient: string]: number | string };
 "#;
 
 #[wasm_bindgen]
 extern "C" {
-    /// Points of a plane.
-    #[wasm_bindgen(typescript_type = "FloorColumns")]
+    /// The distortion.
+    #[wasm_bindgen(typescript_type = "Distortion")]
     #[derive(Debug)]
-    pub type FloorColumns;
-    /// Pixels.
-    #[wasm_bindgen(typescript_type = "PixelColumns")]
+    pub type DistortionObject;
+
+    /// Three numbers.
+    #[wasm_bindgen(typescript_type = "[number, number, number]")]
     #[derive(Debug)]
-    pub type PixelColumns;
-    /// Undistorted pixels.
-    #[wasm_bindgen(typescript_type = "StraightColumns")]
+    pub type Three;
+
+    /// Four numbers.
+    #[wasm_bindgen(typescript_type = "[number, number, number, number]")]
     #[derive(Debug)]
-    pub type StraightColumns;
-    /// Covariances.
-    #[wasm_bindgen(typescript_type = "CovarianceColumns")]
+    pub type Four;
+
+    /// Rows of a matrix.
+    #[wasm_bindgen(typescript_type = "number[][]")]
     #[derive(Debug)]
-    pub type CovarianceColumns;
+    pub type Rows;
 }
 
 /// A calibrated camera for the pixels of one of its streams, made by `site.camera`.
+///
+/// Pixels count from the corner of the image, x right and y down, of the still that was calibrated, unless options say
+/// otherwise. Points are in metres, z up, the floor at z = 0.
 #[wasm_bindgen]
 #[derive(Debug)]
-pub struct Camera(pub(crate) CameraView);
+pub struct Camera {
+    id: String,
+    pub(crate) view: CameraView,
+}
 
-fn of_one_length(columns: &[&[f64]]) -> Result<usize, JsError> {
-    let count = columns[0].len();
-    if columns.iter().any(|column| column.len() != count) {
-        return Err(JsError::new("columns of one length are expected"));
+impl Camera {
+    pub(crate) fn new(id: &str, view: CameraView) -> Self {
+        Self { id: id.to_owned(), view }
     }
-    Ok(count)
-}
 
-fn finite(name: &str, value: f64) -> Result<f64, JsError> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(JsError::new(&format!("{name}: expected a finite number")))
+    /// The camera as its stream shows it.
+    fn shown(&self) -> Result<calib_core::Camera, JsError> {
+        let stretched = "a stretched stream has no one focal: ask the camera of the still";
+        self.view
+            .camera_in_stream()
+            .ok_or_else(|| JsError::new(&format!("camera {:?}: {stretched}", self.id)))
     }
 }
 
-fn doubles(values: &[f64]) -> JsValue {
-    Float64Array::from(values).into()
-}
-
-/// Two columns and their statuses under names.
-fn columns<T: JsCast>(names: [&str; 2], values: [&[f64]; 2], status: &[u8]) -> T {
-    let status = Uint8Array::from(status).into();
-    object(&[(names[0], doubles(values[0])), (names[1], doubles(values[1])), ("status", status)])
+fn rows<const N: usize>(rows: &[[f64; N]]) -> Rows {
+    rows.iter().map(|row| tuple(row)).collect::<Array>().unchecked_into()
 }
 
 #[wasm_bindgen]
 impl Camera {
-    /// Pixels to points of the plane `height` metres above the floor (0 if it is not given).
+    /// The same camera for the pixels of another stream.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
-    #[wasm_bindgen(js_name = toFloor)]
-    pub fn to_floor(&self, u: &[f64], v: &[f64], height: Option<f64>) -> Result<FloorColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
-        let (mut x, mut y, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
-        let height = finite("height", height.unwrap_or(0.0))?;
-        self.0.to_floor(height, [u, v], [&mut x, &mut y], &mut status);
-        Ok(columns(["x", "y"], [&x, &y], &status))
+    /// Throws when the stream does not go with the size of the still.
+    #[wasm_bindgen(js_name = withStream)]
+    pub fn with_stream(&self, options: &StreamOptions) -> Result<Self, JsError> {
+        let view = self.view.with_stream(options.read(*self.view.stream())?);
+        Ok(Self::new(&self.id, view.map_err(|why| JsError::new(&format!("camera {:?}: {why}", self.id)))?))
     }
 
-    /// Boxes, four numbers each, to the points on which their contents stand: the middle of the lower edge.
+    /// Prepares the undistortion of images of the stream, to be used for many.
     ///
-    /// `form` is "xywh", "xyxy" or "cxcywh".
+    /// `view` is "same-focal" (the centre keeps its scale; if nothing is said), "all-valid" (the largest view without a blank
+    /// pixel) or "all-pixels" (every pixel of the image, blank beyond).
     ///
     /// # Errors
-    /// Throws when the numbers do not make boxes, and for another form.
-    #[wasm_bindgen(js_name = boxesToFloor)]
-    pub fn boxes_to_floor(
-        &self,
-        boxes: &[f64],
-        form: &str,
-        height: Option<f64>,
-    ) -> Result<FloorColumns, JsError> {
-        let form = BoxForm::of_name(form)
-            .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
-        let (boxes, []) = boxes.as_chunks::<4>() else {
-            return Err(JsError::new("boxes: four numbers each are expected"));
-        };
-        let count = boxes.len();
-        let (mut x, mut y, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
-        let height = finite("height", height.unwrap_or(0.0))?;
-        self.0.boxes_to_floor(height, (form, boxes), [&mut x, &mut y], &mut status);
-        Ok(columns(["x", "y"], [&x, &y], &status))
+    /// Throws for another view, and where the stream is stretched.
+    pub fn undistorter(&self, view: Option<View>) -> Result<Undistorter, JsError> {
+        Undistorter::of(&self.view, view.as_ref())
     }
 
-    /// How uncertain the points are that pixels show, for a standard deviation of `sigmaPx` pixels (1 if it is not
-    /// given) of the stream; NaN where there is no point, or nobody knows.
+    /// The id in the site.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn id(&self) -> String {
+        self.id.clone()
+    }
+
+    /// Width and height of the still that was calibrated, in pixels.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn size(&self) -> Two {
+        tuple(&self.view.size()).unchecked_into()
+    }
+
+    /// "corner" or "centre": where pixels count from.
+    #[wasm_bindgen(getter, unchecked_return_type = "\"corner\" | \"centre\"")]
+    #[must_use]
+    pub fn origin(&self) -> String {
+        self.view.stream().origin.name().to_owned()
+    }
+
+    /// Width and height of the stream that pixels are of; `undefined` where it is the still itself, or its crop.
+    #[wasm_bindgen(getter, js_name = streamSize)]
+    #[must_use]
+    pub fn stream_size(&self) -> Option<Two> {
+        self.view.stream().size.map(|size| tuple(&size.map(f64::from)).unchecked_into())
+    }
+
+    /// "stretch" or "letterbox"; `undefined` where nobody said.
+    #[wasm_bindgen(getter, unchecked_return_type = "\"stretch\" | \"letterbox\" | undefined")]
+    #[must_use]
+    pub fn fit(&self) -> Option<String> {
+        self.view.stream().fit.map(|fit| fit.name().to_owned())
+    }
+
+    /// Left, top, width and height of what the stream shows, in pixels of the still; `undefined` for all of it.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn crop(&self) -> Option<Four> {
+        self.view.stream().crop.map(|crop| tuple(&crop).unchecked_into())
+    }
+
+    /// x, y and z, in metres.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn position(&self) -> Three {
+        let position = self.view.camera().position;
+        tuple(&[position.x, position.y, position.z]).unchecked_into()
+    }
+
+    /// Counter-clockwise about the vertical, seen from above, in degrees; 0 looks along y.
+    #[wasm_bindgen(getter, js_name = yawDeg)]
+    #[must_use]
+    pub fn yaw_deg(&self) -> f64 {
+        self.view.camera().yaw.to_degrees()
+    }
+
+    /// In degrees; positive looks down.
+    #[wasm_bindgen(getter, js_name = pitchDeg)]
+    #[must_use]
+    pub fn pitch_deg(&self) -> f64 {
+        self.view.camera().pitch.to_degrees()
+    }
+
+    /// In degrees; positive where the camera is turned clockwise, seen from behind.
+    #[wasm_bindgen(getter, js_name = rollDeg)]
+    #[must_use]
+    pub fn roll_deg(&self) -> f64 {
+        self.view.camera().roll.to_degrees()
+    }
+
+    /// In pixels of the stream.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
-    #[wasm_bindgen(js_name = floorCovariance)]
-    pub fn floor_covariance(
-        &self,
-        u: &[f64],
-        v: &[f64],
-        #[wasm_bindgen(js_name = sigmaPx)] sigma_px: Option<f64>,
-        height: Option<f64>,
-    ) -> Result<CovarianceColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
-        let sigma = finite("sigmaPx", sigma_px.unwrap_or(1.0))?;
-        let (mut pixel, mut calibration) = (vec![[0.0; 4]; count], vec![[0.0; 4]; count]);
-        let height = finite("height", height.unwrap_or(0.0))?;
-        self.0.covariances(height, [u, v], sigma, [&mut pixel, &mut calibration]);
-        let [pixel, calibration] = [pixel, calibration].map(|part| doubles(part.as_flattened()));
-        Ok(object(&[("pixel", pixel), ("calibration", calibration)]))
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter, js_name = focalPx)]
+    pub fn focal_px(&self) -> Result<f64, JsError> {
+        Ok(self.shown()?.focal)
     }
 
-    /// Points of space, in metres, to pixels.
+    /// u and v, in pixels of the stream.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
-    #[wasm_bindgen(js_name = toPixel)]
-    pub fn to_pixel(&self, x: &[f64], y: &[f64], z: &[f64]) -> Result<PixelColumns, JsError> {
-        let count = of_one_length(&[x, y, z])?;
-        let (mut u, mut v, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
-        self.0.to_pixels([x, y, z], [&mut u, &mut v], &mut status);
-        Ok(columns(["u", "v"], [&u, &v], &status))
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter, js_name = principalPointPx)]
+    pub fn principal_point_px(&self) -> Result<Two, JsError> {
+        let Pixel { u, v } = self.shown()?.lens.principal_point;
+        Ok(tuple(&[u, v]).unchecked_into())
     }
 
-    /// The rays that pixels show: unit vectors x, y, z one after the other; NaN outside the lens.
+    /// K, three rows of three: points of the camera's axes to undistorted pixels of the stream, as OpenCV takes it
+    /// where the camera has `origin: "centre"`.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
-    pub fn rays(&self, u: &[f64], v: &[f64]) -> Result<Float64Array, JsError> {
-        let mut directions = vec![[0.0; 3]; of_one_length(&[u, v])?];
-        self.0.rays([u, v], &mut directions);
-        Ok(Float64Array::from(directions.as_flattened()))
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter, js_name = cameraMatrix)]
+    pub fn camera_matrix(&self) -> Result<Rows, JsError> {
+        let camera = self.shown()?;
+        let Pixel { u, v } = camera.lens.principal_point;
+        Ok(rows(&[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]]))
     }
 
-    /// Where a camera of the same focal without distortion would show what this one shows at pixels.
+    /// The distortion: its model, its coefficients, and the focal that they are for; `undefined` without one.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
-    pub fn undistort(&self, u: &[f64], v: &[f64]) -> Result<StraightColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
-        let (mut to_u, mut to_v) = (vec![0.0; count], vec![0.0; count]);
-        self.0.undistort([u, v], [&mut to_u, &mut to_v]);
-        Ok(object(&[("u", doubles(&to_u)), ("v", doubles(&to_v))]))
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter)]
+    pub fn distortion(&self) -> Result<Option<DistortionObject>, JsError> {
+        let lens = self.shown()?.lens;
+        let Some(model) = lens.distortion.model() else { return Ok(None) };
+        let values = lens.distortion.names().iter().zip(lens.distortion.coefficients());
+        let head = [("model", model.row().name.into()), ("focalPx", lens.focal.into())];
+        let coefficients = values.map(|(name, value)| (name.name(), value.into()));
+        Ok(Some(object(&head.into_iter().chain(coefficients).collect::<Vec<_>>())))
     }
-}
 
-/// What the numbers of statuses are called.
-#[wasm_bindgen(js_name = statusNames)]
-#[must_use]
-pub fn status_names() -> Vec<String> {
-    Status::ALL.map(|status| status.name().to_owned()).into()
+    /// P = K R [I | -C], three rows of four: points of space to undistorted pixels of the stream.
+    ///
+    /// # Errors
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter, js_name = projectionMatrix)]
+    pub fn projection_matrix(&self) -> Result<Rows, JsError> {
+        Ok(rows(&self.shown()?.projection_matrix()))
+    }
+
+    /// Homography, three rows of three: undistorted pixels of the stream to the floor.
+    ///
+    /// # Errors
+    /// Throws where the stream is stretched.
+    #[wasm_bindgen(getter, js_name = floorFromPixel)]
+    pub fn floor_from_pixel(&self) -> Result<Rows, JsError> {
+        Ok(rows(&self.shown()?.homography_floor_from_pixel(0.0)))
+    }
+
+    /// Corners of the effective field of view on the floor: x, y, x, y and so on, in metres.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn efov(&self) -> Float64Array {
+        let corners: Vec<f64> = self.view.efov().iter().flat_map(|corner| [corner.x, corner.y]).collect();
+        doubles(&corners).unchecked_into()
+    }
+
+    /// Covariance of the unknowns, twelve rows of twelve: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels
+    /// of the still) and the coefficients of the distortion in the order of their model; zeros for what was not
+    /// estimated, infinite variances where nothing is known of the errors.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn covariance(&self) -> Rows {
+        rows(&self.view.camera().covariance.0)
+    }
 }

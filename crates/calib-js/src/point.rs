@@ -1,8 +1,9 @@
-//! Points as plain objects of JavaScript, and what they are called there.
+//! Points and findings as plain objects of JavaScript, and what they are called there.
 
-use calib_core::Status;
-use js_sys::{Object, Reflect};
+use calib_core::{FindingEntry, Status};
 use wasm_bindgen::prelude::*;
+
+use crate::object::{object, set};
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
@@ -22,10 +23,23 @@ export interface FloorPoint {
     plane?: string;
 }
 
-/** A point of an image, in pixels from its corner. */
+/** A point of an image, in pixels. */
 export interface Pixel {
     u: number;
     v: number;
+}
+
+/** Something that an operator should know about a calibration. */
+export interface Finding {
+    /** The id of the camera that it is about; absent where it is about the site. */
+    camera?: string;
+    /** Which finding, such as "weak"; the list is closed. */
+    code: string;
+    severity: "note" | "warning" | "error";
+    /** What is so, in a sentence. */
+    message: string;
+    /** What to do, in a sentence. */
+    advice: string;
 }
 "#;
 
@@ -40,6 +54,11 @@ extern "C" {
     #[wasm_bindgen(typescript_type = "Pixel")]
     #[derive(Debug)]
     pub type Pixel;
+
+    /// A finding.
+    #[wasm_bindgen(typescript_type = "Finding")]
+    #[derive(Debug)]
+    pub type Finding;
 }
 
 impl FloorPoint {
@@ -47,9 +66,7 @@ impl FloorPoint {
         let sigma = sigma.map_or(JsValue::UNDEFINED, JsValue::from);
         object(&[("x", x.into()), ("y", y.into()), ("sigma", sigma), ("status", status.name().into())])
     }
-}
 
-impl FloorPoint {
     /// With its height, and with the plane that it is on besides the floor.
     pub(crate) fn on_plane(self, z: f64, plane: Option<&str>) -> Self {
         let fields = [("z", z.into())].into_iter().chain(plane.map(|id| ("plane", id.into())));
@@ -59,21 +76,18 @@ impl FloorPoint {
 }
 
 impl Pixel {
-    pub(crate) fn new(pixel: calib_core::Pixel) -> Self {
-        object(&[("u", pixel.u.into()), ("v", pixel.v.into())])
+    pub(crate) fn new([u, v]: [f64; 2]) -> Self {
+        object(&[("u", u.into()), ("v", v.into())])
     }
 }
 
-/// A plain object.
-pub(crate) fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
-    let object = Object::new();
-    set(&object, fields.iter().cloned());
-    object.unchecked_into()
-}
-
-fn set<'a>(object: &JsValue, fields: impl Iterator<Item = (&'a str, JsValue)>) {
-    for (key, value) in fields {
-        // Setting a field of a new object cannot fail.
-        let _ = Reflect::set(object, &key.into(), &value);
+impl Finding {
+    pub(crate) fn new(entry: &FindingEntry<'_>) -> Self {
+        let FindingEntry { camera, code, severity, message, advice } = *entry;
+        let severity = severity.name();
+        let finding = object::<Self>(&[("code", code.into()), ("severity", severity.into())]);
+        let camera = camera.map(|id| ("camera", id.into()));
+        set(&finding, camera.into_iter().chain([("message", message.into()), ("advice", advice.into())]));
+        finding
     }
 }

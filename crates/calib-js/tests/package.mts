@@ -11,6 +11,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { golden } from "./golden.mjs";
+import { surface } from "./surface.mjs";
 import type * as Calib from "../../../target/js/calib.js";
 
 const [folder, program, points] = process.argv.slice(2);
@@ -78,6 +79,7 @@ try {
   }
   assert.ok(mapped > 20 * cameras.length, `${mapped} pixels show the floor`);
   assert.ok(site.floorToPixel(cameras[0], 1, 2, 1.7));
+  surface(calibJs, native, drawn);
 
   // A platform and a pit beside each other, where the first camera looks.
   const middle = site.pixelToFloor(cameras[0], 960, 800);
@@ -112,6 +114,8 @@ try {
   const periods = new Site(JSON.stringify(moved));
   assert.throws(() => periods.pixelToFloor(cameras[0], 900, 900), /several periods/);
   assert.throws(() => periods.floorToPixel(cameras[0], 1, 2, 0, "noon"), /time/);
+  assert.ok(periods.floorToPixel(cameras[0], 1, 2, 0, { at: "2026-05-01T00:00:00Z" }));
+  assert.deepEqual(periods.cameras, [cameras[0]]);
   assert.ok(periods.pixelToFloor(cameras[0], 900, 900, 1, "2026-05-01T00:00:00Z"));
   assert.equal(periods.pixelsToFloor(cameras[0], Float64Array.of(900, 900), "2026-07-01T00:00:00Z").length, 2);
 
@@ -122,7 +126,9 @@ try {
   assert.equal(site.floorToPixel(cameras[0], Number.NaN, 0), undefined);
   assert.equal(site.pixelToFloor(cameras[0], Number.NaN, 0), undefined);
   site.free();
-  console.log(golden(calibJs, points));
+  const file = (name: string): Buffer => readFileSync(join(points, name));
+  const bytes = new Uint8Array(file("points.f64"));
+  console.log(golden(calibJs, { site: file("site.json").toString(), cameras: file("cameras.txt").toString(), points: bytes.buffer }));
   console.log(`${mapped} pixels of ${cameras.length} cameras as the command line maps them; poses within ${apart.toExponential(1)}`);
 } finally {
   rmSync(scratch, { recursive: true });

@@ -1,8 +1,7 @@
 //! What is to be said of a calibration, as objects.
 
-use calib_core::{FailureEntry, Severity, Site, Warning};
+use calib_core::FindingEntry;
 use pyo3::prelude::*;
-use serde_json::Value;
 
 /// Something that an operator should know about a calibration.
 ///
@@ -38,32 +37,9 @@ impl Finding {
     #[staticmethod]
     #[pyo3(name = "_again")]
     fn again(camera: Option<&str>, code: &str, severity: &str, message: &str, advice: &str) -> Self {
-        Self::new(camera, code.to_owned(), severity, message, advice)
-    }
-}
-
-/// Camera, code, severity, message, advice.
-type Parts<'a> = (Option<&'a str>, &'a str, &'a str, &'a str, &'a str);
-
-impl Finding {
-    fn of_warning(camera: Option<&str>, warning: &Warning) -> Self {
-        let severity = match warning.code.severity() {
-            Severity::Note => "note",
-            Severity::Warning => "warning",
-            Severity::Error => "error",
-        };
-        Self::new(camera, name(&warning.code), severity, &warning.message, &warning.advice)
-    }
-
-    fn of_failure(camera: &str, failure: &FailureEntry) -> Self {
-        Self::new(Some(camera), name(&failure.code), "error", &failure.message, &failure.advice)
-    }
-
-    fn new(camera: Option<&str>, code: String, severity: &str, message: &str, advice: &str) -> Self {
-        let camera = camera.map(str::to_owned);
         Self {
-            camera,
-            code,
+            camera: camera.map(str::to_owned),
+            code: code.to_owned(),
             severity: severity.to_owned(),
             message: message.to_owned(),
             advice: advice.to_owned(),
@@ -71,24 +47,12 @@ impl Finding {
     }
 }
 
-/// As the file has it.
-fn name(code: &impl serde::Serialize) -> String {
-    match serde_json::to_value(code) {
-        Ok(Value::String(name)) => name,
-        _ => String::new(),
-    }
-}
+/// Camera, code, severity, message, advice.
+type Parts<'a> = (Option<&'a str>, &'a str, &'a str, &'a str, &'a str);
 
-/// Of all cameras, in their order, and then of the site.
-pub(crate) fn findings(site: &Site) -> Vec<Finding> {
-    let mut found = Vec::new();
-    for entry in &site.cameras {
-        let id = entry.id.as_str();
-        let warnings = entry.solution.iter().flat_map(|solution| &solution.warnings);
-        found.extend(warnings.map(|warning| Finding::of_warning(Some(id), warning)));
-        found.extend(entry.error.iter().map(|failure| Finding::of_failure(id, failure)));
+impl Finding {
+    pub(crate) fn of_entry(entry: &FindingEntry<'_>) -> Self {
+        let FindingEntry { camera, code, severity, message, advice } = *entry;
+        Self::again(camera, code, severity.name(), message, advice)
     }
-    let warnings = site.solution.iter().flat_map(|solution| &solution.warnings);
-    found.extend(warnings.map(|warning| Finding::of_warning(None, warning)));
-    found
 }

@@ -31,6 +31,8 @@ mod _calib {
     #[pymodule_export]
     use super::site::Site;
     #[pymodule_export]
+    use super::stream::to_still;
+    #[pymodule_export]
     use super::undistorter::Undistorter;
 
     #[pymodule_init]

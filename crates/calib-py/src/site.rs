@@ -11,7 +11,7 @@ use pyo3::types::{PyDict, PyString};
 use crate::array::{self, Pair};
 use crate::camera::Camera;
 use crate::error::{of_camera, of_site, refused};
-use crate::finding::{self, Finding};
+use crate::finding::Finding;
 
 /// A site of cameras, as its file has it: what was drawn, and what was solved.
 ///
@@ -81,20 +81,14 @@ impl Site {
 
     /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.
     #[getter]
-    fn cameras(&self) -> Vec<String> {
-        let mut ids: Vec<String> = Vec::new();
-        for entry in self.0.cameras.iter().filter(|entry| entry.camera().is_some()) {
-            if !ids.contains(&entry.id) {
-                ids.push(entry.id.clone());
-            }
-        }
-        ids
+    fn cameras(&self) -> Vec<&str> {
+        self.0.calibrated()
     }
 
     /// What an operator should know about the calibration: of all cameras, then of the site.
     #[getter]
     fn findings(&self) -> Vec<Finding> {
-        finding::findings(&self.0)
+        self.0.findings().map(|entry| Finding::of_entry(&entry)).collect()
     }
 
     /// Points of the floor to pixels of the plan.

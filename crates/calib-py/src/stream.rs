@@ -7,6 +7,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::array::{self, Pair};
 use crate::error::refused;
 
 const KEYWORDS: &str = "origin, stream_size, fit and crop";
@@ -85,6 +86,28 @@ impl Pixels {
 /// The stream that keywords speak of.
 pub(crate) fn stream_of(keywords: &Bound<'_, PyDict>) -> PyResult<Stream> {
     Pixels::read(keywords)?.over(keywords.py(), None, Stream::default())
+}
+
+/// Pixels of a stream as pixels of the still of a camera, counted from its corner.
+///
+/// Args:
+///     u, v: numbers or arrays, in pixels of the stream.
+///     size: (width, height) of the still, in pixels.
+///     origin, stream_size, fit, crop: which pixels, as `Camera` says.
+#[pyfunction]
+#[pyo3(signature = (u, v, size, **stream), text_signature = "(u, v, size, *, origin=None, stream_size=None, fit=None, crop=None)")]
+pub(crate) fn to_still<'py>(
+    u: &Bound<'py, PyAny>,
+    v: &Bound<'py, PyAny>,
+    size: [f64; 2],
+    stream: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Pair<'py>> {
+    let stream = stream.map_or_else(|| Ok(Stream::default()), stream_of)?;
+    let map = stream.map(size).map_err(|why| {
+        let field = if stream.size.is_none() { "crop" } else { "stream_size" };
+        refused(u.py(), None, field, why)
+    })?;
+    array::each(u.py(), [u, v], ["u", "v"], |u, v| [map.in_still(0, u), map.in_still(1, v)])
 }
 
 /// What a keyword says.

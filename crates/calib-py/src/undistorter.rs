@@ -1,6 +1,6 @@
 //! Images without the bend of their lens.
 
-use calib_core::{Crop, Lens, Remap};
+use calib_core::{Crop, NoStraightView, StraightView};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 
@@ -12,75 +12,49 @@ use crate::stream::named;
 /// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``.
 ///
 /// Made by `Camera.undistorter`.
-///
-/// Attributes:
-///     size: (width, height) of the images, in pixels.
-///     focal: focal of the new image, in pixels.
-///     principal_point: (u, v) of the new image, in pixels from its corner.
 #[pyclass(frozen, module = "calib")]
 #[derive(Debug)]
 pub(crate) struct Undistorter {
     camera: Camera,
     /// By its name.
     view: String,
-    remap: Remap,
-    #[pyo3(get)]
-    size: (usize, usize),
-    #[pyo3(get)]
-    focal: f64,
-    #[pyo3(get)]
-    principal_point: (f64, f64),
-}
-
-/// Which part of the undistorted plane, by its name.
-fn crop_of_name(name: &str) -> Option<Crop> {
-    match name {
-        "same-focal" => Some(Crop::SameFocal),
-        "all-valid" => Some(Crop::AllValid),
-        "all-pixels" => Some(Crop::AllPixels),
-        _ => None,
-    }
+    straight: StraightView,
 }
 
 impl Undistorter {
     /// For the images of the stream of a camera.
     pub(crate) fn new(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
-        let crop = named(py, Some(camera.id()), "view", view, crop_of_name, expected)?;
-        let refused = |field: &str, what: &str| refused(py, Some(camera.id()), field, what);
-        let Some((lens, size)) = camera.view().lens_in_stream() else {
-            let what = "a stretched stream has no one focal: undistort images in the proportion of the still";
-            return Err(refused("fit", what));
-        };
-        let ratio = camera.view().camera().focal / camera.view().camera().lens.focal;
-        let made = py.detach(|| Self::made(&camera, view, &lens, ratio, size, crop));
-        made.ok_or_else(|| refused("size", "expected images of 2 x 2 to 1.4 gigapixels"))
-    }
-
-    fn made(
-        camera: &Camera,
-        view: &str,
-        lens: &Lens,
-        ratio: f64,
-        size: [f64; 2],
-        crop: Crop,
-    ) -> Option<Self> {
-        let [width, height] = size.map(|side| side as usize);
-        let undistortion = calib_core::Undistortion::new(lens, width, height, crop)?;
-        let centre = undistortion.principal_point();
-        Some(Self {
-            camera: camera.clone(),
-            view: view.to_owned(),
-            remap: undistortion.remap(),
-            size: (width, height),
-            focal: undistortion.focal(ratio * lens.focal),
-            principal_point: (centre.u, centre.v),
-        })
+        let crop = named(py, Some(camera.id()), "view", view, Crop::of_name, expected)?;
+        let made = py.detach(|| camera.view().straight_view(crop));
+        let straight = made.map_err(|why| {
+            let field = if why == NoStraightView::Stretched { "fit" } else { "size" };
+            refused(py, Some(camera.id()), field, why)
+        })?;
+        Ok(Self { camera, view: view.to_owned(), straight })
     }
 }
 
 #[pymethods]
 impl Undistorter {
+    /// (width, height) of the images, in pixels.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        self.straight.size.into()
+    }
+
+    /// Focal of the new image, in pixels.
+    #[getter]
+    fn focal(&self) -> f64 {
+        self.straight.focal
+    }
+
+    /// (u, v) of the new image, in pixels from its corner.
+    #[getter]
+    fn principal_point(&self) -> (f64, f64) {
+        (self.straight.principal_point.u, self.straight.principal_point.v)
+    }
+
     /// Takes the bend out of an image.
     ///
     /// Args:
@@ -107,7 +81,7 @@ impl Undistorter {
             let raw = image.try_readonly().map_err(|why| self.refused(py, why))?;
             let mut to = array::write(&straight)?;
             let (raw, to) = (raw.as_slice()?, to.as_slice_mut()?);
-            py.detach(|| self.remap.apply_into(raw, to));
+            py.detach(|| self.straight.remap.apply_into(raw, to));
         }
         Ok(straight)
     }
@@ -118,7 +92,7 @@ impl Undistorter {
     }
 
     fn __repr__(&self) -> String {
-        let (width, height) = self.size;
+        let (width, height) = self.size();
         format!("<Undistorter of camera {:?}, {width} x {height} pixels, {}>", self.camera.id(), self.view)
     }
 }
@@ -131,7 +105,7 @@ impl Undistorter {
     /// The image row by row.
     fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let py = image.py();
-        let (width, height) = self.size;
+        let (width, height) = self.size();
         let expected = format!(
             "expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4), as its camera's stream is"
         );

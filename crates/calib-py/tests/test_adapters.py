@@ -1,9 +1,12 @@
 """From what trackers and detectors hand over to metres, on their own packages; five lines at most."""
 
+import ast
 import importlib
+import importlib.util
 import json
 import os
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,6 +14,18 @@ import pytest
 import calib
 
 BOXES = np.array([[900.0, 400.0, 960.0, 700.0], [300.0, 500.0, 380.0, 900.0]], dtype="f4")
+EXAMPLE = Path(__file__).parents[1] / "examples/adapters.py"
+
+
+def loaded() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("adapters", EXAMPLE)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+ADAPTERS = loaded()
 
 
 @pytest.fixture()
@@ -19,16 +34,20 @@ def expected(camera: calib.Camera) -> np.ndarray:
     return np.stack([x, y], axis=1)
 
 
+def test_every_adapter_has_five_lines_at_most() -> None:
+    functions = [node for node in ast.parse(EXAMPLE.read_text()).body if isinstance(node, ast.FunctionDef)]
+    assert len(functions) == 5
+    for function in functions:
+        body = function.body[1:]  # what it is for is said first
+        assert (body[-1].end_lineno or 0) - body[0].lineno < 5, function.name
+
+
 def test_supervision(camera: calib.Camera, expected: np.ndarray) -> None:
     sv = pytest.importorskip("supervision")
     detections = sv.Detections(xyxy=BOXES, class_id=np.array([0, 0]))
-
-    x, y, status = camera.boxes_to_floor(detections.xyxy, form="xyxy")
-    detections.data["floor_m"] = np.stack([x, y], axis=1)
-    detections = detections[status == calib.Status.OK]
-
-    kept = status == calib.Status.OK
-    np.testing.assert_allclose(detections.data["floor_m"], expected[kept], rtol=1e-9)
+    found = ADAPTERS.of_supervision(camera, detections)
+    kept = camera.boxes_to_floor(BOXES, form="xyxy")[2] == calib.Status.OK
+    np.testing.assert_allclose(found.data["floor_m"], expected[kept], rtol=1e-9)
     assert camera.boxes_to_floor(sv.Detections.empty().xyxy, form="xyxy")[0].shape == (0,)
 
 
@@ -38,33 +57,25 @@ def test_ultralytics(camera: calib.Camera, expected: np.ndarray) -> None:
     results = importlib.import_module("ultralytics.engine.results")
     frame = np.zeros((1080, 1920, 3), dtype="u1")
     with_scores = np.concatenate([BOXES, [[0.9, 0], [0.8, 0]]], axis=1)
-    result = results.Results(frame, path="", names={0: "person"}, boxes=with_scores)
-
-    height, width = result.orig_shape
-    x, y, status = camera.boxes_to_floor(result.boxes.xyxy, form="xyxy", stream_size=(width, height))
-
-    np.testing.assert_allclose(np.stack([x, y], axis=1), expected, rtol=1e-9)
+    # As it comes from the network: a tensor.
+    boxes = importlib.import_module("torch").tensor(with_scores)
+    result = results.Results(frame, path="", names={0: "person"}, boxes=boxes)
+    np.testing.assert_allclose(ADAPTERS.of_ultralytics(camera, result), expected, rtol=1e-9)
 
 
 def test_norfair(camera: calib.Camera, expected: np.ndarray) -> None:
     norfair = pytest.importorskip("norfair")
     tracker = norfair.Tracker(distance_function="mean_euclidean", distance_threshold=1.0, initialization_delay=0)
-
-    x, y, _ = camera.boxes_to_floor(BOXES, form="xyxy")
-    detections = [norfair.Detection(points=np.array([point])) for point in zip(x, y)]
-    tracks = tracker.update(detections=detections)  # in metres: a threshold is one, too
-
-    assert {tuple(np.round(track.estimate[0], 6)) for track in tracks} <= {tuple(np.round(p, 6)) for p in expected}
+    tracks = tracker.update(detections=ADAPTERS.of_norfair(camera, BOXES))  # in metres: a threshold is one, too
+    found = {tuple(np.round(track.estimate[0], 6)) for track in tracks}
+    assert found and found <= {tuple(np.round(point, 6)) for point in expected}
 
 
 def test_frigate(camera: calib.Camera, expected: np.ndarray) -> None:
     box = [int(value * 1280 / 1920) for value in BOXES[0]]
     payload = json.dumps({"type": "update", "after": {"id": "1", "camera": "door", "box": box, "label": "person"}})
-
-    event = json.loads(payload)["after"]
-    x, y, status = camera.boxes_to_floor(event["box"], form="xyxy", stream_size=(1280, 720))  # detect: width, height
-
-    assert np.hypot(x - expected[0, 0], y - expected[0, 1]) < 0.05 * np.hypot(*expected[0] - camera.position[:2])
+    found = ADAPTERS.of_frigate(camera, payload, (1280, 720))
+    assert np.hypot(*found - expected[0]) < 0.05 * np.hypot(*expected[0] - camera.position[:2])
 
 
 def test_opencvs_capture_loop(site: calib.Site, tmp_path: Path) -> None:
@@ -77,14 +88,11 @@ def test_opencvs_capture_loop(site: calib.Site, tmp_path: Path) -> None:
         writer.write(frame)
     writer.release()
 
-    feet = []
-    capture = cv2.VideoCapture(str(tmp_path / "v.avi"))
-    size = (capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-    while (read := capture.read())[0]:
-        moments = cv2.moments(cv2.inRange(read[1], (128, 128, 128), (255, 255, 255)))
-        u, v = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
-        feet.append(camera.to_floor(u, v, stream_size=size, origin="centre")[:2])
+    def middle(frame: np.ndarray) -> tuple[float, float]:
+        moments = cv2.moments(cv2.inRange(frame, (128, 128, 128), (255, 255, 255)))
+        return moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
 
+    feet = list(ADAPTERS.of_opencv(camera, cv2.VideoCapture(str(tmp_path / "v.avi")), middle))
     assert len(feet) == 3
     for i, foot in enumerate(feet):
         u, v, _ = camera.to_pixel(*foot, stream_size=(960, 540), origin="centre")

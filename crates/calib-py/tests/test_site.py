@@ -3,10 +3,12 @@
 import copy
 import json
 import pickle
+import re
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -233,6 +235,44 @@ def test_a_careless_call_is_told_what_it_gave_and_what_to_give(site: calib.Site,
         straight(None)  # type: ignore[arg-type]
     with pytest.raises(calib.CalibError, match="float32"):
         straight(np.zeros((1080, 1920, 3), dtype="f4"))  # type: ignore[arg-type]
+
+
+def test_what_was_drawn_on_a_stream_lies_where_it_lies_on_the_still() -> None:
+    def entry(scale: float, bar: float, **stream: object) -> dict[str, object]:
+        at = lambda *pixels: [(scale * u, scale * v + bar) for u, v in pixels]
+        return calib.camera_entry("door", (1920, 1080), [
+            calib.vertical([at((641.5, 465.0), (594.5, 105.3)), at((1325.2, 484.9), (1340, 300), (1368.5, 105.5))]),
+            calib.straight(at((10, 20), (300, 24), (600, 21))),
+            calib.upright(*at((500, 800), (500, 600)), 1.8),
+        ], efov_px=at((0, 1080), (1920, 1080), (1000, 500)), control_points=[{"px": at((7, 9))[0], "world_m": [1, 2, 0]}], **stream)
+
+    def numbers(value: object) -> list[float]:
+        if isinstance(value, dict):
+            value = list(value.values())
+        if isinstance(value, (list, tuple)):
+            return [number for one in value for number in numbers(one)]
+        return [float(value)] if isinstance(value, (int, float)) else []
+
+    still = entry(1.0, 0.0)
+    letterboxed = entry(1 / 3, 140.0, stream_size=(640, 640), fit="letterbox")
+    assert numbers(letterboxed) == pytest.approx(numbers(still)) and letterboxed.keys() == still.keys()
+    assert numbers(entry(0.5, 0.0, stream_size=(960, 540))) == pytest.approx(numbers(still))
+    with pytest.raises(calib.CalibError, match="letterbox") as caught:
+        entry(0.5, 0.0, stream_size=(640, 640))
+    assert caught.value.field == "stream_size"
+
+
+@pytest.mark.parametrize(("build", "field"), [
+    (lambda: calib.vertical(7), "segments"),
+    (lambda: calib.vertical([[(1, 2)], [(3, 4, 5)]]), r"segments\[1\]"),
+    (lambda: calib.parallel([["a", "b"]]), r"segments\[0\]"),
+    (lambda: calib.straight([(1, 2)], origin="center"), "origin"),  # type: ignore[arg-type]
+    (lambda: calib.upright((1, 2), [(1, 2)]), "head"),
+])
+def test_what_cannot_be_drawn_is_refused_by_name(build: Callable[[], object], field: str) -> None:
+    with pytest.raises(calib.CalibError, match=f"^{field}: ") as caught:
+        build()
+    assert re.fullmatch(field, caught.value.field or "")
 
 
 def test_a_camera_without_a_scale_says_so() -> None:

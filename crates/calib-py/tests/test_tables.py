@@ -1,5 +1,10 @@
 """Whole tables of Polars, pandas and PyArrow, mapped as `calib project` maps files."""
 
+import importlib
+import os
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -22,6 +27,26 @@ def test_a_table_is_mapped_row_by_row(site: calib.Site) -> None:
         assert table["sigma_x_m"][row].as_py() == pytest.approx(np.sqrt(pixel[0, 0]))
         assert table["calibration_sigma_y_m"][row].as_py() == pytest.approx(np.sqrt(calibration[1, 1]))
     assert b"calib.site_sha256" in table.schema.metadata
+
+
+def test_a_table_is_what_the_command_line_writes(folder: Path, tmp_path: Path) -> None:
+    program = os.environ.get("CALIB")
+    if program is None:
+        pytest.skip("CALIB names no program: `cargo xtask py --test` does")
+    csv = importlib.import_module("pyarrow.csv")
+    parquet = importlib.import_module("pyarrow.parquet")
+    demo = folder / "demo"
+    table = csv.read_csv(demo / "detections.csv").slice(0, 5000)
+    parquet.write_table(table, tmp_path / "in.parquet")
+    files = ["-i", tmp_path / "in.parquet", "-o", tmp_path / "out.parquet"]
+    columns = ["--camera-column", "camera", "--sigma-px", "2"]
+    subprocess.run([program, "project", demo / "solved.json", *files, *columns], check=True, capture_output=True)
+    written = parquet.read_table(tmp_path / "out.parquet")
+    found = pa.table(calib.Site.open(demo / "solved.json").project(table, camera_column="camera", sigma_px=2.0))
+    assert found.column_names == written.column_names and found.num_rows == 5000
+    assert [str(kind) for kind in found.schema.types] == [str(kind) for kind in written.schema.types]
+    assert found.equals(written)
+    assert found.schema.metadata[b"calib.site_sha256"] == written.schema.metadata[b"calib.site_sha256"]
 
 
 def test_polars_and_pandas_frames(site: calib.Site) -> None:

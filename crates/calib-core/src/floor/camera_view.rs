@@ -13,7 +13,7 @@ use crate::floor::projector::FloorProjector;
 use crate::floor::status::Status;
 use crate::floor::stream::{PixelOrigin, Stream, StreamError, StreamMap};
 use crate::floor::surface_projector::SurfaceProjector;
-use crate::floor::surfaces::Surface;
+use crate::floor::surfaces::{Surface, SurfacePoint};
 
 /// A calibrated camera with the stream that its pixels are of.
 ///
@@ -54,6 +54,12 @@ impl CameraView {
     /// When the stream does not go with the size of the still.
     pub fn with_stream(&self, stream: Stream) -> Result<Self, StreamError> {
         Ok(Self { map: stream.map(self.size)?, stream, ..self.clone() })
+    }
+
+    /// Planes besides the floor; none where none of them covers a part of the plan.
+    #[must_use]
+    pub fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
     }
 
     /// The camera.
@@ -184,6 +190,35 @@ impl CameraView {
             let floor = [&mut x[range.clone()], &mut y[range.clone()]];
             self.to_floor(height, feet, floor, &mut status[range]);
         }
+    }
+
+    /// Pixels to the points so high above the floor, or above a plane besides it, that each shows first, and what
+    /// became of each.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn to_shown(
+        &self,
+        height: f64,
+        pixels: [&[f64]; 2],
+        points: &mut [Option<SurfacePoint>],
+        status: &mut [Status],
+    ) {
+        let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+        assert!(points.len() == pixels[0].len() && points.len() == status.len(), "columns of one length");
+        self.in_still(pixels, |range, still| {
+            let found = (&mut points[range.clone()], &mut status[range]);
+            projector.pixels_to_surfaces(&self.extent(), still, found.0, found.1);
+        });
+    }
+
+    /// How uncertain the point is that a pixel shows on a surface, or on the floor, for a standard deviation of
+    /// `sigma` pixels of the stream; see [`SurfaceProjector::covariance`].
+    #[must_use]
+    pub fn covariance(&self, pixel: Pixel, sigma: f64, surface: Option<usize>) -> Option<FloorCovariance> {
+        let still = Pixel { u: self.map.in_still(0, pixel.u), v: self.map.in_still(1, pixel.v) };
+        let projector = SurfaceProjector::new(self.camera(), 0.0, &self.surfaces);
+        projector.covariance(still, sigma * self.map.still_pixels(), surface)
     }
 
     /// At most [`CHUNK`] pixels of the still to what each shows first.
@@ -405,7 +440,15 @@ mod tests {
             view.to_floor(0.0, [&u, &v], [&mut x, &mut y], &mut status);
             let (mut pixel, mut calibration) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
             view.covariances(0.0, [&u, &v], 0.0, [&mut pixel, &mut calibration]);
+            let (mut shown, mut of_shown) = (vec![None; u.len()], vec![Status::Ok; u.len()]);
+            view.to_shown(0.0, [&u, &v], &mut shown, &mut of_shown);
             for i in 0..u.len() {
+                let at = shown[i].map_or([f64::NAN; 2], |shown| [shown.at.x, shown.at.y]);
+                prop_assert_eq!(bits(&at[..1], &at[1..]), bits(&x[i..=i], &y[i..=i]));
+                prop_assert_eq!(of_shown[i] as u8, status[i]);
+                let covariance = shown[i].and_then(|shown| view.covariance(Pixel { u: u[i], v: v[i] }, 0.0, shown.surface));
+                let [_, rows] = covariance.unwrap_or(FloorCovariance::NONE).rows();
+                prop_assert_eq!(bits(&rows, &[]), bits(&calibration[i], &[]));
                 let Some(deck) = camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, 0.7) else { continue };
                 if deck.distance(foot) > 39.0 {
                     continue;

@@ -8,7 +8,7 @@
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
-//! - `remap` undistorted images.
+//! - `remap` undistorted images; `straight_view` those of a stream.
 
 mod placement;
 mod resection;
@@ -25,6 +25,7 @@ mod stream;
 mod detection_box;
 mod camera_view;
 mod remap;
+mod straight_view;
 
 pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
@@ -40,6 +41,7 @@ pub use scene::{
     position_ellipse, prism, vertical,
 };
 pub use status::Status;
+pub use straight_view::{NoStraightView, StraightView};
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};

@@ -4,6 +4,7 @@
 use wide::{i16x8, u8x16, u16x8};
 
 use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel, dispatch};
+use crate::floor::stream::named;
 
 /// Which part of the undistorted plane the new image shows. The size of the image stays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +17,8 @@ pub enum Crop {
     /// Every pixel of the raw image, blank beyond.
     AllPixels,
 }
+
+named! { Crop { SameFocal = "same-focal", AllValid = "all-valid", AllPixels = "all-pixels" } }
 
 /// Bilinear weights are counted in 1/32 of a pixel, as finely as 8-bit colours can show.
 const STEPS: f32 = 32.0;

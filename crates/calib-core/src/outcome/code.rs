@@ -93,6 +93,18 @@ pub enum Severity {
     Error,
 }
 
+impl Severity {
+    /// What it is called in other languages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Note => "note",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+}
+
 impl Code {
     /// Its severity.
     #[must_use]

@@ -6,7 +6,7 @@
 //!   entries as the types of the geometry;
 //! - `english` findings and failures as sentences; `camera_result` a result before that;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
-//! - `view` a calibrated camera by its id, as other languages ask for it;
+//! - `view` a calibrated camera by its id, and `finding_entry` all findings in one list, as other languages ask for them;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
 //!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws;
 //! - `out_of_date` whether a solution is of what is drawn;
@@ -32,6 +32,7 @@ mod check_elements;
 mod check_solution;
 mod period;
 mod view;
+mod finding_entry;
 mod check;
 mod options;
 mod lens_cache;
@@ -56,6 +57,7 @@ pub use document::{
 };
 pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::Names;
+pub use finding_entry::FindingEntry;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use period::NoCamera;

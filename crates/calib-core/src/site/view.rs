@@ -46,6 +46,18 @@ impl Site {
         view.with_stream(stream).map_err(NoView::Stream)
     }
 
+    /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.
+    #[must_use]
+    pub fn calibrated(&self) -> Vec<&str> {
+        let mut ids = Vec::new();
+        for entry in self.cameras.iter().filter(|entry| entry.camera().is_some()) {
+            if !ids.contains(&entry.id.as_str()) {
+                ids.push(&entry.id);
+            }
+        }
+        ids
+    }
+
     /// A camera of this site with what it covers, for the pixels of its still.
     ///
     /// # Errors

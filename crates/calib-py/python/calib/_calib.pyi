@@ -26,6 +26,11 @@ class CalibError(ValueError):
     camera: str | None
     field: str | None
 
+def to_still(
+    u: npt.ArrayLike, v: npt.ArrayLike, size: Size, *,
+    origin: Origin | None = None, stream_size: Size | None = None, fit: Fit | None = None, crop: Crop | None = None,
+) -> tuple[Doubles, Doubles]: ...
+
 @final
 class Finding:
     @property

@@ -8,30 +8,42 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from calib._calib import CalibError, to_still
+
 Entry = dict[str, Any]
 Origin = Literal["corner", "centre"]
+Fit = Literal["stretch", "letterbox"]
+
+#: What holds pixels of an entry.
+_PIXELS = ("segments", "points", "foot", "head", "px", "efov_px")
 
 
-def _points(points: npt.ArrayLike, origin: Origin, what: str, dimensions: int) -> Any:
+def _refused(field: str, what: str) -> CalibError:
+    error = CalibError(f"{field}: {what}")
+    error.field = field
+    return error
+
+
+def _points(points: Any, origin: Origin, what: str, dimensions: int) -> Any:
     """Pixels as lists, counted from the corner of the image."""
-    array = np.asarray(points, dtype=float)
+    try:
+        array = np.asarray(points, dtype=float)
+    except (TypeError, ValueError) as why:
+        raise _refused(what, f"expected numbers: {why}") from None
     if array.ndim != dimensions or array.shape[-1] != 2:
-        expected = "(n, 2)" if dimensions == 2 else "(2,)" if dimensions == 1 else "(segments, points, 2)"
-        raise ValueError(f"{what}: found the shape {array.shape}, expected {expected} pixels")
+        expected = "(n, 2)" if dimensions == 2 else "(2,)"
+        raise _refused(what, f"found the shape {array.shape}, expected {expected}: u, v in pixels")
     if origin not in ("corner", "centre"):
-        raise ValueError(f'origin: found {origin!r}, expected "corner" or "centre"')
+        raise _refused("origin", f'found {origin!r}, expected "corner" or "centre"')
     return (array + (0.5 if origin == "centre" else 0.0)).tolist()
 
 
-def _segments(kind: str, segments: npt.ArrayLike | Sequence[npt.ArrayLike], origin: Origin, options: Entry) -> Entry:
-    lines = [_points(line, origin, f"a segment of {kind}", 2) for line in np.asarray(segments, dtype=object)] \
-        if _is_ragged(segments) else _points(np.asarray(segments, dtype=float), origin, f"segments of {kind}", 3)
-    return {"kind": kind, "segments": lines, **options}
-
-
-def _is_ragged(segments: Any) -> bool:
-    lengths = {len(line) for line in segments}
-    return len(lengths) > 1
+def _segments(kind: str, segments: Any, origin: Origin, options: Entry) -> Entry:
+    try:
+        lines = list(segments)
+    except TypeError:
+        raise _refused("segments", f"found {segments!r}, expected a list of lines of two points or more") from None
+    return {"kind": kind, "segments": [_points(line, origin, f"segments[{i}]", 2) for i, line in enumerate(lines)], **options}
 
 
 def vertical(segments: Any, *, origin: Origin = "corner", **options: Any) -> Entry:
@@ -64,7 +76,7 @@ def known_length(segments: Any, length_m: float, *, origin: Origin = "corner", *
 
 def straight(points: npt.ArrayLike, *, origin: Origin = "corner", **options: Any) -> Entry:
     """Points along an edge that is straight in space, three or more, shape (points, 2): they tell the lens."""
-    return {"kind": "straight", "points": _points(points, origin, "straight", 2), **options}
+    return {"kind": "straight", "points": _points(points, origin, "points", 2), **options}
 
 
 def upright(
@@ -76,12 +88,33 @@ def upright(
     return {"kind": "upright", **ends, **size, **options}
 
 
-def camera_entry(id: str, size_px: tuple[int, int], annotations: Iterable[Entry] = (), **options: Any) -> Entry:
+def camera_entry(
+    id: str, size_px: Sequence[int], annotations: Iterable[Entry] = (), *,
+    stream_size: Sequence[int] | None = None, fit: Fit | None = None, crop: Sequence[float] | None = None, **options: Any,
+) -> Entry:
     """A camera with what is drawn on its still of (width, height) pixels.
 
-    Options are those of the site file: lens, height_m, efov_px, placement, control_points and so on.
+    Options are those of the site file: lens, height_m, efov_px, placement, control_points and so on. Pixels of
+    annotations, efov_px and control_points are of the still, unless stream_size, fit and crop say, as `Camera` does,
+    that they were read off a stream of another size.
     """
-    return {"id": id, "size_px": list(size_px), "annotations": list(annotations), **options}
+    entry = {"id": id, "size_px": list(size_px), "annotations": list(annotations), **options}
+    stream = {"stream_size": stream_size, "fit": fit, "crop": crop}
+    if all(value is None for value in stream.values()):
+        return entry
+    width, height = size_px
+
+    def in_still(value: Any, name: str) -> Any:
+        if name == "segments":
+            return [in_still(line, "points") for line in value]
+        pixels = np.asarray(value, dtype=float)
+        return np.stack(to_still(pixels[..., 0], pixels[..., 1], (width, height), **stream), axis=-1).tolist()  # type: ignore[arg-type]
+
+    def of_still(part: Entry) -> Entry:
+        return {name: in_still(value, name) if name in _PIXELS else value for name, value in part.items()}
+
+    lists = {name: [of_still(part) for part in entry[name]] for name in ("annotations", "control_points") if name in entry}
+    return {**of_still(entry), **lists}
 
 
 def site_document(cameras: Iterable[Entry], **options: Any) -> Entry:

@@ -45,7 +45,7 @@ const ARCHIVES: [&str; 3] =
 
 /// What the wheel for Python measures beside `OpenCV` in one run: nanoseconds a point, microseconds a call, and
 /// ratios.
-const PYTHON: [&str; 9] = [
+const PYTHON: [&str; 11] = [
     "python_to_floor_ns",
     "python_to_floor_with_status_ns",
     "python_to_floor_new_arrays_ns",
@@ -55,6 +55,8 @@ const PYTHON: [&str; 9] = [
     "undistort_points_over_undistort",
     "python_single_us",
     "python_single_distorted_us",
+    "python_over_rust",
+    "python_over_rust_distorted",
 ];
 
 /// Runs all benchmarks whose key contains `filter`.
@@ -76,13 +78,27 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
         }
     }
     if PYTHON.iter().any(|key| key.contains(filter)) {
-        match py::bench() {
+        match python() {
             Ok(measured) => results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter))),
             Err(error) => eprintln!("SKIPPED {}: {error:#}", PYTHON.join(", ")),
         }
     }
     println!("{}", Value::Object(results));
     Ok(())
+}
+
+/// The wheel, and its times over those of the library without Python.
+fn python() -> anyhow::Result<Map<String, Value>> {
+    let mut measured = py::bench()?;
+    let rust = measure("calib-core", "floor_mapping", "pixel_to_floor_ns", None)?;
+    for (ratio, over, under) in [
+        ("python_over_rust", "python_to_floor_ns", "pixel_to_floor_ns"),
+        ("python_over_rust_distorted", "python_distorted_to_floor_ns", "distorted_pixel_to_floor_ns"),
+    ] {
+        let [over, under] = [&measured[over], &rust[under]].map(|time| time.as_f64().unwrap_or(f64::NAN));
+        measured.insert(ratio.to_owned(), json!(over / under));
+    }
+    Ok(measured)
 }
 
 /// Runs one program, built for at most this level of vector instructions; what it prints is a JSON object.

@@ -20,11 +20,13 @@ const FOLDER: &str = "target/browser";
 /// What drives it.
 const SOURCES: &str = "crates/calib-app/tests/browser";
 
-fn chromium() -> Option<PathBuf> {
+/// The browser.
+pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
     ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"]
         .into_iter()
         .map(PathBuf::from)
         .find(|path| path.exists())
+        .context("no Chromium: apt-get install chromium")
 }
 
 /// Builds the page into `out`, serves it, and runs a script of the test folder.
@@ -32,7 +34,7 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
     if !as_is {
         web::run(out, None)?;
     }
-    let browser = chromium().context("no Chromium: apt-get install chromium")?;
+    let browser = chromium()?;
     let site = serve::Site::new(out, 0)?;
     let address = format!("http://{}/", site.address()?);
     std::thread::spawn(move || site.serve());

@@ -1,4 +1,4 @@
-//! `cargo xtask js`: the package for JavaScript, and its test in Node.
+//! `cargo xtask js`: the package for JavaScript, and its tests in Node and in Chromium.
 
 use std::fs;
 use std::path::Path;
@@ -8,6 +8,7 @@ use anyhow::{Context as _, ensure};
 use serde_json::json;
 use wasm_bindgen_cli_support::Bindgen;
 
+use crate::heavy::browser;
 use crate::heavy::golden;
 use crate::heavy::product::calib;
 use crate::heavy::wasm_build;
@@ -25,6 +26,8 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
         .out_name("calib")
         .web(true)?
         .typescript(true)
+        // Called with nothing, it fetches what lies beside it.
+        .omit_default_module_path(false)
         .remove_name_section(true)
         .remove_producers_section(true)
         .generate(out)?;
@@ -50,7 +53,7 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks the types of the test, and runs it: the package beside the command line.
+/// Checks the types of the tests, and runs them: the package beside the command line in Node, and its numbers in Chromium.
 pub(crate) fn test(out: &Path, golden: &Path) -> anyhow::Result<()> {
     let tools = root().join("target/browser/node_modules");
     ensure!(tools.exists(), "target/browser is absent; `cargo xtask test --install` makes it");
@@ -61,5 +64,9 @@ pub(crate) fn test(out: &Path, golden: &Path) -> anyhow::Result<()> {
     let mut run = Command::new("node");
     run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(golden).current_dir(root());
     ensure!(run.status()?.success(), "the test of the package failed");
+    let mut page = Command::new("node");
+    page.arg("target/js-test/browser.mjs").arg(out).arg("target/js-test").arg(golden).current_dir(root());
+    page.env("CALIB_CHROMIUM", browser::chromium()?).env("CALIB_NODE_MODULES", tools);
+    ensure!(page.status()?.success(), "the test of the package in Chromium failed");
     Ok(())
 }

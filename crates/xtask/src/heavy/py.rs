@@ -63,7 +63,8 @@ pub(crate) fn test(wheel: &Path, golden: &Path) -> anyhow::Result<()> {
     done(
         tool("python").args(["-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps"]).arg(wheel),
     )?;
-    done(tool("python").args(["-m", "pytest", "--quiet"]).env("CALIB_GOLDEN", golden))?;
+    let mut pytest = tool("python");
+    done(pytest.args(["-m", "pytest", "--quiet"]).env("CALIB_GOLDEN", golden).env("CALIB", calib()?))?;
     done(tool("mypy").args([
         "--strict",
         "--no-error-summary",
