@@ -31,7 +31,7 @@ def of_ultralytics(camera: calib.Camera, result: Any) -> npt.NDArray[np.float64]
 
 def of_norfair(camera: calib.Camera, boxes: npt.ArrayLike) -> list[Any]:
     """Detections for a tracker whose distances are metres, of boxes (n, 4) by their corners."""
-    import norfair
+    import norfair  # type: ignore[import-untyped]
     x, y, _ = camera.boxes_to_floor(boxes, form="xyxy")
     return [norfair.Detection(points=np.array([point])) for point in zip(x, y)]
 

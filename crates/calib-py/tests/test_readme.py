@@ -30,4 +30,4 @@ def test_every_block_runs(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_every_adapter_is_a_call_that_there_is() -> None:
     calls = re.findall(r"camera\.(\w+)\(", README)
-    assert len(calls) >= 8 and all(hasattr(calib.Camera, call) for call in calls)
+    assert len(calls) >= 7 and all(hasattr(calib.Camera, call) for call in calls)

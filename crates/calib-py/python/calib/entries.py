@@ -98,7 +98,7 @@ def camera_entry(
     annotations, efov_px and control_points are of the still, unless stream_size, fit and crop say, as `Camera` does,
     that they were read off a stream of another size.
     """
-    entry = {"id": id, "size_px": list(size_px), "annotations": list(annotations), **options}
+    entry: Entry = {"id": id, "size_px": list(size_px), "annotations": list(annotations), **options}
     stream = {"stream_size": stream_size, "fit": fit, "crop": crop}
     if all(value is None for value in stream.values()):
         return entry
@@ -113,8 +113,9 @@ def camera_entry(
     def of_still(part: Entry) -> Entry:
         return {name: in_still(value, name) if name in _PIXELS else value for name, value in part.items()}
 
-    lists = {name: [of_still(part) for part in entry[name]] for name in ("annotations", "control_points") if name in entry}
-    return {**of_still(entry), **lists}
+    for name in {"annotations", "control_points"} & entry.keys():
+        entry[name] = [of_still(part) for part in entry[name]]
+    return of_still(entry)
 
 
 def site_document(cameras: Iterable[Entry], **options: Any) -> Entry:
