@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use calib_core::{
     BrownConrady, Camera, CameraView, Covariance, Distortion, FloorCovariance, FloorProjector, Lens, Pixel,
-    WorldPoint,
+    WorldPoint, default_efov,
 };
 use measure::{median, report};
 use rand::{Rng as _, SeedableRng as _};
@@ -34,6 +34,19 @@ fn pixels_to_floor(distortion: Distortion) -> f64 {
     let (mut x, mut y) = (vec![0.0; COUNT], vec![0.0; COUNT]);
     let projector = FloorProjector::new(&camera(distortion), 0.0);
     let all = median(9, || projector.pixels_to_floor(black_box(&u), black_box(&v), &mut x, &mut y));
+    1e9 * all / COUNT as f64
+}
+
+/// Nanoseconds a pixel, with what became of each.
+fn pixels_to_floor_within(distortion: Distortion) -> f64 {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+    let u: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1920.0)).collect();
+    let v: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1080.0)).collect();
+    let (mut x, mut y, mut status) = (vec![0.0; COUNT], vec![0.0; COUNT], vec![0; COUNT]);
+    let (camera, size) = (camera(distortion), [1920.0, 1080.0]);
+    let view = CameraView::new(&camera, size, default_efov(&camera, size).polygon);
+    let pixels = [&u[..], &v];
+    let all = median(9, || view.to_floor(0.0, black_box(pixels), [&mut x, &mut y], &mut status));
     1e9 * all / COUNT as f64
 }
 
@@ -71,6 +84,10 @@ fn main() {
     let bent = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
     report(&[
         ("pixel_to_floor_ns", &|| pixels_to_floor(Distortion::None)),
+        ("pixel_to_floor_with_status_ns", &|| pixels_to_floor_within(Distortion::None)),
+        ("distorted_pixel_to_floor_with_status_ns", &|| {
+            pixels_to_floor_within(Distortion::BrownConrady(bent))
+        }),
         ("world_to_pixel_ns", &|| points_to_pixels(Distortion::None)),
         ("distorted_world_to_pixel_ns", &|| points_to_pixels(Distortion::BrownConrady(bent))),
         ("floor_covariance_ns", &|| floor_covariances(Distortion::None)),

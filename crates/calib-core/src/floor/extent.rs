@@ -1,6 +1,7 @@
 //! What a camera covers: its image, and the polygon of its EFOV on the floor.
 
 use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint, dispatch};
+use crate::floor::lanes::{block, store};
 use crate::floor::status::Status;
 
 /// What a camera covers: its image, and the polygon of its EFOV on the floor.
@@ -12,7 +13,7 @@ pub struct Extent<'a> {
     pub efov: &'a [FloorPoint],
 }
 
-/// Points that are classified together, so that the compiler can use vector instructions.
+/// Points that are classified together: an edge of the EFOV is prepared once for all of them.
 const LANES: usize = 64;
 
 impl Extent<'_> {
@@ -58,11 +59,15 @@ impl Extent<'_> {
         if self.shows(pixel) { Status::Ok } else { Status::OutsideImage }
     }
 
+    /// Edges of the EFOV.
+    fn edges(&self) -> impl Iterator<Item = [FloorPoint; 2]> {
+        self.efov.iter().zip(self.efov.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
+    }
+
     /// Flips `inside` at every edge of the EFOV that lies to the right of a point.
     #[inline(always)]
     fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
-        for (i, a) in self.efov.iter().enumerate() {
-            let b = self.efov[(i + 1) % self.efov.len()];
+        for [a, b] in self.edges() {
             // Not finite for an edge along x, but no point lies between the ends of one.
             let dx_by_dy = (b.x - a.x) / (b.y - a.y);
             for ((x, y), inside) in x.iter().zip(y).zip(inside.iter_mut()) {
@@ -73,7 +78,7 @@ impl Extent<'_> {
     }
 
     /// The status of pixels by the image and by the EFOV: the floor lies on the ray from the camera at `eye`
-    /// through the point of a plane. For pixels without a point the status is meaningless.
+    /// through the point of a plane. Pixels without a point are taken to show what is above the horizon.
     pub(crate) fn classify(
         &self,
         eye: WorldPoint,
@@ -82,36 +87,63 @@ impl Extent<'_> {
         [x, y]: [&[f64]; 2],
         status: &mut [Status],
     ) {
-        // A point above the camera is seen where the floor is not.
-        let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
-        let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
         dispatch(
             #[inline(always)]
             || {
-                let (mut floor_x, mut floor_y) = ([0.0; LANES], [0.0; LANES]);
+                let mut spare = [[0.0; LANES]; 4];
                 for (chunk, status) in status.chunks_mut(LANES).enumerate() {
-                    let (first, count) = (chunk * LANES, status.len());
-                    let at = first..first + count;
-                    let (u, v, x, y) = (&u[at.clone()], &v[at.clone()], &x[at.clone()], &y[at]);
+                    let at = chunk * LANES..chunk * LANES + status.len();
+                    let [s, t, p, q] = &mut spare;
+                    let pixels = [block(&u[at.clone()], s), block(&v[at.clone()], t)];
+                    let points = [block(&x[at.clone()], p), block(&y[at], q)];
                     let mut inside = [0; LANES];
-                    for i in 0..count {
-                        let stretch =
-                            if is_level { level } else { stretch(plane.height_at([x[i], y[i]].into())) };
-                        floor_x[i] = eye.x + stretch * (x[i] - eye.x);
-                        floor_y[i] = eye.y + stretch * (y[i] - eye.y);
+                    if *plane == Plane::FLOOR {
+                        self.cross(points[0], points[1], &mut inside);
+                    } else {
+                        let floor = on_floor(eye, plane, points);
+                        self.cross(&floor[0], &floor[1], &mut inside);
                     }
-                    self.cross(&floor_x[..count], &floor_y[..count], &mut inside[..count]);
-                    for i in 0..count {
-                        status[i] = match (self.shows(Pixel { u: u[i], v: v[i] }), inside[i]) {
-                            (false, _) => Status::OutsideImage,
-                            (true, 1) => Status::Ok,
-                            (true, _) => Status::OutsideEfov,
-                        };
-                    }
+                    store(&self.by_image_and_efov(pixels, points, &inside), status);
                 }
             },
         );
     }
+
+    /// The status of pixels, by whether the floor on their rays is inside the EFOV.
+    #[inline(always)]
+    fn by_image_and_efov(
+        &self,
+        [u, v]: [&[f64; LANES]; 2],
+        [x, y]: [&[f64; LANES]; 2],
+        inside: &[u64; LANES],
+    ) -> [Status; LANES] {
+        let [w, h] = self.size;
+        let mut status = [Status::OutsideImage; LANES];
+        for i in 0..LANES {
+            // Without a branch: all lanes at once.
+            let shown = (u[i] >= 0.0) & (u[i] <= w) & (v[i] >= 0.0) & (v[i] <= h);
+            let efov = if inside[i] == 1 { Status::Ok } else { Status::OutsideEfov };
+            let mapped = if shown { efov } else { Status::OutsideImage };
+            let is_point = (x[i].abs() < f64::INFINITY) & (y[i].abs() < f64::INFINITY);
+            status[i] = if is_point { mapped } else { Status::AboveHorizon };
+        }
+        status
+    }
+}
+
+/// Where the rays from the camera through points of a plane meet the floor.
+#[inline(always)]
+fn on_floor(eye: WorldPoint, plane: &Plane, [x, y]: [&[f64; LANES]; 2]) -> [[f64; LANES]; 2] {
+    // A point above the camera is seen where the floor is not.
+    let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
+    let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
+    let mut floor = [[0.0; LANES]; 2];
+    for i in 0..LANES {
+        let stretch = if is_level { level } else { stretch(plane.height_at([x[i], y[i]].into())) };
+        floor[0][i] = eye.x + stretch * (x[i] - eye.x);
+        floor[1][i] = eye.y + stretch * (y[i] - eye.y);
+    }
+    floor
 }
 
 #[cfg(test)]

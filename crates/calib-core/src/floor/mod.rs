@@ -4,7 +4,7 @@
 //!
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
-//! - `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
+//! - `lanes` values in step; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
@@ -15,6 +15,7 @@ mod resection;
 mod efov;
 mod scene;
 mod status;
+mod lanes;
 mod extent;
 mod surfaces;
 mod covariance_lanes;

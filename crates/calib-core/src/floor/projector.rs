@@ -6,6 +6,7 @@ use crate::camera::{
 };
 use crate::floor::covariance_lanes::CovarianceLanes;
 use crate::floor::extent::Extent;
+use crate::floor::lanes::{lanes, store};
 use crate::floor::status::Status;
 
 /// A camera prepared for mapping many pixels to one plane, and points of it to pixels.
@@ -206,18 +207,25 @@ impl FloorProjector {
         assert!(status.len() == u.len(), "slices of one length");
         self.pixels_to_floor(u, v, x, y);
         extent.classify(self.camera.position, &self.plane, [u, v], [x, y], status);
+        if !status.contains(&Status::AboveHorizon) {
+            return;
+        }
         for i in 0..u.len() {
-            if !(x[i].is_finite() && y[i].is_finite()) {
+            if status[i] == Status::AboveHorizon {
                 (x[i], y[i]) = (f64::NAN, f64::NAN);
-                let pixel = Pixel { u: u[i], v: v[i] };
-                status[i] = if !pixel.is_finite() {
-                    Status::Missing
-                } else if self.camera.undistort(pixel).is_none() {
-                    Status::OutsideLens
-                } else {
-                    Status::AboveHorizon
-                };
+                status[i] = self.why_none(Pixel { u: u[i], v: v[i] });
             }
+        }
+    }
+
+    /// Why a pixel shows no point.
+    fn why_none(&self, pixel: Pixel) -> Status {
+        if !pixel.is_finite() {
+            Status::Missing
+        } else if self.camera.undistort(pixel).is_none() {
+            Status::OutsideLens
+        } else {
+            Status::AboveHorizon
         }
     }
 
@@ -283,21 +291,6 @@ impl FloorProjector {
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
         self.camera.pixel_to_plane(pixel, &self.plane).map(WorldPoint::on_floor)
-    }
-}
-
-/// As many values as there are, and a filling.
-#[inline(always)]
-fn lanes(values: &[f64], filling: f64) -> [f64; LANES] {
-    let filled = || std::array::from_fn(|i| values.get(i).copied().unwrap_or(filling));
-    values.first_chunk().copied().unwrap_or_else(filled)
-}
-
-#[inline(always)]
-fn store(values: &[f64; LANES], to: &mut [f64]) {
-    match to.first_chunk_mut() {
-        Some(all) => *all = *values,
-        None => to.copy_from_slice(&values[..to.len()]),
     }
 }
 
