@@ -159,7 +159,7 @@ pub use single::{
     FitOptions, Fitted, FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit,
     LensOptions, Line, LocalMinimum, Orientation, PlanePrior, Prior, Priors, RULED_OUT, Repeats, SceneErrors,
     Shape, Sketch, USUAL_SIZES, Upright, UsualSize, closed_form, draw_next, findings, line_name,
-    paper_minimum, straightness_rms,
+    paper_minimum, straightness, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
@@ -169,5 +169,5 @@ pub use site::{
     Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView, Options, Overlap,
     PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale, SceneEntry,
     SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution, Stage, TiltEntry,
-    Warning,
+    Warning, counted,
 };
