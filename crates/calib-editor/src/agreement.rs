@@ -18,8 +18,8 @@ pub struct Agreement {
     pub before: Option<f64>,
 }
 
-/// The cameras that share floor or links with one that is placed, the one that shares most first. `before` are
-/// poses to compare with, or none.
+/// The cameras that share floor or links with one that is placed, in the order of the site: rows stay where they are
+/// while a camera is dragged. `before` are poses to compare with, or none.
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
     let Some(own) = field(session, camera) else { return Vec::new() };
@@ -32,10 +32,7 @@ pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -
         Some(Agreement { with, overlap, apart, before })
     };
     let others = (0..session.site.cameras.len()).filter(|&with| with != camera).filter_map(of);
-    let mut all: Vec<Agreement> =
-        others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect();
-    all.sort_by(|a, b| b.overlap.total_cmp(&a.overlap));
-    all
+    others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect()
 }
 
 /// The field of a camera that stands on the plan.

@@ -35,7 +35,9 @@ fn outside(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let files: Vec<String> = app.outside.asked.iter().map(|file| file.display().to_string()).collect();
     ui.set_max_width(420.0);
-    let what = format!("The site names {} outside its folder.", counted(files.len(), "image", "images"));
+    let path = app.editor.session().path.as_deref().and_then(std::path::Path::file_name);
+    let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
+    let what = format!("{site} names {} outside its folder.", counted(files.len(), "image", "images"));
     ui.label(RichText::new(what).font(theme::medium(13.0)));
     for file in files.iter().take(MOST) {
         ui.label(file);

@@ -151,6 +151,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                     links::far_apart(app, ui);
                 });
                 section(ui, |ui| agreement::show(app, ui));
+                section(ui, |ui| placement::handles(app, ui));
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
                 section(ui, |ui| planes::show(app, ui));

@@ -33,7 +33,6 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     numbers(app, ui, &id, placement, fixed);
     buttons(app, ui, fixed);
     from_stage_1(app, ui);
-    handles(ui);
 }
 
 /// The numbers of the place, to be typed, held and released.
@@ -148,9 +147,13 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     }
 }
 
-fn handles(ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    ui.add_space(4.0);
+/// What the handles of the camera in hand do.
+pub fn handles(app: &App, ui: &mut Ui) {
+    let (palette, session) = (theme::palette(ui.ctx()), app.editor.session());
+    if session.placement(session.camera).is_none() || session.is_held_by_points(session.camera) {
+        return;
+    }
+    heading(ui, "Handles", "");
     for (title, what) in [
         ("Foot, polygon", "move"),
         ("Ring", "turn about the camera"),

@@ -205,7 +205,9 @@ fn pictures(ui: &mut Ui) {
     const WIDTH: f32 = 190.0;
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
-        ui.add_space((0.5 * (ui.available_width() - 3.0 * (WIDTH + 8.0))).max(0.0));
+        ui.add_space(
+            (0.5 * (ui.available_width() - 3.0 * WIDTH - 2.0 * ui.spacing().item_spacing.x)).max(0.0),
+        );
         for (picture, title, text) in STEPS {
             ui.allocate_ui_with_layout(Vec2::new(WIDTH, 160.0), Layout::top_down(Align::Min), |ui| {
                 egui::Frame::NONE.fill(palette.bg).corner_radius(8).inner_margin(10).show(ui, |ui| {
