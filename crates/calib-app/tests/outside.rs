@@ -157,18 +157,41 @@ fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved()
     }
 }
 
+/// A window that keeps in a folder, with nothing open.
+fn window_of(folder: &std::path::Path) -> Desk {
+    let app = App::new(&Context::default(), Some(folder.to_path_buf()));
+    let harness = Harness::builder()
+        .with_size([1440.0, 900.0])
+        .with_context_setup(theme::install)
+        .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+    Desk { harness }
+}
+
+#[test]
+fn the_start_page_shows_no_still_from_elsewhere() {
+    let scratch = Scratch::new();
+    let (path, folder) = (site(&scratch), scratch.path("kept"));
+    let mut first = files::open(&path).unwrap().0;
+    first.cameras.remove(0);
+    scratch.write("site/site.json", first.to_json());
+    let mut desk = window_of(&folder);
+    desk.app().open_path(&path);
+    desk.harness.run_steps(3);
+    press(&mut desk, "Allow once for this site");
+    drop(desk);
+    let mut desk = window_of(&folder);
+    desk.harness.run_steps(3);
+    desk.wait(|app| app.pictures.loading() == 0);
+    let shown = desk.app().recent[0].image.clone().unwrap().to_string_lossy().into_owned();
+    let error = desk.app().pictures.error(&shown).unwrap_or_default();
+    assert!(error.contains("outside the folder"), "{shown}: {error:?}");
+}
+
 #[test]
 fn work_of_a_crashed_window_is_gone_on_with_as_it_was_decided() {
     let scratch = Scratch::new();
     let (path, folder) = (site(&scratch), scratch.path("kept"));
-    let window = || {
-        let app = App::new(&Context::default(), Some(folder.clone()));
-        let harness = Harness::builder()
-            .with_size([1440.0, 900.0])
-            .with_context_setup(theme::install)
-            .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
-        Desk { harness }
-    };
+    let window = || window_of(&folder);
     for (answer, asked) in [("Allow once for this site", 0), ("Leave out", 3)] {
         let mut desk = window();
         desk.app().open_path(&path);

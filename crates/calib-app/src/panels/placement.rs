@@ -21,6 +21,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let text = "Placed by control points. Switch them off to move it by hand.";
         ui.label(RichText::new(text).color(palette.text2));
         pose_rows(app, ui);
+        from_stage_1(app, ui);
         return;
     }
     let Some(placement) = app.editor.session().placement(camera) else {

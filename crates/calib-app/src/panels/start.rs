@@ -16,6 +16,9 @@ use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
 
+/// How wide rows of sites are, in points.
+const ROW: f32 = 560.0;
+
 const TITLE: &str = "Calibrate cameras from their still images";
 
 /// What is done, in three pictures.
@@ -118,12 +121,15 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
         let words = told(found);
         let fill = theme::palette(ui.ctx()).accent_bg;
-        egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
-            ui.set_max_width(460.0);
-            ui.horizontal(|ui| {
-                thumbnail(app, ui, image);
-                ui.vertical(|ui| {
-                    recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+        let width = ui.available_width().min(ROW);
+        ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
+            egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
+                ui.set_width(width - 24.0);
+                ui.horizontal(|ui| {
+                    thumbnail(app, ui, image);
+                    ui.vertical(|ui| {
+                        recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+                    });
                 });
             });
         });
@@ -173,7 +179,7 @@ fn recent(app: &mut App, ui: &mut Ui) {
     let list: Vec<Recent> = app.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
     ui.add_space(12.0);
-    ui.allocate_ui(Vec2::new(ui.available_width().min(560.0), 0.0), |ui| {
+    ui.allocate_ui(Vec2::new(ui.available_width().min(ROW), 0.0), |ui| {
         super::heading(ui, "Recent sites", "");
         for recent in list {
             recent_row(app, ui, &recent, now);
@@ -230,7 +236,7 @@ fn kept(app: &mut App, ui: &mut Ui) {
     }
     let palette = theme::palette(ui.ctx());
     ui.add_space(12.0);
-    let width = ui.available_width().min(560.0);
+    let width = ui.available_width().min(ROW);
     ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
         let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
         super::heading(
