@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
-    WorldPoint,
+    BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Method, Pixel, Site, SiteCamera, Solution,
+    Stage, WorldPoint,
 };
 use calib_formats::{Export, ExportOptions, FORMATS, File, OfPlanes, export, format, import};
 use calib_tests::{Scratch, peers_python};
@@ -627,6 +627,85 @@ fn what_sql_says_of_its_error_is_not_less_than_it_is() {
     // The comment in the file and the refusal say the same number.
     let run = scratch.calib(&["export", "sql", "site.json", "-o", "out"]);
     assert!(run.stderr.contains(&format!("at most {pixels:.3} px")), "{}", run.stderr);
+}
+
+/// What the view of `floor.sql` makes of a pixel: its coefficients, evaluated as an engine does.
+struct SqlView {
+    numbers: Vec<f64>,
+    /// What the file states as its largest errors: in pixels, and in metres within the EFOV.
+    stated: [f64; 2],
+}
+
+impl SqlView {
+    fn of(text: &str) -> Self {
+        let row = text.lines().find_map(|line| line.trim().strip_prefix("('yard', ")).unwrap();
+        let numbers =
+            row.trim_end_matches(['(', ')']).split(", ").map(|cell| cell.parse().unwrap()).collect();
+        let said = text.lines().find_map(|line| line.split_once("at most "));
+        let stated = said.map_or([0.0; 2], |(_, said)| {
+            let mut words = said.split(' ');
+            [0, 2].map(|skip| words.nth(skip).unwrap().parse().unwrap())
+        });
+        Self { numbers, stated }
+    }
+
+    /// Where it puts the pixel on an image without distortion, and on the floor.
+    fn map(&self, pixel: Pixel) -> Option<([f64; 2], [f64; 2])> {
+        let [cx, cy, fx, fy, d1, d2, d3] = self.numbers[..7].try_into().unwrap();
+        let (a, b) = ((pixel.u - cx) / fx, (pixel.v - cy) / fy);
+        let square: f64 = a * a + b * b;
+        let q = 1.0 + square * (d1 + square * (d2 + square * d3));
+        let row = |i: usize| {
+            let g = &self.numbers[7 + 3 * i..];
+            g[0] * a + g[1] * b + g[2] * q
+        };
+        let [x, y, w] = [row(0), row(1), row(2)];
+        (q > 0.0 && w > 0.0).then_some(([cx + fx * a / q, cy + fy * b / q], [x / w, y / w]))
+    }
+}
+
+/// Pixels all over an image, none of which an export has looked at.
+fn strewn() -> impl Iterator<Item = Pixel> {
+    const COUNT: u32 = 20_000;
+    // Every other one on the border, where a fit ends.
+    (0..COUNT).map(|i| {
+        let [s, t] =
+            [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.31 + step * f64::from(i)).fract());
+        let [s, t] = match i % 8 {
+            0 => [s, 0.0],
+            2 => [s, 1.0],
+            4 => [0.0, t],
+            6 => [1.0, t],
+            _ => [s, t],
+        };
+        Pixel::new(s * f64::from(SIZE[0]), t * f64::from(SIZE[1]))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn no_pixel_is_farther_off_than_the_file_of_sql_states(camera in any_camera()) {
+        let site = site(&camera);
+        let efov = site.efov_on_floor(&site.cameras[0]);
+        let extent = Extent { size: SIZE.map(f64::from), efov: &efov };
+        let view = SqlView::of(text_of(&exported("sql", &site, "sql"), "floor.sql"));
+        let (mut most, mut within) = ([0.0_f64; 2], 0);
+        for pixel in strewn() {
+            let Some(straight) = camera.undistort(pixel) else { continue };
+            let Some((undistorted, floor)) = view.map(pixel) else { continue };
+            let pixels = (undistorted[0] - straight.u).hypot(undistorted[1] - straight.v);
+            most[0] = most[0].max(pixels);
+            let Some(exact) = camera.pixel_to_floor(pixel, 0.0).filter(|&at| extent.contains(at)) else { continue };
+            most[1] = most[1].max((floor[0] - exact.x).hypot(floor[1] - exact.y));
+            within += 1;
+        }
+        prop_assert!(within > 0 || efov.is_empty(), "no pixel is within the EFOV");
+        // Doubles add and multiply, and no more.
+        let stated = view.stated.map(|stated| stated + 1e-9);
+        prop_assert!(most[0] <= stated[0] && most[1] <= stated[1], "{:?}, stated {:?}", most, view.stated);
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What a crash must not take: every finished gesture is kept, and offered when the app is started again.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use calib_core::Site;
@@ -37,6 +37,8 @@ struct Kept {
     held: Option<u64>,
     #[serde(default)]
     at: Option<u64>,
+    #[serde(default)]
+    allowed: BTreeSet<PathBuf>,
     stored: BTreeMap<String, String>,
     site: String,
 }
@@ -91,7 +93,8 @@ impl Autosave {
         }
         let stored = images.stored().map(|(id, mime, ..)| (id.to_owned(), mime.to_owned())).collect();
         let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
-        let kept = Kept { path, folder, held, at: Here::now(), stored, site: site.to_json() };
+        let allowed = images.allowed.clone();
+        let kept = Kept { path, folder, held, at: Here::now(), allowed, stored, site: site.to_json() };
         Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
@@ -101,6 +104,7 @@ impl Autosave {
         let kept: Kept = serde_json::from_slice(&Here::read(&self.file()).ok()?).ok()?;
         let site = Site::from_json(&kept.site).ok()?;
         let mut images = Images::beside(kept.folder, None);
+        images.allowed = kept.allowed;
         for (id, mime) in kept.stored {
             if let Ok(bytes) = Here::read(&self.image_file(&id)) {
                 images.restore(&id, bytes.into(), &mime, None);

@@ -76,6 +76,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::ReadAgain => {
             app.pictures.retry();
             app.edges.resume();
+            app.ask_outside_again();
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::Site;
+use calib_core::{Site, counted};
 use calib_editor::{Action, Images, Opened};
 
 use crate::autosave::{Autosave, Found};
@@ -10,7 +10,7 @@ use crate::files;
 use crate::platform::{Here, Platform as _};
 use crate::recent::{self, Recent};
 use crate::shelf::{News, Work};
-use crate::state::{App, Panes, Sheet, Tour};
+use crate::state::{App, Outside, Panes, Sheet, Tour};
 
 impl App {
     /// Opens a site in place of the one that is open.
@@ -35,6 +35,7 @@ impl App {
         (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
         (self.picture, self.pictured) = (None, None);
         (self.export, self.tour) = (Sheet::default(), Tour::default());
+        self.outside = Outside::default();
         self.compares_views = false;
     }
 
@@ -134,9 +135,20 @@ impl App {
         let session = self.editor.session();
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
         let site = session.kept();
+        if self.shelf.is_some() {
+            self.thumbnail.renew(&site, &self.pictures);
+        }
+        let session = self.editor.session();
         if let Some(shelf) = &mut self.shelf {
+            let thumbnail = self.thumbnail.of(&site);
             let last = session.history.undo_name().unwrap_or_default();
-            shelf.keep(Work { site: &site, images: &session.images, path: session.path.clone(), last });
+            shelf.keep(Work {
+                site: &site,
+                images: &session.images,
+                path: session.path.clone(),
+                last,
+                thumbnail,
+            });
         }
         let Some(autosave) = &self.autosave else { return };
         if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.held) {
@@ -158,13 +170,13 @@ impl App {
     pub(crate) fn write_export(&mut self, folder: &Path) {
         let Some(files) = self.export.files() else { return };
         let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
-        let count = files.len();
+        let count = counted(files.len(), "file", "files");
         match written {
             Ok(()) => {
                 self.act(Action::Note(if folder.as_os_str().is_empty() {
-                    format!("{count} files were handed over as downloads.")
+                    format!("Handed over as downloads: {count}.")
                 } else {
-                    format!("Wrote {count} files to {}.", folder.display())
+                    format!("Wrote {count} to {}.", folder.display())
                 }));
                 self.export.close();
             }

@@ -36,6 +36,7 @@ impl App {
             self.poll_shelf();
         }
         self.poll_picture(ctx);
+        self.watch_outside();
         for (command, modifiers) in keys::pressed(ctx, self.was_typing) {
             command::run(self, ctx, command, modifiers);
         }
@@ -54,6 +55,7 @@ impl App {
                 Sent::Discard(index) => self.discard_found(index),
                 Sent::OpenPath(path) => self.open_path(&path),
                 Sent::Decide(decision) => self.decide_on_file(decision),
+                Sent::Outside(allows) => self.settle_outside(allows),
                 Sent::Typed(typed) => self.typed(ctx, typed),
                 Sent::Command(command) => command::run(self, ctx, command, egui::Modifiers::NONE),
             }

@@ -290,7 +290,8 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_images(&painter, &app.pictures);
     let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
-    floor.paint_elements(&painter, cursor);
+    // What is dragged says how it moves: names under it would hide that.
+    floor.paint_elements(&painter, cursor.filter(|_| app.editor.tool().is_idle()));
     for points in app.editor.tool().rubber(Pane::Plan) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));

@@ -33,7 +33,7 @@ fn picture(session: &Session, shown: Shown<'_>) -> Result<Picture, String> {
     if !Here::HAS_FOLDERS && session.images.reader(name).made_by_name().is_some() {
         return Err(said("still being made; write the report again when it is shown".into()));
     }
-    let (href, bytes) = session.images.embedded(name, Here::read).map_err(said)?;
+    let (href, bytes) = session.images.embedded(name, Here::read_within).map_err(said)?;
     let size = match shown {
         Shown::Camera(camera) => camera.size_px,
         Shown::Plan => calib_input::size_of(&bytes).map_err(|error| said(error.to_string()))?,

@@ -76,6 +76,7 @@ impl App {
         let folder = path.parent().filter(|_| Here::HAS_FOLDERS).map(Path::to_path_buf);
         if folder.is_some() && folder != self.editor.session().images.folder {
             self.pictures.clear();
+            self.keep_reach();
         }
         self.act(Action::Saved { path, folder });
         if let Some(autosave) = &self.autosave {

@@ -23,6 +23,8 @@ pub struct Entry {
     pub when: String,
     /// The last finished gesture.
     pub last: String,
+    /// Its first still, small, as a `data:` URI.
+    pub thumbnail: Option<String>,
 }
 
 /// What is to be kept after a finished gesture.
@@ -36,6 +38,8 @@ pub struct Work<'a> {
     pub path: Option<PathBuf>,
     /// The gesture.
     pub last: &'a str,
+    /// Its first still, small, as a `data:` URI, once it was decoded.
+    pub thumbnail: Option<&'a str>,
 }
 
 /// What a shelf tells.

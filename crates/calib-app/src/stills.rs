@@ -18,6 +18,9 @@ impl App {
     }
 
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
+        if let Some(path) = &file.path {
+            self.allow_chosen(path);
+        }
         let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
         let name = match (&file.path, file.bytes) {
             (Some(path), _) => path.to_string_lossy().into_owned(),

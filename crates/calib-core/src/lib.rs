@@ -160,7 +160,7 @@ pub use single::{
     FitOptions, Fitted, FixedParameters, InvalidSegment, KINDS, Kind, KindRow, Known, Length, LensFit,
     LensOptions, Line, LocalMinimum, Orientation, PlanePrior, Prior, Priors, RULED_OUT, Repeats, SceneErrors,
     Shape, Sketch, USUAL_SIZES, Upright, UsualSize, closed_form, draw_next, findings, line_name,
-    paper_minimum, straightness_rms,
+    paper_minimum, straightness, straightness_rms,
 };
 #[cfg(feature = "serde")]
 pub use site::{
@@ -170,5 +170,5 @@ pub use site::{
     MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView,
     Options, Overlap, PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale,
     SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
-    Stage, TiltEntry, Warning,
+    Stage, TiltEntry, Warning, counted,
 };

@@ -51,6 +51,27 @@ fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoin
     Some((camera.pixel_to_plane(px, plane)?.on_floor(), sigma))
 }
 
+/// How far the points that two cameras show are apart on the floor, root mean square, and how far they may be.
+pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
+    let both = |link: &Link| {
+        let plane = plane_of(session, link);
+        let [a, b] = pair.map(|camera| {
+            let id = &session.site.cameras.get(camera)?.id;
+            place(session, link.seen.iter().find(|seen| seen.camera == *id)?, &plane)
+        });
+        let ((a, sigma_a), (b, sigma_b)) = (a?, b?);
+        Some((a.distance(b), sigma_a.zip(sigma_b).map(|(a, b)| a.hypot(b))))
+    };
+    let points = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Point);
+    let all: Vec<(f64, Option<f64>)> = points.filter_map(both).collect();
+    let rms = |values: &mut dyn Iterator<Item = f64>| {
+        (values.map(|value| value * value).sum::<f64>() / all.len() as f64).sqrt()
+    };
+    let sigmas: Option<Vec<f64>> = all.iter().map(|(_, sigma)| *sigma).collect();
+    let sigma = sigmas.map(|sigmas| rms(&mut sigmas.into_iter()));
+    (!all.is_empty()).then(|| Apart { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
+}
+
 /// How far two cameras of these poses put the points that both show from each other on the floor: root mean
 /// square, in metres.
 #[must_use]

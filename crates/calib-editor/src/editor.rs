@@ -1,5 +1,6 @@
 //! The open document with all that is held beside it: tool, selection, what was copied, what went wrong.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use calib_core::{Annotation, Camera, Code, Kind, Site, SiteCamera};
@@ -122,6 +123,12 @@ impl Editor {
     /// document is the same.
     pub fn store_image(&mut self, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) -> String {
         self.session.images.store(bytes, mime, name)
+    }
+
+    /// Has files be read as images though they are outside the site's folder; links in their paths are followed
+    /// already. The document is the same.
+    pub fn allow_images(&mut self, files: impl IntoIterator<Item = PathBuf>) {
+        self.session.images.allowed.extend(files);
     }
 
     /// Solves what differs from what was solved before, and whatever was put off. Whether anything did.

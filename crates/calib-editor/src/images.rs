@@ -1,11 +1,13 @@
 //! The images of a site: files beside it, or bytes in a store by id.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use base64::Engine as _;
 use calib_core::Site;
+
+use crate::reach::Reach;
 
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
 /// Prefix of the ids of stored images in the site as the app holds it.
@@ -14,8 +16,8 @@ const STORED: &str = "stored:";
 /// What can be said of a document that cannot be opened or saved.
 pub type FileResult<T> = Result<T, String>;
 
-/// Reads a file, as the platform does.
-pub type ReadFile = fn(&Path) -> FileResult<Vec<u8>>;
+/// Reads a file that is within reach, as the platform does.
+pub type ReadFile = fn(&Path, &Reach) -> FileResult<Vec<u8>>;
 
 /// Makes the bytes of an image that is not there.
 pub type Make = fn(&str) -> FileResult<Vec<u8>>;
@@ -27,6 +29,8 @@ pub struct Images {
     pub folder: Option<PathBuf>,
     /// Makes an image that is not there.
     pub missing: Option<Make>,
+    /// Files outside the folder that are read all the same, without links in their paths.
+    pub allowed: BTreeSet<PathBuf>,
     stored: BTreeMap<String, Stored>,
     /// What `missing` made, so that it is made once.
     made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
@@ -143,12 +147,30 @@ impl Images {
         site
     }
 
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
+    }
+
+    /// Where the file of an image is looked for; none of one that is stored.
+    #[must_use]
+    pub fn file(&self, name: &str) -> Option<PathBuf> {
+        let is_file = !self.stored.contains_key(name) && !name.starts_with("data:");
+        is_file.then(|| self.path(name))
+    }
+
+    /// From where files are read without asking.
+    #[must_use]
+    pub fn reach(&self) -> Reach {
+        Reach { folder: self.folder.clone(), allowed: self.allowed.clone() }
+    }
+
     /// Where an image comes from, to be read off the frame's path.
     #[must_use]
     pub fn reader(&self, name: &str) -> Source {
         Source {
             stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
-            path: self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name)),
+            path: self.path(name),
+            reach: self.reach(),
             missing: self.missing,
             name: name.to_owned(),
             made: Arc::clone(&self.made),
@@ -161,12 +183,22 @@ impl Images {
 pub struct Source {
     stored: Option<Arc<[u8]>>,
     path: PathBuf,
+    reach: Reach,
     missing: Option<Make>,
     name: String,
     made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
 impl Source {
+    /// The image that a `data:` URI holds.
+    #[must_use]
+    pub fn of_data_uri(uri: &str) -> Option<Self> {
+        let (mime, bytes) = parse_data_uri(uri)?;
+        let mut images = Images::default();
+        let id = images.store(bytes.into(), &mime, None);
+        Some(images.reader(&id))
+    }
+
     /// Its bytes; those of a file come from `read`.
     ///
     /// # Errors
@@ -174,8 +206,8 @@ impl Source {
     pub fn read(self, read: ReadFile) -> FileResult<Arc<[u8]>> {
         match (&self.stored, self.missing) {
             (Some(bytes), _) => Ok(Arc::clone(bytes)),
-            (None, Some(make)) => read(&self.path).map(Into::into).or_else(|_| self.make(make)),
-            (None, None) => read(&self.path).map(Into::into),
+            (None, Some(make)) => read(&self.path, &self.reach).map(Into::into).or_else(|_| self.make(make)),
+            (None, None) => read(&self.path, &self.reach).map(Into::into),
         }
     }
 
@@ -223,7 +255,9 @@ fn mime_of(bytes: &[u8]) -> &'static str {
     if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" }
 }
 
-fn data_uri(mime: &str, bytes: &[u8]) -> String {
+/// Bytes as a `data:` URI.
+#[must_use]
+pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", BASE64.encode(bytes))
 }
 

@@ -1,6 +1,6 @@
 //! The steps of one camera, and what each still needs.
 
-use calib_core::{Code, Kind, Parameter, Severity, Stage, Subject, straightness_rms};
+use calib_core::{Code, Kind, Parameter, Severity, Stage, Subject, counted, straightness_rms};
 
 use crate::session::Session;
 
@@ -101,7 +101,7 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
         warnings.iter().any(|warning| warning.code == Code::UninformativePolyline)
     };
     let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));
-    let counted = if edges == 1 { "1 straight edge".to_owned() } else { format!("{edges} straight edges") };
+    let drawn = counted(edges, "straight edge", "straight edges");
     if let Some(px) = bent_px(session, camera) {
         return (format!("bent by {px:.0} px, not fitted"), false);
     }
@@ -109,9 +109,9 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
         (Some(like), ..) => format!("like {like}"),
         (_, Some(given), _) if given.fit.is_none() => "given".into(),
         (.., 0) => "taken as straight".into(),
-        _ if is_fitted && is_vague => format!("from {counted}: too little"),
-        _ if is_fitted => format!("from {counted}"),
-        _ => format!("{counted}, not fitted"),
+        _ if is_fitted && is_vague => format!("from {drawn}: too little"),
+        _ if is_fitted => format!("from {drawn}"),
+        _ => format!("{drawn}, not fitted"),
     };
     (from, (is_fitted && !is_vague) || like.is_some())
 }
@@ -164,7 +164,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
             PLACE,
             match (placed, session.is_held_by_points(camera)) {
                 (true, _) if session.solved.is_out_of_date(camera) => "refined, out of date".into(),
-                (true, true) => format!("{} control points", entry.control_points.len()),
+                (true, true) => counted(entry.control_points.len(), "control point", "control points"),
                 (true, false) if solution.is_some_and(|s| s.stage == Stage::Refined) => {
                     "refined with the others".into()
                 }

@@ -130,7 +130,8 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     }
     let mut imported = site_of(given, &file.name)?;
     if with_points > 0 {
-        imported.notes.push(format!("{}: not taken: the points of {with_points} images", file.name));
+        let images = calib_core::counted(with_points, "image", "images");
+        imported.notes.push(format!("{}: not taken: the points of {images}", file.name));
     }
     let points = files.iter().filter(|file| file.base() == "points3D.txt");
     imported.notes.extend(points.map(|file| format!("{}: not taken", file.name)));

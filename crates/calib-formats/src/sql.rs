@@ -6,11 +6,14 @@
 //! G (a, b, q), homogeneous. Without distortion (q = 1) and for the division model (d1) that is exact;
 //! d1, d2 and d3 of other lenses are fitted, and how far they are off is said.
 
-use calib_core::{Distortion, Extent, FloorPoint};
+use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
 
 use crate::export::{Export, Scene, UNSEEN, rounded_up};
 use crate::tree::digits;
 use crate::view::{View, solved};
+
+/// What is at most between places that are tried, as a multiple of what is at most at them.
+const BETWEEN: f64 = 1.01;
 
 /// A camera's row of the table.
 struct Row<'a> {
@@ -83,7 +86,7 @@ impl<'a> Row<'a> {
         let view = self.view;
         let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
         let mut off = [0.0_f64; 2];
-        for (straight, raw) in view.samples() {
+        for (straight, raw) in view.samples().into_iter().chain(along_rays(view)) {
             let q = quotient(self.straighten, raw[0] * raw[0] + raw[1] * raw[1]);
             let (du, dv) = (raw[0] / q - straight[0], raw[1] / q - straight[1]);
             let pixels = if q > 0.0 { (du * self.focal[0]).hypot(dv * self.focal[1]) } else { f64::INFINITY };
@@ -94,7 +97,7 @@ impl<'a> Row<'a> {
             off[1] = off[1].max(metres);
         }
         off[1] = off[1].max(self.error_around());
-        off
+        off.map(|most| BETWEEN * most)
     }
 
     /// Largest error along the border of the EFOV, in metres: its far side is where pixels are widest.
@@ -133,6 +136,53 @@ impl<'a> Row<'a> {
         let cells: Vec<String> = numbers.iter().map(|&value| double(value)).collect();
         format!("  ('{}'{period}, {})", self.view.id.replace('\'', "''"), cells.join(", "))
     }
+}
+
+/// Undistorted and raw positions, as [`View::samples`], along rays from the principal point to the border of the
+/// image, evenly where they are undistorted: near the fold of a lens a hair's breadth of the image is many pixels.
+fn along_rays(view: &View) -> Vec<([f64; 2], [f64; 2])> {
+    const RAYS: usize = 256;
+    const STEPS: usize = 64;
+    const HALVINGS: usize = 40;
+    let (camera, centre) = (&view.camera, view.camera.lens.principal_point);
+    let near = |[u, v]: [f64; 2]| [(u - centre.u) / camera.focal, (v - centre.v) / camera.focal];
+    let mut found = Vec::with_capacity(RAYS * STEPS);
+    for end in border(view, RAYS) {
+        let at = |t: f64| Pixel::new(centre.u + t * (end.u - centre.u), centre.v + t * (end.v - centre.v));
+        // The part of the ray that the lens can take out.
+        let (mut known, mut beyond) = (0.0, 1.0);
+        if camera.undistort(end).is_some() {
+            known = 1.0;
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (known + beyond);
+            *(if camera.undistort(at(middle)).is_some() { &mut known } else { &mut beyond }) = middle;
+        }
+        let Some(last) = camera.undistort(at(known)) else { continue };
+        found.push((near([last.u, last.v]), near(at(known).into())));
+        found.extend((1..STEPS).filter_map(|step| {
+            let t = step as f64 / STEPS as f64;
+            let [u, v] = [centre.u + t * (last.u - centre.u), centre.v + t * (last.v - centre.v)];
+            let raw = camera.distort(UndistortedPixel::new(u, v))?;
+            Some((near([u, v]), near(raw.into())))
+        }));
+    }
+    found
+}
+
+/// Places on the border of the image, its corners among them.
+fn border(view: &View, count: usize) -> impl Iterator<Item = Pixel> {
+    let [w, h] = [0, 1].map(|i| f64::from(view.size[i]) / view.scale[i]);
+    let side = count / 4;
+    (0..count).map(move |i| {
+        let t = (i % side) as f64 / side as f64;
+        match i / side {
+            0 => Pixel::new(t * w, 0.0),
+            1 => Pixel::new(w, t * h),
+            2 => Pixel::new((1.0 - t) * w, h),
+            _ => Pixel::new(0.0, (1.0 - t) * h),
+        }
+    })
 }
 
 /// q of a square radius.

@@ -254,7 +254,7 @@ impl<'a> Node<'a> {
         let count = numbers.len();
         numbers.try_into().map_err(|_| {
             let place = self.place.trim_end_matches([' ', ':']);
-            FormatError::expected(place, format!("{count} numbers"), N)
+            FormatError::expected(place, calib_core::counted(count, "number", "numbers"), N)
         })
     }
 

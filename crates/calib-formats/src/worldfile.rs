@@ -58,7 +58,11 @@ fn numbers(file: &File) -> Result<[f64; 6], FormatError> {
     };
     let found = lines.iter().enumerate().map(number).collect::<Result<Vec<f64>, _>>()?;
     found.try_into().map_err(|found: Vec<f64>| {
-        FormatError::expected(&file.name, format!("{} numbers", found.len()), "the six of a world file")
+        FormatError::expected(
+            &file.name,
+            calib_core::counted(found.len(), "number", "numbers"),
+            "the six of a world file",
+        )
     })
 }
 

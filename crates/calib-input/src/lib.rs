@@ -16,4 +16,4 @@ pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
 #[cfg(feature = "write")]
 pub use part::{NoPlace, Part, place};
-pub use still::{StillError, decode, size_of, taken};
+pub use still::{StillError, decode, room_to_decode, size_of, taken};

@@ -100,17 +100,32 @@ pub fn taken(bytes: &[u8]) -> Option<String> {
     exif::time(&decoder.exif_metadata().ok()??)
 }
 
+/// Whether a still that another decoder takes, at so many bytes a pixel more than ours, is within the limits of
+/// [`decode`]; nothing is decoded.
+///
+/// # Errors
+/// When it is no still, not a whole one, or one too large.
+pub fn room_to_decode(bytes: &[u8], more_per_pixel: u64) -> Result<(), StillError> {
+    has_room(&opened(bytes)?.0, bytes, more_per_pixel)
+}
+
+fn has_room(decoder: &impl ImageDecoder, bytes: &[u8], more_per_pixel: u64) -> Result<(), StillError> {
+    let (width, height) = decoder.dimensions();
+    let more = (u64::from(width) * u64::from(height)).saturating_mul(more_per_pixel);
+    let needed = memory(decoder, bytes).saturating_add(more);
+    if needed > MAX_MEMORY {
+        return Err(StillError::TooLarge { size: [width, height], bytes: needed });
+    }
+    room_for(needed).map_err(StillError::Memory)
+}
+
 /// Turns bytes into an image, upright as its EXIF data says.
 ///
 /// # Errors
 /// When the bytes are no still, not a whole one, or one too large.
 pub fn decode(bytes: &[u8]) -> Result<RgbImage, StillError> {
     let (decoder, orientation) = opened(bytes)?;
-    let needed = memory(&decoder, bytes);
-    if needed > MAX_MEMORY {
-        return Err(StillError::TooLarge { size: decoder.dimensions().into(), bytes: needed });
-    }
-    room_for(needed).map_err(StillError::Memory)?;
+    has_room(&decoder, bytes, 0)?;
     let mut image = pixels(decoder)?;
     image.apply_orientation(orientation);
     Ok(image.into_rgb8())

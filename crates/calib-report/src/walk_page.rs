@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Disagreement, FloorPoint, WalkResult, Zone, Zones};
+use calib_core::{Disagreement, FloorPoint, WalkResult, Zone, Zones, counted};
 use calib_draw::Rgb;
 
 use crate::frame::{CLOSED, opened};
@@ -78,7 +78,7 @@ impl WalkPage<'_> {
         match self.result.disagreements.iter().find(|one| one.camera == index) {
             Some(one) => format!("disagrees ({:.1} sigmas): {}", one.sigmas_clear, direction(one)),
             None if together == 0 => "not tested: no other camera saw the walker at the same time".into(),
-            None => format!("agrees with the others at {together} moments"),
+            None => format!("agrees with the others at {}", counted(together, "moment", "moments")),
         }
     }
 
@@ -165,8 +165,7 @@ impl WalkPage<'_> {
 fn error(zone: &Zone) -> String {
     match (zone.error, zone.error_sigma) {
         (Some(error), Some(sigma)) => {
-            let moments =
-                if zone.together == 1 { "1 moment".into() } else { format!("{} moments", zone.together) };
+            let moments = counted(zone.together, "moment", "moments");
             format!("{} \u{b1} {} cm of {moments}", centimetres(error), centimetres(sigma))
         }
         _ if zone.moments > 0 => "one camera alone".into(),

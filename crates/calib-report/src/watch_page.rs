@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{CameraHealth, Change, Movement, Verdict, Watch};
+use calib_core::{CameraHealth, Change, Movement, Verdict, Watch, counted};
 use calib_draw::Rgb;
 
 use crate::frame::{CLOSED, opened};
@@ -51,10 +51,10 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
 /// A camera in a line.
 #[must_use]
 pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
-    let tracks = health.tracks;
+    let tracks = counted(usize::try_from(health.tracks).unwrap_or(usize::MAX), "track", "tracks");
     match (&health.change, health.verdict) {
         (Some(change), _) => format!(
-            "moved since {} (between {} and {}): {}; {}. {tracks} tracks",
+            "moved since {} (between {} and {}): {}; {}. {tracks}",
             instant(change.since),
             instant(change.between[0]),
             instant(change.between[1]),
@@ -62,9 +62,9 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
             told_by(change)
         ),
         (None, Verdict::CannotTell) => {
-            format!("cannot tell: {tracks} tracks are too few, or tell too little; {}", found(health))
+            format!("cannot tell: {tracks} here, too few or telling too little; {}", found(health))
         }
-        (None, _) => format!("unchanged: {tracks} tracks; {}", found(health)),
+        (None, _) => format!("unchanged: {tracks}; {}", found(health)),
     }
 }
 

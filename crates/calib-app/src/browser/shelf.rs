@@ -16,6 +16,7 @@ use wasm_bindgen_futures::{JsFuture, spawn_local};
 use crate::autosave::Found;
 use crate::demo;
 use crate::platform::web::page;
+use crate::recent::ago;
 use crate::shelf::{Entry, News, Shelf, Work};
 
 /// A kept site, as the database has it.
@@ -28,6 +29,7 @@ struct Record {
     name: String,
     cameras: usize,
     last: String,
+    thumbnail: Option<String>,
     path: Option<PathBuf>,
     /// Its images are made, not kept.
     demonstration: bool,
@@ -205,6 +207,7 @@ impl Shelf for Database {
             name: name.unwrap_or_default(),
             cameras: work.site.cameras.len(),
             last: work.last.to_owned(),
+            thumbnail: work.thumbnail.map(str::to_owned),
             path: work.path,
             demonstration: work.images.missing.is_some(),
             site: work.site.to_json(),
@@ -287,8 +290,8 @@ fn name_of(error: &JsValue) -> String {
 fn entry(record: &JsValue) -> Option<Entry> {
     let text = js_sys::JSON::stringify(record).ok()?.as_string()?;
     let record: Record = serde_json::from_str(&text).ok()?;
-    let date = js_sys::Date::new(&record.kept.into());
-    let when = date.to_locale_string("default", &JsValue::UNDEFINED).as_string().unwrap_or_default();
+    let seconds = |milliseconds: f64| (milliseconds / 1e3) as u64;
+    let when = ago(seconds(record.kept), seconds(js_sys::Date::now()));
     Some(Entry {
         id: record.id,
         name: record.name,
@@ -296,6 +299,7 @@ fn entry(record: &JsValue) -> Option<Entry> {
         bytes: record.bytes,
         when,
         last: record.last,
+        thumbnail: record.thumbnail,
     })
 }
 

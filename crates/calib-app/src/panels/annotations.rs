@@ -1,13 +1,13 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
-use calib_core::{Annotation, ConstraintKind, KINDS, Pixel, line_name};
+use calib_core::{Annotation, ConstraintKind, KINDS, Pixel, line_name, straightness};
 use calib_editor::{Action, Part, TOOLS, Units, places};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::icons::{self, Icon};
 use crate::panels::measured::empty_field;
 use crate::panels::usual::{self, Chosen};
-use crate::panels::{heading, length_field};
+use crate::panels::{heading, length_field, number};
 use crate::state::App;
 use crate::theme;
 
@@ -56,6 +56,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 for (segment, line) in annotation.polylines().enumerate() {
                     let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
                     line_row(app, ui, &annotations, &line, &mut wishes);
+                    if row.constraint == ConstraintKind::StraightEdge {
+                        point_rows(app, ui, &line);
+                    }
                 }
             }
         }
@@ -189,6 +192,34 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
     if switch(ui, rect, &name, !line.off) {
         wishes.push(Wish::Toggle(index));
     }
+}
+
+/// How far every point of a straight edge in the hand is from straight once the lens is taken out: the bad one is
+/// seen before the line is drawn again.
+fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
+    let session = app.editor.session();
+    let is_own = |part: &Part| match *part {
+        Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+            (annotation, segment) == (line.annotation, line.segment)
+        }
+        _ => false,
+    };
+    if line.points.len() < 3 || !session.selection.iter().any(is_own) {
+        return;
+    }
+    let Some(off) = session.pose().and_then(|pose| straightness(&pose.lens, line.points)) else { return };
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(64.0);
+        for (index, px) in off.into_iter().enumerate() {
+            let text =
+                RichText::new(number(px, 1)).small().color(theme::residual(palette, px.abs() / line.sigma));
+            let label = ui.label(text);
+            let words = format!("Point {} is {} px off", index + 1, number(px, 1));
+            label.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
+            label.on_hover_text(words);
+        }
+    });
 }
 
 /// The box that switches a line on or off; whether it was clicked.

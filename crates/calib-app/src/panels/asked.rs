@@ -1,5 +1,6 @@
-//! What has to be decided before anything is written: over whose work, and where.
+//! What has to be decided first: over whose work a file is written, and where; which files are read.
 
+use calib_core::counted;
 use egui::{Align2, Context, Key, RichText, TextEdit, Ui, Vec2, Window};
 
 use crate::choice::Purpose;
@@ -14,6 +15,9 @@ pub fn show(app: &mut App, ctx: &Context) {
     if let Some(field) = app.path_field.clone() {
         sheet("A path", ctx, |ui| path(app, ui, field));
     }
+    if !app.outside.asked.is_empty() {
+        sheet("Images elsewhere", ctx, |ui| outside(app, ui));
+    }
 }
 
 fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
@@ -23,6 +27,34 @@ fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
         .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
         .default_width(420.0)
         .show(ctx, contents);
+}
+
+/// Which images the site names outside its folder, and whether they are read.
+fn outside(app: &mut App, ui: &mut Ui) {
+    const MOST: usize = 8;
+    let palette = theme::palette(ui.ctx());
+    let files: Vec<String> = app.outside.asked.iter().map(|file| file.display().to_string()).collect();
+    ui.set_max_width(420.0);
+    let path = app.editor.session().path.as_deref().and_then(std::path::Path::file_name);
+    let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
+    let what = format!("{site} names {} outside its folder.", counted(files.len(), "image", "images"));
+    ui.label(RichText::new(what).font(theme::medium(13.0)));
+    for file in files.iter().take(MOST) {
+        ui.label(file);
+    }
+    if files.len() > MOST {
+        ui.label(format!("and {} more", files.len() - MOST));
+    }
+    let why =
+        "Whoever made the site chose them, not you. What is read is shown here, and stands in a report.";
+    ui.label(RichText::new(why).color(palette.text2));
+    ui.horizontal(|ui| {
+        for (text, allows) in [("Allow once for this site", true), ("Leave out", false)] {
+            if ui.button(text).clicked() {
+                app.decide_outside(allows);
+            }
+        }
+    });
 }
 
 fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {

@@ -1,6 +1,6 @@
 //! Links, a table: a row for each, a column for every camera that shows any.
 
-use calib_core::{Known, Link, LinkKind};
+use calib_core::{Known, Link, LinkKind, counted};
 use calib_editor::{Action, Apart, Part, apart, far_links, places};
 use egui::{RichText, ScrollArea, Ui, Vec2};
 
@@ -202,7 +202,8 @@ pub fn far_apart(app: &mut App, ui: &mut Ui) {
         return;
     }
     let palette = theme::palette(ui.ctx());
-    let text = format!("{far} of {all} links apart by more than 3 \u{3c3}");
+    let all = counted(all, "link", "links");
+    let text = format!("{far} of {all} apart by more than 3 \u{3c3}");
     let shows = ui.horizontal(|ui| {
         ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
         far > 0 && ui.button("Show").clicked()

@@ -1,11 +1,11 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
-use calib_core::{STAGE_1_HEIGHT, Sigmas};
+use calib_core::{Known, Placement, STAGE_1_HEIGHT, Sigmas};
 use calib_editor::{Action, Units};
-use egui::{DragValue, RichText, Ui};
+use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::command::Command;
-use crate::panels::result::cells;
+use crate::panels::result::{Number, cells, held_at, lock, number_row};
 use crate::panels::{digits, heading, length_field, number};
 use crate::state::App;
 use crate::theme;
@@ -21,68 +21,112 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let text = "Placed by control points. Switch them off to move it by hand.";
         ui.label(RichText::new(text).color(palette.text2));
         pose_rows(app, ui);
+        from_stage_1(app, ui);
         return;
     }
-    let Some(mut placement) = app.editor.session().placement(camera) else {
+    let Some(placement) = app.editor.session().placement(camera) else {
         ui.label(
             RichText::new("Draw lines on the image first: they tell how the camera looks at the floor.")
                 .color(palette.text2),
         );
         return;
     };
+    numbers(app, ui, &id, placement, fixed);
+    buttons(app, ui, fixed);
+    from_stage_1(app, ui);
+}
+
+/// The numbers of the place, to be typed, held and released.
+fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed: bool) {
+    let (palette, camera) = (theme::palette(ui.ctx()), app.editor.session().camera);
     let mut turn = placement.turn.to_degrees();
     let mut height = placement.scale * STAGE_1_HEIGHT;
-    let sigma = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
-    let sigma = sigma.as_ref();
-    let mut changed = None;
-    let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>, sigma: Option<(f64, f64)>| {
-        ui.horizontal(|ui| {
-            let label = ui.label(RichText::new(title).color(palette.text2));
-            ui.add_space((90.0 - label.rect.width()).max(0.0));
-            let response = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id);
-            if let Some((sigma, unit)) = sigma {
-                let text = format!("\u{b1} {}", number(sigma / unit, digits(sigma / unit)));
-                ui.label(RichText::new(text).color(palette.text3));
-            }
-            if response.changed() {
-                changed = Some(title.to_lowercase());
-            }
-        });
-    };
     let units = app.editor.session().units;
-    let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some((value(sigma?)?, unit));
+    let sigmas = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
+    let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some(value(sigmas.as_ref()?)? / unit);
     let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
-    field(ui, "x", length_field(units, &mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()));
-    field(ui, "y", length_field(units, &mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()));
-    field(ui, "Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0));
-    field(ui, "Height", length_field(units, &mut height, 1e-3), of(|s| s.z_m, units.metres()));
+    let known = Number::Height.known(app);
+    let place = fixed.then_some(true);
+    let rows = [
+        ("x", length_field(units, &mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()), place),
+        ("y", length_field(units, &mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()), place),
+        ("Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0), place),
+        (
+            "Height",
+            length_field(units, &mut height, 1e-3),
+            of(|s| s.z_m, units.metres()),
+            place.or(known.map(|known| known.fixed)),
+        ),
+    ];
+    let (mut changed, mut locked) = (None, None);
+    for (title, edit, sigma, is_held) in rows {
+        let asked = field(ui, title, edit, sigma, is_held);
+        changed = changed.or(asked.0.then_some(title));
+        locked = locked.or(asked.1.then_some(title));
+    }
     let scale = height / STAGE_1_HEIGHT;
     let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
     ui.label(RichText::new(text).small().color(palette.text3));
-    if let Some(what) = changed.filter(|_| height > 0.0) {
-        (placement.turn, placement.scale) = (turn.to_radians(), scale);
-        app.send(Action::Place { camera, placement, name: format!("set {what} of {id}") });
+    match locked {
+        // A height alone can be held; what else is held is held as a place.
+        Some("Height") if !fixed => {
+            let held = known.is_none().then(|| Known::fixed(held_at(height, 2)));
+            Number::Height.set(app, held);
+        }
+        Some(_) => app.tell(Command::FixPlacement),
+        None => {}
     }
-    buttons(app, ui, fixed);
-    from_stage_1(app, ui);
-    handles(ui);
+    if changed == Some("Height")
+        && let Some(known) = known.filter(|known| known.fixed && !fixed)
+    {
+        // What is held is what counts.
+        Number::Height.set(app, Some(Known { value: height, ..known }));
+    } else if let Some(what) = changed.filter(|_| height > 0.0) {
+        (placement.turn, placement.scale) = (turn.to_radians(), scale);
+        app.send(Action::Place { camera, placement, name: format!("set {} of {id}", what.to_lowercase()) });
+    }
+}
+
+/// A number of the place: its field, its sigma and its lock. Whether it was changed, and whether the lock was clicked.
+fn field(
+    ui: &mut Ui,
+    title: &str,
+    edit: DragValue<'_>,
+    sigma: Option<f64>,
+    is_held: Option<bool>,
+) -> (bool, bool) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        ui.add_space((56.0 - label.rect.width()).max(0.0));
+        let changed = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id).changed();
+        let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let tip = match (is_held, title) {
+                (Some(_), _) => "Let the others move it in a joint solve",
+                (None, "Height") => "Hold the height",
+                (None, _) => "Hold x, y, turn and height in a joint solve",
+            };
+            let clicked = lock(ui, &title.to_lowercase(), is_held, tip);
+            let (sure, why) = match sigma {
+                Some(sigma) => (number(sigma, digits(sigma)), "One sigma"),
+                // A hand says nothing of how sure it is, and unknown is not nothing.
+                None => ("?".into(), "Not known: links or control points tell how sure it is"),
+            };
+            ui.label(RichText::new(format!("\u{b1} {sure}")).color(palette.text2)).on_hover_text(why);
+            clicked
+        });
+        (changed, clicked.inner)
+    })
+    .inner
 }
 
 /// What the image tells of the camera, wherever it stands.
-fn from_stage_1(app: &App, ui: &mut Ui) {
-    let Some(solution) = app.editor.session().solution() else { return };
-    let sigma = solution.sigma.as_ref();
+fn from_stage_1(app: &mut App, ui: &mut Ui) {
+    let Some(solution) = app.editor.session().solution().cloned() else { return };
     ui.add_space(4.0);
     heading(ui, "From stage 1", "");
-    let rows = [
-        ("Pitch", solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), "\u{b0}"),
-        ("Roll", solution.roll_deg, sigma.and_then(|s| s.roll_deg), "\u{b0}"),
-        ("Focal", Some(solution.focal_px), sigma.and_then(|s| s.focal_px), "px"),
-    ];
-    for (title, value, sigma, unit) in rows {
-        let Some(value) = value else { continue };
-        let shown = sigma.map_or(2, digits).min(3);
-        ui.horizontal(|ui| cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit));
+    for which in [Number::Pitch, Number::Roll, Number::Focal] {
+        number_row(app, ui, &solution, which);
     }
 }
 
@@ -104,9 +148,13 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     }
 }
 
-fn handles(ui: &mut Ui) {
-    let palette = theme::palette(ui.ctx());
-    ui.add_space(4.0);
+/// What the handles of the camera in hand do.
+pub fn handles(app: &App, ui: &mut Ui) {
+    let (palette, session) = (theme::palette(ui.ctx()), app.editor.session());
+    if session.placement(session.camera).is_none() || session.is_held_by_points(session.camera) {
+        return;
+    }
+    heading(ui, "Handles", "");
     for (title, what) in [
         ("Foot, polygon", "move"),
         ("Ring", "turn about the camera"),

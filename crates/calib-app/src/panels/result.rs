@@ -11,7 +11,7 @@ use crate::theme;
 
 /// A number of the result that can be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
+pub(crate) enum Number {
     Focal,
     Pitch,
     Roll,
@@ -50,7 +50,7 @@ impl Number {
         })
     }
 
-    fn known(self, app: &App) -> Option<Known> {
+    pub(crate) fn known(self, app: &App) -> Option<Known> {
         let entry = app.editor.session().entry()?;
         let lens = entry.lens.as_ref();
         match self {
@@ -61,7 +61,7 @@ impl Number {
         }
     }
 
-    fn set(self, app: &mut App, known: Option<Known>) {
+    pub(crate) fn set(self, app: &mut App, known: Option<Known>) {
         let verb = match known {
             Some(known) if known.fixed => "hold",
             Some(_) => "believe",
@@ -93,31 +93,49 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
         return;
     };
-    let lines = solution.residuals.len();
-    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines} lines"));
+    let lines = calib_core::counted(solution.residuals.len(), "line", "lines");
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines}"));
     heading(ui, "Result", &rms);
-    let mut change = None;
     for which in NUMBERS {
-        if let Some((value, sigma)) = which.of(&solution) {
-            let known = which.known(app);
-            let unit = which.unit(app.editor.session().units);
-            let [to, from] = [1.0 / unit.1, unit.1];
-            let shown = (to * value, sigma.map(|sigma| to * sigma));
-            let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
-            let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
-            if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
-                change = Some((which, new.map(|known| scaled(known, from))));
-            }
-            if which == Number::Focal {
-                view_row(app, ui, &solution);
-            }
+        number_row(app, ui, &solution, which);
+        if which == Number::Focal {
+            view_row(app, ui, &solution);
         }
     }
     lens_row(ui, &solution);
     floor_row(ui, &solution);
-    if let Some((which, known)) = change {
-        which.set(app, known);
+}
+
+/// A number of a result with its sigma and its lock.
+pub(crate) fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
+    let Some((value, sigma)) = which.of(solution) else { return };
+    let known = which.known(app);
+    let unit = which.unit(app.editor.session().units);
+    let [to, from] = [1.0 / unit.1, unit.1];
+    let shown = (to * value, sigma.map(|sigma| to * sigma));
+    let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+    let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
+    if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
+        which.set(app, new.map(|known| scaled(known, from)));
     }
+}
+
+/// A held number keeps the digits that its uncertainty supports, and one more.
+pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
+    let digits = 10_f64.powi(digits as i32 + 1);
+    (value * digits).round() / digits
+}
+
+/// The lock of a number that is held, believed or neither; whether it was clicked.
+pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -> bool {
+    let palette = theme::palette(ui.ctx());
+    let (icon, colour, verb) = match is_held {
+        Some(true) => (Icon::Locked, palette.accent, "Release"),
+        Some(false) => (Icon::Locked, palette.warn, "Release"),
+        None => (Icon::Unlocked, palette.text3, "Hold"),
+    };
+    let look = Look { size: Vec2::splat(18.0), colour: Some(colour), ..Look::default() };
+    icons::button(ui, icon, &format!("{verb} the {title}"), tip, look).clicked()
 }
 
 /// What is known, in another unit.
@@ -137,22 +155,13 @@ fn row(
     let mut change = None;
     ui.horizontal(|ui| {
         cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
-        let (icon, colour) = match known {
-            Some(known) if known.fixed => (Icon::Locked, Some(theme::palette(ui.ctx()).accent)),
-            Some(_) => (Icon::Locked, Some(theme::palette(ui.ctx()).warn)),
-            None => (Icon::Unlocked, Some(theme::palette(ui.ctx()).text3)),
-        };
-        let look = Look { size: Vec2::splat(18.0), colour, ..Look::default() };
         let title = which.title().to_lowercase();
-        let (label, tip) = match known {
-            None => (format!("Hold the {title}"), format!("Hold the {title} at {}", number(value, shown))),
-            Some(_) => (format!("Release the {title}"), format!("Let the lines tell the {title}")),
+        let tip = match known {
+            None => format!("Hold the {title} at {}", number(value, shown)),
+            Some(_) => format!("Let the lines tell the {title}"),
         };
-        if icons::button(ui, icon, &label, &tip, look).clicked() {
-            // A held number keeps the digits that its uncertainty supports, and one more.
-            let digits = 10_f64.powi(shown as i32 + 1);
-            let held = (value * digits).round() / digits;
-            change = Some(known.is_none().then(|| Known::fixed(held)));
+        if lock(ui, &title, known.map(|known| known.fixed), &tip) {
+            change = Some(known.is_none().then(|| Known::fixed(held_at(value, shown))));
         }
     });
     if let Some(known) = known {

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use calib_core::counted;
 use calib_editor::{Images, Source};
 use egui::{Align, Button, Color32, Layout, RichText, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::autosave::Found;
 use crate::command::Command;
-use crate::icons::{self, Icon};
+use crate::panels::step_pictures::{CHECK, DRAW, PLACE, Picture, SIZE, paint};
 use crate::picture::cropped;
 use crate::platform::{Here, Platform as _};
 use crate::recent::{Recent, ago};
@@ -15,13 +16,16 @@ use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
 
+/// How wide rows of sites are, in points.
+const ROW: f32 = 560.0;
+
 const TITLE: &str = "Calibrate cameras from their still images";
 
 /// What is done, in three pictures.
-const STEPS: [(Icon, &str, &str); 3] = [
-    (Icon::Vertical, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
-    (Icon::Plan, "Place", "Its field of view is moved, turned and scaled on the plan."),
-    (Icon::All, "Check", "A mark stands on the same spot in every view."),
+const STEPS: [(Picture, &str, &str); 3] = [
+    (DRAW, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
+    (PLACE, "Place", "Its field of view is moved, turned and scaled on the plan."),
+    (CHECK, "Check", "A mark stands on the same spot in every view."),
 ];
 
 /// What to begin with.
@@ -43,7 +47,8 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         ui.vertical_centered(|ui| {
             ui.set_max_width(ui.available_width().min(720.0) - 24.0);
-            ui.add_space((0.5 * ui.available_height() - 320.0).max(12.0));
+            ui.add_space((0.5 * ui.available_height() - 350.0).max(12.0));
+            let card = Card::begin(ui);
             ui.label(RichText::new(TITLE).font(theme::medium(22.0)));
             ui.add_space(4.0);
             ui.add_space(8.0);
@@ -72,6 +77,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                 ui.add_space(12.0);
                 ui.label(RichText::new(error).color(palette.bad));
             }
+            card.end(ui);
         })
     });
     if let Some((index, goes_on)) = recover {
@@ -79,6 +85,29 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
     if let Some(command) = chosen {
         app.tell(command);
+    }
+}
+
+/// The card that everything lies on: painted below it once its end is known.
+struct Card {
+    shape: egui::layers::ShapeIdx,
+    top: f32,
+}
+
+impl Card {
+    const MARGIN: f32 = 24.0;
+
+    fn begin(ui: &mut Ui) -> Self {
+        let card = Self { shape: ui.painter().add(egui::Shape::Noop), top: ui.cursor().top() };
+        ui.add_space(Self::MARGIN);
+        card
+    }
+
+    fn end(self, ui: &mut Ui) {
+        ui.add_space(Self::MARGIN);
+        let rect = ui.max_rect().with_min_y(self.top).with_max_y(ui.min_rect().bottom());
+        let fill = theme::palette(ui.ctx()).panel;
+        ui.painter().set(self.shape, egui::Shape::rect_filled(rect, 12.0, fill));
     }
 }
 
@@ -92,12 +121,15 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
         let words = told(found);
         let fill = theme::palette(ui.ctx()).accent_bg;
-        egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
-            ui.set_max_width(460.0);
-            ui.horizontal(|ui| {
-                thumbnail(app, ui, image);
-                ui.vertical(|ui| {
-                    recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+        let width = ui.available_width().min(ROW);
+        ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
+            egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
+                ui.set_width(width - 24.0);
+                ui.horizontal(|ui| {
+                    thumbnail(app, ui, image);
+                    ui.vertical(|ui| {
+                        recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+                    });
                 });
             });
         });
@@ -147,7 +179,7 @@ fn recent(app: &mut App, ui: &mut Ui) {
     let list: Vec<Recent> = app.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
     ui.add_space(12.0);
-    ui.allocate_ui(Vec2::new(ui.available_width().min(560.0), 0.0), |ui| {
+    ui.allocate_ui(Vec2::new(ui.available_width().min(ROW), 0.0), |ui| {
         super::heading(ui, "Recent sites", "");
         for recent in list {
             recent_row(app, ui, &recent, now);
@@ -158,7 +190,8 @@ fn recent(app: &mut App, ui: &mut Ui) {
 fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     let palette = theme::palette(ui.ctx());
     let image = recent.image.as_ref().map(|path| path.to_string_lossy().into_owned());
-    let image = image.map(|path| (path.clone(), Images::default().reader(&path)));
+    let images = Images::beside(recent.path.parent().map(Path::to_path_buf), None);
+    let image = image.map(|path| (path.clone(), images.reader(&path)));
     ui.horizontal(|ui| {
         thumbnail(app, ui, image);
         ui.vertical(|ui| {
@@ -178,13 +211,15 @@ fn pictures(ui: &mut Ui) {
     const WIDTH: f32 = 190.0;
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
-        ui.add_space((0.5 * (ui.available_width() - 3.0 * (WIDTH + 8.0))).max(0.0));
-        for (icon, title, text) in STEPS {
-            ui.allocate_ui_with_layout(Vec2::new(WIDTH, 104.0), Layout::top_down(Align::Min), |ui| {
-                egui::Frame::NONE.fill(palette.panel).corner_radius(8).inner_margin(10).show(ui, |ui| {
+        ui.add_space(
+            (0.5 * (ui.available_width() - 3.0 * WIDTH - 2.0 * ui.spacing().item_spacing.x)).max(0.0),
+        );
+        for (picture, title, text) in STEPS {
+            ui.allocate_ui_with_layout(Vec2::new(WIDTH, 160.0), Layout::top_down(Align::Min), |ui| {
+                egui::Frame::NONE.fill(palette.bg).corner_radius(8).inner_margin(10).show(ui, |ui| {
                     ui.set_width(WIDTH - 20.0);
-                    let (rect, _) = ui.allocate_exact_size(Vec2::new(28.0, 28.0), Sense::hover());
-                    icons::paint(ui.painter(), icon, rect, 26.0, palette.accent);
+                    let (rect, _) = ui.allocate_exact_size(SIZE, Sense::hover());
+                    paint(ui.painter(), picture, rect.min);
                     ui.label(RichText::new(title).font(theme::medium(13.0)));
                     ui.label(RichText::new(text).small().color(palette.text2));
                 });
@@ -196,27 +231,38 @@ fn pictures(ui: &mut Ui) {
 /// The sites that the shelf keeps, each a row.
 fn kept(app: &mut App, ui: &mut Ui) {
     let entries = app.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
-    let Some(shelf) = app.shelf.as_mut().filter(|_| !entries.is_empty()) else { return };
+    if entries.is_empty() {
+        return;
+    }
     let palette = theme::palette(ui.ctx());
     ui.add_space(12.0);
-    let width = ui.available_width().min(560.0);
+    let width = ui.available_width().min(ROW);
     ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
         let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
         super::heading(
             ui,
             "Recent sites in this browser",
-            &format!("{} sites, {}", entries.len(), size(bytes)),
+            &format!("{}, {}", counted(entries.len(), "site", "sites"), size(bytes)),
         );
-        ScrollArea::vertical().max_height(160.0).show(ui, |ui| {
+        ScrollArea::vertical().max_height(232.0).show(ui, |ui| {
             for entry in &entries {
                 ui.horizontal(|ui| {
-                    row(shelf.as_mut(), ui, entry);
+                    thumbnail(app, ui, still_of(entry));
+                    if let Some(shelf) = &mut app.shelf {
+                        row(shelf.as_mut(), ui, entry);
+                    }
                 });
                 let rect = ui.min_rect();
                 ui.painter().hline(rect.x_range(), rect.bottom(), Stroke::new(1.0, palette.line));
             }
         });
     });
+}
+
+/// The still that an entry of the shelf shows, with the name by which it is decoded once.
+fn still_of(entry: &Entry) -> Option<(String, Source)> {
+    let source = Source::of_data_uri(entry.thumbnail.as_deref()?)?;
+    Some((format!("{} {}", entry.id, entry.bytes), source))
 }
 
 fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
@@ -247,7 +293,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
 }
 
 fn cameras(count: usize) -> String {
-    if count == 1 { "1 camera".into() } else { format!("{count} cameras") }
+    counted(count, "camera", "cameras")
 }
 
 /// Bytes for the eye.
@@ -266,6 +312,10 @@ mod tests {
     fn the_page_says_the_same_before_the_program_is_there() {
         let page = include_str!("../../web/index.html");
         let mut at = 0;
+        let picture = |picture: Picture| crate::panels::step_pictures::svg(picture);
+        for (picture, title) in STEPS.map(|(drawn, title, _)| (picture(drawn), title)) {
+            assert!(page.contains(&format!("{picture}<h2>{title}</h2>")), "{title} should be\n{picture}");
+        }
         let words = std::iter::once(TITLE)
             .chain(STEPS.into_iter().flat_map(|(_, title, text)| [title, text]))
             .chain(CHOICES.into_iter().map(|(text, _)| text))

@@ -1,6 +1,6 @@
 //! The line below: what the next click does, where the cursor is, how the solve went.
 
-use calib_core::{Pixel, SurfacePoint, SurfaceProjector};
+use calib_core::{Pixel, SurfacePoint, SurfaceProjector, counted};
 use calib_editor::{Pane, plan_scale};
 use calib_image::Verdict;
 use egui::{Align, Layout, RichText, Ui};
@@ -48,10 +48,8 @@ fn proposal_hint(app: &App) -> Option<String> {
         Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
         None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
         None => {
-            let count = proposed.count();
-            format!(
-                "{count} lines proposed: Enter accepts all, Esc dismisses them, a click on one chooses it."
-            )
+            let lines = counted(proposed.count(), "line", "lines");
+            format!("{lines} proposed: Enter accepts all, Esc dismisses them, a click on one chooses it.")
         }
     })
 }
@@ -82,7 +80,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     }
     if let Some(refining) = &app.refining {
         ui.spinner();
-        let text = format!("refining {} cameras", refining.from.cameras.len());
+        let text = format!("refining {}", counted(refining.from.cameras.len(), "camera", "cameras"));
         ui.label(RichText::new(text).color(palette.text2));
     }
     if let Some(proposing) = &app.proposing {
@@ -96,7 +94,9 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     }
     if loading > 0 {
         ui.spinner();
-        ui.label(RichText::new(format!("reading {loading} images")).color(palette.text2));
+        ui.label(
+            RichText::new(format!("reading {}", counted(loading, "image", "images"))).color(palette.text2),
+        );
     }
     if app.edges.looking() > 0 {
         ui.spinner();

@@ -85,7 +85,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
     pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
-    camera_header(app, ui, above, camera, &switches);
+    camera_header(app, ui, above, (camera, place), &switches);
 }
 
 /// The camera in hand, and below it the one that shares most of its floor.
@@ -97,7 +97,7 @@ fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     };
     let (top, bottom) = rect.split_top_bottom_at_fraction(0.52);
     single(app, ui, top, camera, Place::Half);
-    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), other, &[]);
+    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), (other, Place::Tile), &[]);
     pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
 }
 
@@ -119,11 +119,17 @@ fn neighbour(app: &App, camera: usize) -> Option<usize> {
     others.filter(|(_, seen)| *seen > 0).max_by_key(|(_, seen)| *seen).map(|(index, _)| index)
 }
 
-fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches: &[Command]) {
+fn camera_header(
+    app: &mut App,
+    ui: &mut Ui,
+    rect: Rect,
+    (camera, place): (usize, Place),
+    switches: &[Command],
+) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
-    let title = entry.name.clone().unwrap_or_else(|| entry.id.clone());
-    let key = (Place::Main, Pane::Image(camera));
+    let (id, title) = (entry.id.clone(), entry.name.clone().unwrap_or_else(|| entry.id.clone()));
+    let key = (place, Pane::Image(camera));
     let zoom = app.panes.views.get(&key).map_or_else(String::new, |view| {
         // Of the screen's own pixels, not of points.
         let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
@@ -139,7 +145,11 @@ fn camera_header(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, switches
     let name = clip.text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
     if !switches.is_empty() {
         let at = name.right_center() + Vec2::new(10.0, 0.0);
-        clip.text(at, Align2::LEFT_CENTER, zoom, theme::regular(12.0), palette.text2);
+        let shown = clip.text(at, Align2::LEFT_CENTER, &zoom, theme::regular(12.0), palette.text2);
+        let response = ui.interact(shown, ui.scope_id().with(("zoom", key)), Sense::hover());
+        let words = format!("{id} at {zoom}");
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
+        response.on_hover_text("At 100 % a pixel of the image is a pixel of the screen.");
     }
 }
 
@@ -209,7 +219,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
                     header(app, ui, above, "Floor", &[Command::Blend]);
                     pane::plan(app, ui, below, Place::Tile);
                 } else {
-                    camera_header(app, ui, above, index, &[]);
+                    camera_header(app, ui, above, (index, Place::Tile), &[]);
                     pane::image(app, ui, below, index, Place::Tile);
                     if index == app.editor.session().camera {
                         let stroke = Stroke::new(1.0, theme::palette(ui.ctx()).accent);

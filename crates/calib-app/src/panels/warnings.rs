@@ -1,7 +1,7 @@
 //! What an operator should know of a result, with what to do about it as a button.
 
 use calib_core::{Code, Finding, Severity, Subject, Warning};
-use calib_editor::{Action, Part};
+use calib_editor::{Action, Part, site_subject};
 use egui::{RichText, Ui};
 
 use crate::command::Command;
@@ -64,11 +64,38 @@ fn grant(app: &mut App, deed: Deed) {
 }
 
 /// The warnings of the site as a whole.
-pub fn site(app: &App, ui: &mut Ui) {
-    let warnings = app.editor.session().solved.joint_report().map(|report| report.site.warnings.clone());
-    for warning in warnings.unwrap_or_default() {
-        card(ui, &warning, |_| {});
+pub fn site(app: &mut App, ui: &mut Ui) {
+    let session = app.editor.session();
+    let Some(report) = session.solved.joint_report() else { return };
+    let mut wish = None;
+    for warning in &report.site.warnings {
+        card(ui, warning, |ui| {
+            if ui.button("Show").clicked() {
+                wish = Some(site_subject(&session.site, report, warning));
+            }
+        });
     }
+    if let Some(subject) = wish {
+        show_subject(app, subject);
+    }
+}
+
+/// Selects what a warning of the site is about, and shows every camera: what cameras share stands in all of them.
+fn show_subject(app: &mut App, subject: Option<Subject>) {
+    let site = app.editor.site();
+    let camera_of = |id: &str| site.cameras.iter().position(|camera| camera.id == id);
+    let first = |link: usize| site.links.get(link).and_then(|link| camera_of(&link.seen.first()?.camera));
+    let action = match subject {
+        Some(Subject::Link(link)) => {
+            first(link).map(|camera| Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }))
+        }
+        Some(Subject::Mark(mark)) => Some(Action::Select(Part::Mark(mark))),
+        Some(Subject::Camera(camera)) => Some(Action::Choose(camera)),
+        _ => None,
+    };
+    app.send(Action::Drop);
+    app.tell(Command::ViewAll);
+    action.into_iter().for_each(|action| app.send(action));
 }
 
 fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {

@@ -11,7 +11,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use calib_core::{Site, SiteCamera};
-use calib_editor::{Edge, FileResult, Source};
+use calib_editor::{Edge, FileResult, Reach, Source};
 use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
@@ -53,6 +53,15 @@ pub(crate) trait Platform {
     /// # Errors
     /// When it is not there, or larger than that.
     fn read(path: &Path) -> FileResult<Vec<u8>>;
+
+    /// Reads a file as [`Self::read`] does, if it is within reach once every link is followed.
+    ///
+    /// # Errors
+    /// When it is not, and as that.
+    fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>>;
+
+    /// Where a path leads once every link is followed; none where there is no file.
+    fn real(path: &Path) -> Option<PathBuf>;
 
     /// Writes a file whole or not at all, and waits until the disk has it.
     ///

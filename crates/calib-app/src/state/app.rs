@@ -7,8 +7,8 @@ use calib_editor::{Action, Command, Edge, Editor, Pane, Part, TOOLS, edges, edit
 use egui::Context;
 
 use super::{
-    Conflict, Decision, Layers, List, Mode, Orbit, Palette, Panes, PathField, Place, Planning, Read, Sent,
-    Sheet, Tour,
+    Conflict, Decision, Layers, List, Mode, Orbit, Outside, Palette, Panes, PathField, Place, Planning, Read,
+    Sent, Sheet, Tour,
 };
 use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::View;
@@ -22,6 +22,7 @@ use crate::recent::{self, Recent};
 use crate::refine::Refining;
 use crate::shelf::Shelf;
 use crate::theme;
+use crate::thumbnail::Thumbnail;
 
 /// What views read: the document, how it is looked at, and what is under way.
 #[derive(Debug)]
@@ -85,6 +86,8 @@ pub struct App {
     pub recent: Vec<Recent>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
+    /// The small still by which the site is known where sites are kept.
+    pub(crate) thumbnail: Thumbnail,
     /// Where a browser keeps sites.
     pub shelf: Option<Box<dyn Shelf>>,
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
@@ -95,6 +98,8 @@ pub struct App {
     pub(crate) as_held: Option<Site>,
     /// A file that waits for a decision.
     pub conflict: Option<Conflict>,
+    /// Images that the site names outside its folder.
+    pub outside: Outside,
     /// A path that is typed in place of a file chooser.
     pub path_field: Option<PathField>,
     /// Where autosaves are.
@@ -151,12 +156,14 @@ impl App {
             found,
             recent: folder.as_deref().map(recent::list).unwrap_or_default(),
             chooser: Dialog::open,
+            thumbnail: Thumbnail::default(),
             shelf: None,
             arriving: Vec::new(),
             autosave,
             held: None,
             as_held: None,
             conflict: None,
+            outside: Outside::default(),
             path_field: None,
             folder,
             claims,
@@ -203,6 +210,11 @@ impl App {
         self.sent.push(Sent::Decide(decision));
     }
 
+    /// Decides whether images outside the site's folder are read, at the end of the frame.
+    pub(crate) fn decide_outside(&mut self, allows: bool) {
+        self.sent.push(Sent::Outside(allows));
+    }
+
     /// Takes a path that was typed, or none, at the end of the frame.
     pub(crate) fn take_typed(&mut self, typed: Option<PathField>) {
         self.sent.push(Sent::Typed(typed));
@@ -245,7 +257,12 @@ impl App {
     /// Closes what is open above the window. Whether anything was.
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.export.close();
-        let was_asked = self.conflict.take().is_some() | self.path_field.take().is_some();
+        let was_asked = self.conflict.take().is_some()
+            | self.path_field.take().is_some()
+            | !self.outside.asked.is_empty();
+        if !self.outside.asked.is_empty() {
+            self.decide_outside(false);
+        }
         let was_open = exported
             || was_asked
             || self.palette.is_open()

@@ -3,6 +3,7 @@
 mod mode;
 mod conflict;
 mod path_field;
+mod outside;
 mod sent;
 mod panes;
 mod layers;
@@ -25,6 +26,7 @@ pub use layers::Layers;
 pub use list::{List, Order};
 pub use mode::Mode;
 pub use orbit::Orbit;
+pub use outside::Outside;
 pub use palette::Palette;
 pub use panes::{Panes, Place};
 pub use path_field::PathField;

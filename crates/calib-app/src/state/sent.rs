@@ -17,6 +17,8 @@ pub(crate) enum Sent {
     OpenPath(PathBuf),
     /// What becomes of a file that is not written without asking.
     Decide(Decision),
+    /// Whether images outside the site's folder are read.
+    Outside(bool),
     /// A path was typed, or is not to be.
     Typed(Option<PathField>),
 }

@@ -52,7 +52,10 @@ impl App {
         self.edges.stop();
         self.act(Action::Note(match count {
             0 => "Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into(),
-            count => format!("Cancelled: {count} images were not taken. Add them again if they are wanted."),
+            count => {
+                let images = calib_core::counted(count, "image", "images");
+                format!("Cancelled before {images} could be taken. Add again what is wanted.")
+            }
         }));
     }
 

@@ -32,8 +32,12 @@ impl Desk {
         Self::with(site, Images::default())
     }
 
-    /// A window of 1440 x 900 with this site and its images.
-    pub(crate) fn with(site: Site, images: Images) -> Self {
+    /// A window of 1440 x 900 with this site and its images, whose operator chose every one of its files.
+    pub(crate) fn with(site: Site, mut images: Images) -> Self {
+        let names = calib_editor::image_names(&site);
+        let files =
+            names.iter().filter_map(|name| images.file(name)).filter_map(|file| file.canonicalize().ok());
+        images.allowed = files.collect();
         let mut app = App::new(&Context::default(), None);
         app.chooser = |purpose| Dialog::answered(purpose, Vec::new());
         app.open_site(site, images, None);

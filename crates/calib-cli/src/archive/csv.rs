@@ -221,7 +221,7 @@ struct CsvSink<'a> {
     writer: Writer<Output<'a>>,
     is_verbatim: bool,
     /// Cells that got an apostrophe.
-    quoted: u64,
+    quoted: usize,
 }
 
 pub(super) fn create<'a>(
@@ -269,10 +269,10 @@ impl Sink for CsvSink<'_> {
 
     fn finish(mut self: Box<Self>) -> Result<(), Stop> {
         if self.quoted > 0 {
+            let cells = calib_core::counted(self.quoted, "cell", "cells");
             say(format_args!(
-                "calib: {} cells that a spreadsheet would take for a formula begin with an apostrophe; --verbatim \
-                 writes them as they are",
-                self.quoted
+                "calib: an apostrophe was put before {cells} that a spreadsheet would take for a formula; --verbatim \
+                 leaves it out"
             ));
         }
         Ok(self.writer.flush()?)

@@ -69,7 +69,7 @@ pub use plumb_line::{LensFit, LensOptions};
 pub use prior::{Prior, Priors};
 pub use repeats::Repeats;
 pub use scene_errors::{Deviation, SceneErrors};
-pub use straightness::{Edge, straightness_rms};
+pub use straightness::{Edge, straightness, straightness_rms};
 pub use usual_sizes::{USUAL_SIZES, UsualSize};
 
 pub(crate) use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};

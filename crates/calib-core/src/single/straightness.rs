@@ -49,7 +49,8 @@ pub(crate) fn edge_redundancy<'a>(edges: impl Iterator<Item = &'a Edge>, times: 
 
 /// Distances of the points of a polyline from the best line through them once undistorted, in raw
 /// pixels; `None` where a point cannot be undistorted.
-pub(crate) fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
+#[must_use]
+pub fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
     UndistortedPolyline::new(lens, points).map(|polyline| polyline.distances())
 }
 

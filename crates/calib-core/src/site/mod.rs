@@ -56,7 +56,7 @@ pub use document::{
     ControlPointEntry, Format, Georeference, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
 };
 pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
-pub use english::Names;
+pub use english::{Names, counted};
 pub use finding_entry::FindingEntry;
 pub use lens_cache::LensCache;
 pub use options::Options;

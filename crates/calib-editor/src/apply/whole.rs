@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{Site, SiteCamera, counted};
 
 use crate::action::Opened;
 use crate::editor::Editor;
@@ -77,13 +77,15 @@ impl Editor {
                 }
             }
         }
+        let [lenses_in_words, added_in_words] =
+            [counted(lenses, "lens", "lenses"), counted(added, "camera", "cameras")];
         self.session.commit(match (lenses, added) {
-            (_, 0) => format!("import {lenses} lenses"),
-            (0, _) => format!("import {added} cameras"),
-            _ => format!("import {lenses} lenses and {added} cameras"),
+            (_, 0) => format!("import {lenses_in_words}"),
+            (0, _) => format!("import {added_in_words}"),
+            _ => format!("import {lenses_in_words} and {added_in_words}"),
         });
         let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
-        self.session.note = Some(format!("{lenses} lenses taken, {added} cameras added.{notes}"));
+        self.session.note = Some(format!("{lenses_in_words} taken, {added_in_words} added.{notes}"));
     }
 
     /// Takes a camera that comes in: its lens where it is known, else as a camera more. Whether it is one more.

@@ -4,8 +4,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use calib_core::MAX_BYTES;
-use calib_editor::FileResult;
 use calib_editor::file_name::is_image;
+use calib_editor::{FileResult, Reach};
 use calib_input::Part;
 
 /// Reads a file of any size a site or image may have.
@@ -14,6 +14,21 @@ use calib_input::Part;
 /// When it is no regular file that is there, or larger than that.
 pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
     calib_input::read(path, MAX_BYTES as u64).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Reads a file as [`read`] does, if it is within reach.
+///
+/// # Errors
+/// When it is not, and as that.
+pub(super) fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>> {
+    let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
+    // What is asked about is what is read: no link is followed in between.
+    if !reach.holds(&real, |path| path.canonicalize().ok()) {
+        let why =
+            "outside the folder of the site, and left out. \u{201c}Read images again\u{201d} asks for it.";
+        return Err(format!("{}: {why}", path.display()));
+    }
+    read(&real)
 }
 
 /// Writes a file whole or not at all, and waits until the disk has it.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_core::{Site, SiteCamera};
-use calib_editor::{Edge, FileResult, Source};
+use calib_editor::{Edge, FileResult, Reach, Source};
 use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
@@ -37,6 +37,14 @@ impl Platform for Native {
 
     fn read(path: &Path) -> FileResult<Vec<u8>> {
         files::read(path)
+    }
+
+    fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>> {
+        files::read_within(path, reach)
+    }
+
+    fn real(path: &Path) -> Option<PathBuf> {
+        path.canonicalize().ok()
     }
 
     fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {

@@ -17,7 +17,7 @@ pub(super) fn picture<T: Send + 'static>(
     source: Source,
     then: impl FnOnce(RgbImage) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
-    Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read)?)?)))
+    Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read_within)?)?)))
 }
 
 pub(super) fn size_of<T: Send + 'static>(
@@ -27,7 +27,7 @@ pub(super) fn size_of<T: Send + 'static>(
     then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
     Task::spawn(ctx, move || {
-        let bytes = source.read(files::read)?;
+        let bytes = source.read(files::read_within)?;
         let picture = || {
             let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
             let image = decode(drawn.as_deref().unwrap_or(&bytes))?;

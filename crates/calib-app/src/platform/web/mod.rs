@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_core::{Site, SiteCamera};
-use calib_editor::{Edge, FileResult, Source};
+use calib_editor::{Edge, FileResult, Reach, Source};
 use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
@@ -44,6 +44,14 @@ impl Platform for Web {
     /// What the browser was not given is not there.
     fn read(path: &Path) -> FileResult<Vec<u8>> {
         Err(format!("{}: drop this image here", path.display()))
+    }
+
+    fn read_within(path: &Path, _: &Reach) -> FileResult<Vec<u8>> {
+        Self::read(path)
+    }
+
+    fn real(_: &Path) -> Option<PathBuf> {
+        None
     }
 
     /// A file that is written is a download.
@@ -114,7 +122,7 @@ impl Platform for Web {
         Task::wait(ctx, async move {
             let picture = async {
                 let is_made = source.made_by_name().is_some();
-                let bytes = if is_made { None } else { Some(source.clone().read(Self::read)?) };
+                let bytes = if is_made { None } else { Some(source.clone().read(Self::read_within)?) };
                 let drawn = match bytes.filter(|bytes| is_svg(bytes)) {
                     Some(bytes) => Some(draw(&bytes).await?),
                     None => None,

@@ -42,7 +42,7 @@ async fn shipped(name: &str) -> Option<Vec<u8>> {
 /// Decodes an image in the worker; one of the demonstration comes with the page, or is made there.
 pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
     let Some(made) = source.made_by_name().map(str::to_owned) else {
-        return pixels(&source.read(Web::read)?).await;
+        return pixels(&source.read(Web::read_within)?).await;
     };
     if let Some(bytes) = shipped(&made).await {
         let image = pixels(&bytes).await?;

@@ -3,11 +3,13 @@
 //! Law: the edge of the core. Nothing outside this folder makes a sentence of a result, and nothing looks
 //! into one.
 
+mod count;
 mod suggestion;
 mod phrase;
 mod finding;
 mod failure;
 
+pub use count::counted;
 pub use phrase::Names;
 
 pub(crate) use suggestion::what_to_draw;

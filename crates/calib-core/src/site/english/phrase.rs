@@ -5,6 +5,7 @@ use crate::outcome::{
 };
 use crate::single::{Annotation, line_name};
 use crate::site::document::{Site, SiteCamera};
+use crate::site::english::counted;
 
 /// How annotations are named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -279,8 +280,9 @@ pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
 }
 
 pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
+    let lines = counted(usize::try_from(dof).unwrap_or_default(), "line", "lines");
     format!(
-        "The drawing noise is estimated from {dof} line(s) more than needed: every \u{b1} is {factor:.1} times wider for it (Student's t)."
+        "The drawing noise is estimated from {lines} more than needed: every \u{b1} is {factor:.1} times wider for it (Student's t)."
     )
 }
 

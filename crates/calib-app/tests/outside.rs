@@ -1,0 +1,216 @@
+//! Images that a site names outside its folder are read when the operator says so, and not before.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use calib_app::App;
+use calib_app::command::Command;
+use calib_app::files;
+use calib_app::theme;
+use calib_core::{Pixel, Plan, Site, SiteCamera};
+use calib_editor::Pane;
+use calib_tests::Scratch;
+use desk::{Desk, still};
+use egui::{Context, Key};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+
+const SIZE: [u32; 2] = [320, 180];
+const OUTSIDE: [&str; 3] = ["private.png", "linked.png", "plan.png"];
+
+/// A site in a folder: one still within, and outside of it one by a path, one by a link, and the plan.
+fn site(scratch: &Scratch) -> std::path::PathBuf {
+    std::fs::create_dir_all(scratch.path("site")).unwrap();
+    for name in OUTSIDE.into_iter().chain(["site/own.png"]) {
+        still(scratch, name, SIZE);
+    }
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(scratch.path("linked.png"), scratch.path("site/link.png")).unwrap();
+    let camera = |id: &str, image: String| SiteCamera { image: Some(image), ..SiteCamera::new(id, SIZE) };
+    let private = scratch.path("private.png").to_string_lossy().into_owned();
+    let cameras =
+        vec![camera("own", "own.png".into()), camera("path", private), camera("link", "link.png".into())];
+    let plan = desk::demo().plan.map(|plan| Plan { image: Some("../plan.png".into()), ..plan });
+    let site = Site { cameras, plan, ..Site::new() };
+    scratch.write("site/site.json", site.to_json());
+    scratch.path("site/site.json")
+}
+
+/// A window in which a file was opened, once all that may be read is read.
+fn opened(path: &std::path::Path) -> Desk {
+    let mut desk = Desk::new(Site::new());
+    desk.app().open_path(path);
+    read(&mut desk);
+    desk
+}
+
+/// Has every image and the plan asked for, and waits until they are read or not.
+fn read(desk: &mut Desk) {
+    for view in [Key::Num2, Key::Num3] {
+        desk.key(view);
+        desk.harness.run_steps(3);
+        desk.wait(|app| app.pictures.loading() == 0);
+    }
+}
+
+fn is_read(desk: &mut Desk, name: &str) -> bool {
+    desk.app().pictures.ready(name).is_some()
+}
+
+/// The names of the site's images, those elsewhere last.
+fn names(desk: &Desk) -> Vec<String> {
+    calib_editor::image_names(desk.site())
+}
+
+fn report(desk: &mut Desk, scratch: &Scratch) -> usize {
+    let path = scratch.path("report.html");
+    desk.answer(Some(path.clone()));
+    desk.tell(Command::Report);
+    std::fs::read_to_string(path).unwrap().matches("data:image/").count()
+}
+
+fn press(desk: &mut Desk, label: &str) {
+    desk.harness.get_by_label(label).click();
+    desk.harness.run_steps(3);
+}
+
+#[test]
+fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving_it_out() {
+    let scratch = Scratch::new();
+    let path = site(&scratch);
+    let mut desk = opened(&path);
+    let words = desk.words().join("\n");
+    assert!(words.contains("names 3 images outside its folder"), "{words}");
+    for name in OUTSIDE {
+        let file = scratch.path(name).canonicalize().unwrap().display().to_string();
+        assert!(words.contains(&file), "{file}: {words}");
+    }
+    let (before, all) = (desk.site().clone(), names(&desk));
+    let elsewhere = &all[1..];
+    for round in ["before it is decided", "after it is left out"] {
+        assert!(is_read(&mut desk, "own.png"), "{round}");
+        for name in elsewhere {
+            let error = desk.app().pictures.error(name).unwrap_or_default();
+            assert!(error.contains("outside the folder"), "{round}, {name}: {error:?}");
+        }
+        assert_eq!(report(&mut desk, &scratch), 1, "{round}: the report holds the own one alone");
+        if desk.harness.query_by_label("Leave out").is_some() {
+            press(&mut desk, "Leave out");
+        }
+    }
+    assert!(desk.harness.state().outside.asked.is_empty());
+    // A finished gesture asks nothing again, and the file keeps every name.
+    desk.key(Key::Num1);
+    desk.take("Vertical");
+    desk.line(0, Pixel::new(100.0, 30.0), Pixel::new(101.0, 150.0));
+    desk.undo();
+    assert!(desk.harness.state().outside.asked.is_empty() && *desk.site() == before);
+    desk.redo();
+    desk.app().save();
+    let files_of = |names: Vec<String>| -> Vec<_> {
+        names.iter().map(|name| path.with_file_name(name).canonicalize().unwrap()).collect()
+    };
+    let saved = calib_editor::image_names(&files::open(&path).unwrap().0);
+    assert_eq!(files_of(saved), files_of(all.clone()));
+    // What was left out can be had later.
+    desk.tell(Command::ReadAgain);
+    press(&mut desk, "Allow once for this site");
+    read(&mut desk);
+    for name in &all {
+        assert!(is_read(&mut desk, name), "{name}: {:?}", desk.app().pictures.error(name));
+    }
+    assert_eq!(report(&mut desk, &scratch), 3, "of every camera");
+    // Once, for this site: who opens it again is asked again.
+    assert_eq!(opened(&path).harness.state().outside.asked.len(), 3);
+}
+
+#[test]
+fn escape_leaves_out() {
+    let scratch = Scratch::new();
+    let mut desk = opened(&site(&scratch));
+    desk.key(Key::Escape);
+    desk.harness.run_steps(2);
+    assert!(desk.harness.query_by_label("Leave out").is_none());
+    assert!(!is_read(&mut desk, "link.png"));
+}
+
+#[test]
+fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved() {
+    let scratch = Scratch::new();
+    let path = site(&scratch);
+    let mut desk = opened(&path);
+    press(&mut desk, "Allow once for this site");
+    still(&scratch, "chosen.png", SIZE);
+    desk.answer(Some(scratch.path("chosen.png")));
+    desk.tell(Command::AddImages);
+    desk.wait(|app| app.editor.site().cameras.len() == 4);
+    read(&mut desk);
+    assert!(desk.harness.state().outside.asked.is_empty());
+    std::fs::create_dir_all(scratch.path("other/place")).unwrap();
+    desk.answer(Some(scratch.path("other/place/site.json")));
+    desk.tell(Command::SaveAs);
+    read(&mut desk);
+    assert!(desk.harness.state().outside.asked.is_empty(), "{:?}", desk.harness.state().outside.asked);
+    for name in names(&desk) {
+        assert!(is_read(&mut desk, &name), "{name}: {:?}", desk.app().pictures.error(&name));
+    }
+}
+
+/// A window that keeps in a folder, with nothing open.
+fn window_of(folder: &std::path::Path) -> Desk {
+    let app = App::new(&Context::default(), Some(folder.to_path_buf()));
+    let harness = Harness::builder()
+        .with_size([1440.0, 900.0])
+        .with_context_setup(theme::install)
+        .build_ui_state(|ui, app: &mut App| app.show_ui(ui), app);
+    Desk { harness }
+}
+
+#[test]
+fn the_start_page_shows_no_still_from_elsewhere() {
+    let scratch = Scratch::new();
+    let (path, folder) = (site(&scratch), scratch.path("kept"));
+    let mut first = files::open(&path).unwrap().0;
+    first.cameras.remove(0);
+    scratch.write("site/site.json", first.to_json());
+    let mut desk = window_of(&folder);
+    desk.app().open_path(&path);
+    desk.harness.run_steps(3);
+    press(&mut desk, "Allow once for this site");
+    drop(desk);
+    let mut desk = window_of(&folder);
+    desk.harness.run_steps(3);
+    desk.wait(|app| app.pictures.loading() == 0);
+    let shown = desk.app().recent[0].image.clone().unwrap().to_string_lossy().into_owned();
+    let error = desk.app().pictures.error(&shown).unwrap_or_default();
+    assert!(error.contains("outside the folder"), "{shown}: {error:?}");
+}
+
+#[test]
+fn work_of_a_crashed_window_is_gone_on_with_as_it_was_decided() {
+    let scratch = Scratch::new();
+    let (path, folder) = (site(&scratch), scratch.path("kept"));
+    let window = || window_of(&folder);
+    for (answer, asked) in [("Allow once for this site", 0), ("Leave out", 3)] {
+        let mut desk = window();
+        desk.app().open_path(&path);
+        desk.harness.run_steps(3);
+        press(&mut desk, answer);
+        desk.take("Vertical");
+        desk.harness.run_steps(2);
+        let [from, to] = [[100.0, 30.0], [101.0, 150.0]].map(|at| desk.screen(Pane::Image(0), at));
+        desk.drag_screen(&[from, to], egui::Modifiers::NONE);
+        desk.harness.run_steps(3);
+        drop(desk);
+        let mut again = window();
+        again.harness.run_steps(2);
+        assert_eq!(again.harness.state().found.len(), 1, "{answer}");
+        again.app().recover(0);
+        again.harness.run_steps(2);
+        assert_eq!(again.harness.state().outside.asked.len(), asked, "{answer}");
+        again.app().editor.apply(calib_editor::Action::Gesture(calib_editor::command::Gesture::Cancel));
+        drop(again);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}
