@@ -17,6 +17,8 @@ pub mod elements;
 pub mod distances;
 pub mod export;
 pub mod marks;
+pub mod newer;
+pub mod health;
 pub mod palette;
 pub mod proposed;
 pub mod planes;
@@ -127,6 +129,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     out_of_date::show(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         proposed::show(app, ui);
+        newer::show(app, ui);
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
         if app.editor.compared().is_some() {
@@ -154,6 +157,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
+                section(ui, |ui| health::show(app, ui));
                 section(ui, |ui| marks::show(app, ui));
                 section(ui, |ui| {
                     links::show(app, ui);
