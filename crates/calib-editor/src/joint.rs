@@ -135,7 +135,9 @@ impl Joint {
         let owner = lens_owner(known);
         let family =
             |site: &'_ Site| site.cameras.iter().filter(|camera| lens_owner(camera) == owner).count();
-        let is_same = |own: &&SiteCamera| site.cameras.iter().any(|now| own.is_same_period(now) && same_input(own, now));
+        let is_same = |own: &&SiteCamera| {
+            site.cameras.iter().any(|now| own.is_same_period(now) && same_input(own, now))
+        };
         let sharing = self.site.cameras.iter().filter(|camera| lens_owner(camera) == owner);
         sharing.filter(is_same).count() == family(&self.site) && family(&self.site) == family(site)
     }

@@ -55,7 +55,8 @@ pub fn held_since(session: &Session, camera: usize) -> Option<u64> {
         time_in_name(&camera_name(Path::new(&name)))
     };
     let valid_from = entry.valid_from.clone().or_else(of_still)?;
-    let [from, _] = SiteCamera { valid_from: Some(valid_from), ..SiteCamera::new("", [1, 1]) }.period_ns().ok()?;
+    let [from, _] =
+        SiteCamera { valid_from: Some(valid_from), ..SiteCamera::new("", [1, 1]) }.period_ns().ok()?;
     u64::try_from(from / 1_000_000_000).ok()
 }
 

@@ -6,7 +6,9 @@ use jiff::Timestamp;
 /// of files have no zone.
 #[must_use]
 pub fn time_in_name(name: &str) -> Option<String> {
-    let times = (0..name.len()).filter(|&start| begins_a_number(name, start)).filter_map(|start| time_at(&name[start..]));
+    let times = (0..name.len())
+        .filter(|&start| begins_a_number(name, start))
+        .filter_map(|start| time_at(&name[start..]));
     times.map(|time| time.to_string()).next()
 }
 
@@ -47,10 +49,7 @@ mod tests {
         {
             assert_eq!(time_in_name(name).as_deref(), Some("2026-05-01T08:30:05Z"), "{name}");
         }
-        assert_eq!(
-            time_in_name("door_20260501-0830").as_deref(),
-            Some("2026-05-01T08:30:00Z")
-        );
+        assert_eq!(time_in_name("door_20260501-0830").as_deref(), Some("2026-05-01T08:30:00Z"));
         for name in ["door", "shop-1", "20261301_083000", "12345678901234567", "2026-05-01", "tür-2026"] {
             assert_eq!(time_in_name(name), None, "{name}");
         }

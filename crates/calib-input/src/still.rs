@@ -6,9 +6,9 @@ use std::io::Cursor;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, RgbImage};
 
+use crate::clock;
 use crate::jpeg::Jpeg;
 use crate::memory::{OutOfMemory, reserved, room_for};
-use crate::clock;
 
 /// In a browser there are 4 GB at most, and a phone has less.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");

@@ -9,8 +9,8 @@ use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
 use super::{
-    Comparing, Conflict, Decision, Glance, Layers, List, Mode, Orbit, Palette, Panes, PathField, Place, Planning, Read, Recovering, Sent,
-    Sheet, Tour,
+    Comparing, Conflict, Decision, Glance, Layers, List, Mode, Orbit, Palette, Panes, PathField, Place,
+    Planning, Read, Recovering, Sent, Sheet, Tour,
 };
 use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::View;

@@ -54,7 +54,8 @@ impl App {
             Step::Opening(task) => match task.outcome() {
                 None => Ok(Some(Step::Opening(task))),
                 Some(read) => {
-                    let read = read.map_err(|Lost| "the newer still could not be read".to_owned()).flatten()?;
+                    let read =
+                        read.map_err(|Lost| "the newer still could not be read".to_owned()).flatten()?;
                     self.of_whom(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
                 }
             },
@@ -67,7 +68,8 @@ impl App {
             })),
             Step::Comparing(asked, task) => {
                 let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
-                let comparison = found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
+                let comparison =
+                    found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
                 self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
                     camera: entry.id,
@@ -120,13 +122,17 @@ impl App {
     pub(crate) fn recover_newer(&mut self, ctx: &Context) {
         let session = self.editor.session();
         let newer = self.editor.newer_in_hand().filter(|newer| newer.has_moved());
-        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else { return };
+        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
+            return;
+        };
         if entry.is_valid_at(newer.since.trim()).is_err() {
-            let note = format!("{}: enter since when it stands so, such as 2026-05-01T08:00:00Z.", newer.camera);
+            let note =
+                format!("{}: enter since when it stands so, such as 2026-05-01T08:00:00Z.", newer.camera);
             return self.act(Action::Note(note));
         }
         let name = entry.image.clone().unwrap_or_default();
-        let stills = [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
+        let stills =
+            [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
         let [Some(old), Some(new)] = stills else {
             return self.act(Action::Note("Its stills are being read: recover again in a moment.".into()));
         };

@@ -49,7 +49,9 @@ impl App {
         }
         if self.is_comparing() {
             self.stop_comparing();
-            self.act(Action::Note("Cancelled: newer stills were not compared, no camera was recovered.".into()));
+            self.act(Action::Note(
+                "Cancelled: newer stills were not compared, no camera was recovered.".into(),
+            ));
             return;
         }
         let count = self.waiting();
