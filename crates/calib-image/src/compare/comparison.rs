@@ -136,6 +136,8 @@ pub struct Comparison {
     pub turn: Turn,
     /// Covariance of a turn after it: vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
+    /// The same if every edge had its own noise alone: what no estimate by these edges can be better than.
+    pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
     /// How clear it is that it moved, as sigmas of a normal number.
     pub clear: f64,
     /// How far the image moved, root mean square over it, in pixels.
@@ -291,8 +293,8 @@ impl Stills<'_> {
     }
 
     fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
-        let covariance = &found.fit.covariance;
-        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
+        let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
+            .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
         let clear = self.clear(found);
         let shift = self.shift(&found.turn);
         let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found)) {
@@ -305,6 +307,7 @@ impl Stills<'_> {
             became,
             turn: found.turn,
             covariance,
+            bound,
             clear,
             shift,
             places: found.found.iter().flatten().count(),
@@ -347,6 +350,7 @@ impl Stills<'_> {
             became,
             turn: Turn::default(),
             covariance: [[UNKNOWN; 4]; 4],
+            bound: [[UNKNOWN; 4]; 4],
             clear: 0.0,
             shift: 0.0,
             places: self.places.len(),
