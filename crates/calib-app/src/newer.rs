@@ -57,7 +57,7 @@ fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f3
             let time = painter.ctx().input(|input| input.time);
             let left = TURN - time.rem_euclid(TURN);
             painter.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
-            if (time / TURN) as u64 % 2 == 0 { f32::NEG_INFINITY } else { f32::INFINITY }
+            if ((time / TURN) as u64).is_multiple_of(2) { f32::NEG_INFINITY } else { f32::INFINITY }
         }
     }
 }

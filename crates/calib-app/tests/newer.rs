@@ -92,6 +92,8 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     }
     assert!((now.focal / then.focal - 1.03).abs() < 0.01, "{} and {}", now.focal, then.focal);
     assert_eq!(became(&desk), None, "what it showed is the camera's own still now");
+    desk.app().act(Action::Choose(1));
+    assert_eq!(became(&desk), None, "the old period has ended when it was taken");
     let after = desk.site().clone();
     desk.undo();
     assert_eq!((desk.site(), became(&desk)), (&before, Some(Became::Moved)));

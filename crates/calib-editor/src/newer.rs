@@ -33,10 +33,11 @@ pub struct Newer {
 }
 
 impl Newer {
-    /// Whether it tells of this entry: of the still that this has.
+    /// Whether it tells of this entry: of the still that this has, and of a time at which this holds.
     #[must_use]
     pub fn is_of(&self, entry: &SiteCamera) -> bool {
-        self.camera == entry.id && self.old == entry.image && entry.image.is_some()
+        let holds = || entry.is_valid_at(self.since.trim()).unwrap_or(entry.valid_to.is_none());
+        self.camera == entry.id && self.old == entry.image && entry.image.is_some() && holds()
     }
 
     /// Whether the camera turned or zoomed in its place: then it may be recovered.

@@ -66,7 +66,7 @@ fn dot(painter: &Painter, at: Pos2, found: bool) {
         return;
     }
     if found {
-        painter.circle_filled(at, 1.6, on_image::ACCENT);
+        painter.circle_filled(at, 1.1, on_image::ACCENT.gamma_multiply(0.8));
     } else {
         painter.circle_stroke(at, 2.2, Stroke::new(1.2, on_image::BAD));
     }

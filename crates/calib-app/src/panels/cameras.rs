@@ -158,7 +158,7 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
     name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
-    let (text, colour) = about(app, camera, &palette);
+    let (text, colour) = about(app, camera, palette);
     let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
 }

@@ -27,7 +27,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     let name = name(entry);
     let (word, colour) = match app.editor.newer(camera) {
         Some(newer) => {
-            let (word, _, colour, _) = verdict(newer.comparison.became, &palette);
+            let (word, _, colour, _) = verdict(newer.comparison.became, palette);
             (word, colour)
         }
         None => ("no newer still", palette.text3),

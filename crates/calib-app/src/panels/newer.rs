@@ -48,7 +48,7 @@ pub(crate) fn verdict(became: Became, palette: &Palette) -> (&'static str, Icon,
 
 fn judgement(ui: &mut Ui, newer: &Newer) {
     let palette = theme::palette(ui.ctx());
-    let (word, icon, colour, fill) = verdict(newer.comparison.became, &palette);
+    let (word, icon, colour, fill) = verdict(newer.comparison.became, palette);
     egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
         ui.set_width(ui.available_width());
         ui.horizontal_top(|ui| {
@@ -88,7 +88,7 @@ fn numbers(newer: &Newer) -> Vec<String> {
     };
     vec![
         format!("turned {:.3}\u{b0} \u{b1} {:.3}", angle.to_degrees(), angle_sigma.to_degrees()),
-        format!("zoom {zoom:.4} \u{b1} {zoom_sigma:.4}"),
+        format!("zoom {zoom:.5} \u{b1} {zoom_sigma:.5}"),
         axis("yaw", 0),
         axis("pitch", 1),
         axis("roll", 2),
