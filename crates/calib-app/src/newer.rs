@@ -1,8 +1,9 @@
 //! A newer still on the canvas of its camera: beside the old one by a line that wipes, or both by turns.
 
-use egui::{Color32, Painter, Rect};
+use egui::{Color32, Painter};
 
 use crate::canvas::Mapping;
+use crate::overlay::right_of;
 use crate::paint::{Pen, line};
 use crate::platform::{Here, Platform as _};
 use crate::state::{App, Glance, Mode, Place, Showing};
@@ -34,16 +35,6 @@ pub(crate) fn paint(
         line(painter, &ends.map(|end| egui::pos2(split, end.y)), Pen::new(on_image::WHITE, 1.5));
     }
     Some(split)
-}
-
-/// The part of the screen to the right of a place.
-pub(crate) fn right_of(split: f32) -> Rect {
-    Rect::EVERYTHING.with_min_x(split)
-}
-
-/// The part to its left.
-pub(crate) fn left_of(split: f32) -> Rect {
-    Rect::EVERYTHING.with_max_x(split)
 }
 
 fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f32 {

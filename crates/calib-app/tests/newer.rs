@@ -38,7 +38,7 @@ fn path(scratch: &Scratch, name: &str) -> String {
 fn compare(desk: &mut Desk, file: PathBuf) {
     desk.answer(Some(file));
     desk.keys(Modifiers::SHIFT, Key::C);
-    desk.wait(|app| app.is_comparing());
+    desk.harness.run_steps(2);
     desk.wait(|app| !app.is_comparing());
     desk.harness.run_steps(2);
 }

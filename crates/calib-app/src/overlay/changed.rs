@@ -3,9 +3,8 @@
 
 use calib_core::{Pixel, Turned};
 use calib_editor::Newer;
-use egui::{Painter, Pos2, Stroke};
+use egui::{Painter, Pos2, Rect, Stroke};
 
-use crate::newer::{left_of, right_of};
 use crate::overlay::Overlay;
 use crate::paint::{Pen, line};
 use crate::theme::on_image;
@@ -58,6 +57,16 @@ impl<'a> Overlay<'a> {
             line(painter, &path, Pen::new(on_image::ACCENT, 2.0).dashed(&[6.0, 4.0]));
         }
     }
+}
+
+/// The part of the screen to the right of a place.
+pub(crate) fn right_of(split: f32) -> Rect {
+    Rect::EVERYTHING.with_min_x(split)
+}
+
+/// The part to its left.
+fn left_of(split: f32) -> Rect {
+    Rect::EVERYTHING.with_max_x(split)
 }
 
 /// A place of an edge: full where it is found again, a ring where it is not.

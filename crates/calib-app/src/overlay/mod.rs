@@ -22,6 +22,7 @@ use crate::state::Layers;
 use crate::theme::{self, on_image};
 
 pub use changed::Changed;
+pub(crate) use changed::right_of;
 pub use proposed::Ghosts;
 
 /// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
