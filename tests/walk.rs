@@ -170,4 +170,17 @@ fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
     assert!((yaw.abs() - 1.5).abs() < 0.5, "{yaw}");
     let page = std::fs::read_to_string(scratch.path("walk.html")).unwrap();
     assert!(page.contains("FAILED") && page.contains("signature") && !page.contains("<script"));
+    let reported = |walk: &str| {
+        ["report", "site.json", "--walk", walk, "-o", "report.html", "--force"].map(str::to_owned)
+    };
+    for (walk, code, word) in [("right.csv", 0, "PASSED"), ("wrong.csv", 4, "FAILED: shop-2")] {
+        let args = reported(walk);
+        let run = scratch.calib(&args.each_ref().map(String::as_str)).expect_code(code);
+        assert_eq!(run.stderr.contains("failed: shop-2"), code == 4, "{}", run.stderr);
+        let page = std::fs::read_to_string(scratch.path("report.html")).unwrap();
+        let [whole, acceptance] =
+            ["<h2>From above</h2>", "<h2>Acceptance by a walk</h2>"].map(|title| page.find(title));
+        assert!(whole.is_some() && whole < acceptance && page.contains(word), "{word}");
+        assert!(page.contains("<section id=\"shop-2\">") && page.matches("</html>").count() == 1);
+    }
 }

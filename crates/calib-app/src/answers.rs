@@ -43,8 +43,7 @@ impl App {
             self.take_path(ctx, path);
             return;
         }
-        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        self.take_chosen(ctx, purpose, vec![Chosen { name, path: Some(path), bytes: None }]);
+        self.take_chosen(ctx, purpose, vec![Chosen::of_path(path)]);
     }
 
     /// What was chosen goes where it was asked for: every purpose has its arm.
@@ -58,6 +57,7 @@ impl App {
             Purpose::ReplaceStill => {
                 chosen.into_iter().for_each(|file| self.replacing = Some(self.read_still(ctx, file)));
             }
+            Purpose::NewerStill => self.add_newer(ctx, chosen),
             Purpose::Compare => chosen.into_iter().for_each(|file| self.compare_with(file)),
             Purpose::Import => self.import(chosen),
             Purpose::Export => each_path(chosen, |folder| self.write_export(&folder)),

@@ -19,8 +19,7 @@ impl App {
             return;
         }
         if has_ending(&path, "svg") {
-            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            self.load_plan(ctx, vec![Chosen { name, path: Some(path), bytes: None }]);
+            self.load_plan(ctx, vec![Chosen::of_path(path)]);
             return;
         }
         let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
@@ -30,10 +29,9 @@ impl App {
                 path.display()
             )));
         }
-        for path in images {
-            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            self.add_still(ctx, Chosen { name, path: Some(path), bytes: None });
-        }
+        let mut files: Vec<Chosen> = images.into_iter().map(Chosen::of_path).collect();
+        self.take_newer(ctx, &mut files);
+        files.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 
     pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
@@ -90,6 +88,7 @@ impl App {
         }
         self.attach(&mut files);
         self.take_plans(ctx, &mut files);
+        self.take_newer(ctx, &mut files);
         for file in files {
             let name = Path::new(&file.name);
             if file.bytes.is_some() && has_ending(name, "svg") {
@@ -103,6 +102,13 @@ impl App {
                 self.add_still(ctx, file);
             }
         }
+    }
+
+    /// Compares those files that are newer stills of cameras, and takes them from `files`.
+    fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
+        let (newer, others) = std::mem::take(files).into_iter().partition(|file| self.is_newer(file));
+        *files = others;
+        self.add_newer(ctx, newer);
     }
 
     /// Gives the site those of its images that are not there yet, and takes them from `files`.

@@ -19,6 +19,8 @@ pub enum Purpose {
     LoadPlan,
     /// Another still of the camera in hand.
     ReplaceStill,
+    /// Newer stills of cameras.
+    NewerStill,
     /// A saved version to compare with.
     Compare,
     /// Lenses or cameras of another program.
@@ -43,6 +45,12 @@ pub struct Chosen {
 }
 
 impl Chosen {
+    /// A file on a disk.
+    pub(crate) fn of_path(path: PathBuf) -> Self {
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Self { name, path: Some(path), bytes: None }
+    }
+
     /// Whether it is a site, by its name.
     pub(crate) fn is_site(&self) -> bool {
         has_ending(Path::new(&self.name), "json")

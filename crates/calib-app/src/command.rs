@@ -1,7 +1,9 @@
 //! What commands do: those on the document are actions of the editor, those on the view are done here.
 
-use calib_editor::command::{Files, Gesture, Group, Nudge, Proposing, Selection, Solving, Switch, View};
-use calib_editor::{Action, OnProposed, Pane};
+use calib_editor::command::{
+    Files, Gesture, Group, Newer, Nudge, Proposing, Selection, Solving, Switch, View,
+};
+use calib_editor::{Action, OnNewer, OnProposed, Pane};
 use egui::{Context, Modifiers, Vec2};
 
 pub use calib_editor::Command;
@@ -43,6 +45,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
         Group::Nudge(step) => nudge(app, step, modifiers.shift),
         Group::Lines(command) => app.act(Action::Lines(command)),
         Group::Proposing(Proposing::Propose) => app.propose(),
+        Group::Newer(command) => on_newer(app, ctx, command),
         Group::Proposing(command) => app.act(Action::Proposing(command)),
         Group::View(command) => on_view(app, command),
         Group::Cameras(command) => app.act(Action::Cameras(command)),
@@ -78,6 +81,15 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
             app.edges.resume();
             app.ask_outside_again();
         }
+    }
+}
+
+fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
+    match command {
+        Newer::CompareStill => app.ask(Purpose::NewerStill),
+        Newer::NextLook => app.glance.showing = app.glance.showing.next(),
+        Newer::Recover => app.recover_newer(ctx),
+        Newer::DismissNewer => app.act(Action::Newer(OnNewer::Dismiss)),
     }
 }
 

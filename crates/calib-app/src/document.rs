@@ -33,6 +33,7 @@ impl App {
         // Nothing that was asked for the old site lands in the new one.
         self.adding.clear();
         (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
+        self.stop_comparing();
         (self.picture, self.pictured) = (None, None);
         (self.export, self.tour) = (Sheet::default(), Tour::default());
         self.outside = Outside::default();

@@ -32,6 +32,8 @@ impl App {
             self.poll_plan();
             self.poll_refining();
             self.poll_proposing(ctx);
+            self.poll_comparing(ctx);
+            self.poll_recovering();
             self.poll_arrivals(ctx);
             self.poll_shelf();
         }

@@ -42,6 +42,7 @@ mod mesh;
 pub mod overlay;
 pub mod floor;
 pub mod scene3d;
+mod newer;
 mod still;
 mod loupe;
 mod minimap;

@@ -13,6 +13,7 @@ use crate::handles;
 use crate::keys;
 use crate::loupe;
 use crate::minimap;
+use crate::newer;
 use crate::paint::{Pen, line};
 use crate::state::{App, Place};
 use crate::still;
@@ -183,10 +184,14 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     still::paint(app, &painter, name.as_deref(), &mapping, rect);
     still::blend_old(app, &painter, camera, &mapping, size);
+    let split = newer::paint(app, &painter, (camera, place), &mapping, size);
     let is_own = camera == app.editor.session().camera && place != Place::Tile;
     let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
     let mut overlay = still::overlay(app, ui, camera, mapping, place);
     overlay.suggested = suggested;
+    if let Some(split) = split {
+        overlay.compare(split, app.editor.newer(camera));
+    }
     overlay.paint(&painter);
     for points in app.editor.tool().rubber(pane) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();

@@ -13,7 +13,7 @@ impl App {
     pub(crate) fn save_report(&mut self, path: &Path) {
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
-        let html = page(&site, &mut |shown| picture(session, shown));
+        let html = page(&site, None, &mut |shown| picture(session, shown));
         match Here::write(path, html.as_bytes()) {
             Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
             Err(error) => self.act(Action::Fail(error)),

@@ -110,6 +110,7 @@ pub(crate) fn overlay<'a>(
         begun: app.editor.tool().begun(app.editor.session()),
         suggested: Vec::new(),
         proposed: ghosts(app, camera, place),
+        changed: None,
         names_elements: app.mode == Mode::All,
         named: RefCell::default(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,

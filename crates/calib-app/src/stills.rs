@@ -2,19 +2,46 @@
 
 use std::path::Path;
 
-use calib_editor::file_name::{camera_name, mime};
+use calib_editor::file_name::{camera_name, is_image, mime};
 use calib_editor::{Action, NewStill};
+use calib_input::time_in_name;
 use egui::Context;
 
 use crate::choice::Chosen;
 use crate::platform::{Here, Platform as _, Task};
-use crate::state::{App, Read, ReadPicture};
+use crate::state::{App, Comparing, Read, ReadPicture};
 
 impl App {
     /// Begins to read a still that becomes a camera.
     pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
         let task = self.read_still(ctx, file);
         self.adding.push(task);
+    }
+
+    /// Begins to compare newer stills: each with the camera that its name begins with, else with that in hand.
+    pub fn add_newer(&mut self, ctx: &Context, files: Vec<Chosen>) {
+        let in_hand = self.editor.session().entry().map(|entry| entry.id.clone());
+        for file in files {
+            let named = self.named_by(&file.name).or_else(|| in_hand.clone());
+            if let Some(camera) = named {
+                let opening = self.read_still(ctx, file);
+                self.comparing.push_back(Comparing::new(camera, opening));
+            }
+        }
+    }
+
+    /// The id of the camera that the name of a still begins with.
+    fn named_by(&self, name: &str) -> Option<String> {
+        self.editor.site().camera_of_name(&camera_name(Path::new(name))).map(str::to_owned)
+    }
+
+    /// Whether a file is a newer still of a camera, by its name: of one that is solved, and it says a time.
+    pub(crate) fn is_newer(&self, file: &Chosen) -> bool {
+        let name = Path::new(&file.name);
+        let taken = time_in_name(&camera_name(name)).filter(|_| is_image(name));
+        let index = || self.editor.site().entry_at(&self.named_by(&file.name)?, taken.as_deref());
+        let is_solved = |index: usize| self.editor.session().solved.pose(index).is_some();
+        taken.is_some() && index().is_some_and(is_solved)
     }
 
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
@@ -28,7 +55,8 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.editor.session().images.reader(&name);
-        Here::size_of(ctx, file.name, read, |size, drawn| ReadPicture {
+        Here::size_of(ctx, file.name, read, |bytes, size, drawn| ReadPicture {
+            taken: time_in_name(&title).or_else(|| calib_input::taken(bytes)),
             still: NewStill { image: name, title, size },
             drawn,
         })
@@ -64,7 +92,7 @@ impl App {
 
     /// The still of a picture; one that was drawn is stored.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewStill {
-        let ReadPicture { still, drawn } = picture;
+        let ReadPicture { still, drawn, taken: _ } = picture;
         let Some(png) = drawn else { return still };
         let name = format!("{}.png", still.title);
         let image = self.editor.store_image(png.into(), "image/png", Some(&name));

@@ -489,6 +489,7 @@ fn a_chooser_that_is_closed_changes_nothing() {
         Purpose::AddImages,
         Purpose::LoadPlan,
         Purpose::ReplaceStill,
+        Purpose::NewerStill,
         Purpose::Compare,
         Purpose::Import,
         Purpose::Export,

@@ -208,7 +208,7 @@
 
   /** Work that would hold up frames, one piece after the other in a worker of the same program; what takes
    * long has a worker of its own, so that images need not wait for it and it can be stopped. */
-  const OWN = ["refine", "propose"];
+  const OWN = ["refine", "propose", "compare", "recover"];
   const workers = new Map();
   const hire = (lane) => {
     const asked = new Map();

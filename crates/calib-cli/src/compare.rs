@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use calib_core::{Camera, SiteCamera};
-use calib_image::{Became, Comparison, Edge, OtherSize};
+use calib_image::{Became, Comparison, OtherSize, drawn_edges};
 use calib_report::few;
 use image::RgbImage;
 use jiff::Timestamp;
@@ -136,36 +136,24 @@ fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, 
     Ok(of)
 }
 
-/// The camera whose id the name of a still is, or begins with; the longest such id.
+/// The camera whose id the name of a still is, or begins with.
 fn named(file: &SiteFile, path: &Path) -> Result<String, Stop> {
-    let stem = stills::stem(path);
-    let is_named = |id: &str| {
-        let rest = stem.strip_prefix(id);
-        rest.is_some_and(|rest| !rest.starts_with(char::is_alphanumeric))
-    };
-    let cameras = file.site.cameras.iter().map(|camera| camera.id.as_str());
-    let found = cameras.clone().filter(|id| is_named(id)).max_by_key(|id| id.len());
+    let found = file.site.camera_of_name(&stills::stem(path));
     found.map(str::to_owned).ok_or_else(|| {
         let what = format!(
             "{}: of which camera is this? Give --camera, or begin its name with one of {}",
             path.display(),
-            few(cameras)
+            few(file.site.cameras.iter().map(|camera| camera.id.as_str()))
         );
         Stop::Usage(what)
     })
 }
 
-/// The period of a camera that holds when a still was taken; of an unknown time the one without an end.
+/// The period of a camera that holds when a still was taken.
 fn entry(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, Stop> {
     file.has_camera(id)?;
-    let of_id: Vec<(usize, &SiteCamera)> =
-        file.site.cameras.iter().enumerate().filter(|(_, camera)| camera.id == id).collect();
-    let holds = |camera: &SiteCamera| match time {
-        Some(time) => camera.is_valid_at(&time.to_string()).unwrap_or_default(),
-        None => camera.valid_to.is_none(),
-    };
-    let holding = of_id.iter().find(|(_, camera)| of_id.len() == 1 || holds(camera));
-    holding.map(|(index, _)| *index).ok_or_else(|| {
+    let time = time.map(|time| time.to_string());
+    file.site.entry_at(id, time.as_deref()).ok_or_else(|| {
         Stop::Usage(format!("--camera {id}: several periods have this id; choose one with --at TIME"))
     })
 }
@@ -176,7 +164,7 @@ fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>) -> Result<Compared,
         || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
-    let drawn = drawn(entry);
+    let drawn = drawn_edges(entry);
     let seen = taken.into_iter().map(|(time, path)| {
         let new = still(entry, &path)?;
         let comparison =
@@ -211,12 +199,6 @@ pub(crate) fn still(entry: &SiteCamera, path: &Path) -> Result<RgbImage, Stop> {
 
 fn other_size(path: &Path, entry: &SiteCamera, error: OtherSize) -> Stop {
     Stop::invalid(path.display(), format!("camera \"{}\": {error}", entry.id))
-}
-
-/// The lines that were drawn, as edges.
-fn drawn(entry: &SiteCamera) -> Vec<Edge> {
-    let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
-    lines.flat_map(|line| line.windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<Edge>>()).collect()
 }
 
 fn report(args: &Args, compared: &[Compared]) -> Result<(), Stop> {

@@ -21,6 +21,13 @@ pub(crate) struct DetectionArgs {
     /// Table of detections: boxes `x,y,w,h`, or feet `u,v`, each with a camera and a time; - is stdin
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     pub(crate) input: String,
+    #[command(flatten)]
+    pub(crate) table: TableArgs,
+}
+
+/// How a table of detections is read.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TableArgs {
     /// Format of the input; by default that of its name, or what its first bytes look like
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     from: Option<String>,
@@ -74,8 +81,15 @@ pub(crate) struct Detections {
 impl DetectionArgs {
     /// Opens the table for the cameras of a site.
     pub(crate) fn open(&self, file: &SiteFile) -> Result<Detections, Stop> {
-        let mut input = Input::open(&self.input)?;
-        let format = match (&self.from, Format::of_path(&self.input)) {
+        self.table.open(&self.input, file)
+    }
+}
+
+impl TableArgs {
+    /// Opens a table for the cameras of a site.
+    pub(crate) fn open(&self, table: &str, file: &SiteFile) -> Result<Detections, Stop> {
+        let mut input = Input::open(table)?;
+        let format = match (&self.from, Format::of_path(table)) {
             (Some(name), _) => Format::named(name)?,
             (None, Some(format)) => format,
             (None, None) => input.format()?,

@@ -58,7 +58,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
             files::say("to merge this with a site, name it: --into SITE");
             imported.site
         }
-        Some(into) => merged(SiteFile::read(into)?, imported.site, args.replace)?,
+        Some(into) => {
+            let file = SiteFile::read(into)?.moved_to(&args.output);
+            merged(file, imported.site, args.replace)?
+        }
     };
     files::write(&args.output, site.to_json().as_bytes(), args.force)
 }

@@ -15,6 +15,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::files::{self, say};
 use crate::painting::draw_on;
 use crate::picture;
+use crate::site_file::beside;
 use crate::solve::Format;
 use crate::stills;
 use crate::stop::Stop;
@@ -81,11 +82,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let ids = ids(&stills);
     let mut progress = Steps::new(stills.len());
     let (mut site, mut proposed) = (Site::new(), Vec::new());
-    let folder = args.output.as_deref().filter(|output| *output != "-").map(Path::new).and_then(Path::parent);
     for (path, id) in stills.into_iter().zip(ids) {
         progress.next(&id);
         let still = of_still(path, args.accept)?;
-        site.cameras.push(camera(&still, id, folder.unwrap_or(Path::new(""))));
+        site.cameras.push(camera(&still, id, args.output.as_deref().unwrap_or("-")));
         proposed.push(still);
     }
     drop(progress);
@@ -125,20 +125,10 @@ fn ids(stills: &[PathBuf]) -> Vec<String> {
 }
 
 /// The camera of a still, with what is proposed if it is taken.
-fn camera(still: &Proposed, id: String, folder: &Path) -> SiteCamera {
+fn camera(still: &Proposed, id: String, output: &str) -> SiteCamera {
     let drawn = still.proposal.camera.clone().filter(|_| still.is_taken);
     let drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
-    SiteCamera { id, image: Some(beside(&still.path, folder)), ..drawn }
-}
-
-/// A path as a site in this folder names it.
-pub(crate) fn beside(path: &Path, folder: &Path) -> String {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let inside = || {
-        let (path, folder) = (path.canonicalize().ok()?, folder.canonicalize().ok()?);
-        Some(path.strip_prefix(&folder).map_or_else(|_| path.clone(), Path::to_path_buf))
-    };
-    inside().unwrap_or_else(|| path.to_owned()).to_string_lossy().into_owned()
+    SiteCamera { id, image: Some(beside(&still.path, output)), ..drawn }
 }
 
 /// The site with every camera solved whose proposal is taken.

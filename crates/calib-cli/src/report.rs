@@ -2,7 +2,7 @@
 
 use base64::Engine as _;
 use calib_core::SiteCamera;
-use calib_report::{Picture, Shown};
+use calib_report::{Picture, Shown, WalkPage};
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
@@ -10,6 +10,8 @@ use crate::files::{SiteFile, say};
 use crate::picture;
 use crate::pulse::Pulse;
 use crate::stop::Stop;
+#[cfg(feature = "archives")]
+use crate::walk::{Judged, WalkedArgs};
 
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]
@@ -18,22 +20,36 @@ pub(crate) struct Args {
     site: SiteArgs,
     #[command(flatten)]
     output: OutputArgs,
+    #[cfg(feature = "archives")]
+    #[command(flatten)]
+    walk: WalkedArgs,
 }
 
 /// Writes the page.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.output.check_free()?;
     let file = args.site.read()?;
+    #[cfg(feature = "archives")]
+    let judged = args.walk.judged(&file)?;
+    #[cfg(feature = "archives")]
+    let walk = judged.as_ref().map(Judged::page);
+    #[cfg(not(feature = "archives"))]
+    let walk = None;
     let pulse = Pulse::new("drawing the page");
-    let page = page(&file)?;
+    let page = page(&file, walk.as_ref())?;
     drop(pulse);
     args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
-    crate::solve::unsolved(&cameras)
+    crate::solve::unsolved(&cameras)?;
+    #[cfg(feature = "archives")]
+    if let Some(judged) = &judged {
+        judged.verdict()?;
+    }
+    Ok(())
 }
 
 /// The whole page; what is wrong with a picture is told, and stands in its place.
-fn page(file: &SiteFile) -> Result<String, Stop> {
+fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, Stop> {
     let mut ended = None;
     let mut pictures = |shown: Shown<'_>| match shown_in(file, shown) {
         Ok(picture) => Ok(picture),
@@ -46,7 +62,7 @@ fn page(file: &SiteFile) -> Result<String, Stop> {
             Err(String::new())
         }
     };
-    let page = calib_report::page(&file.site, &mut pictures);
+    let page = calib_report::page(&file.site, walk, &mut pictures);
     ended.map_or(Ok(page), Err)
 }
 

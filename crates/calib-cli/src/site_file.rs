@@ -119,6 +119,28 @@ impl SiteFile {
         self
     }
 
+    /// A site with the images of this one, as a file elsewhere names them. On stdout they stay as they are: nobody knows
+    /// where that ends.
+    pub(crate) fn seen_from(&self, site: &Site, file: &str) -> Site {
+        let own = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
+        let is_same = own.canonicalize().ok() == folder_of(file).canonicalize().ok();
+        let mut site = site.clone();
+        if file == "-" || is_same {
+            return site;
+        }
+        let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
+        let images = site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan);
+        for image in images.filter(|image| !image.starts_with("data:") && Path::new(image).is_relative()) {
+            *image = beside(&own.join(&*image), file);
+        }
+        site
+    }
+
+    /// With its images as a file elsewhere names them.
+    pub(crate) fn moved_to(self, file: &str) -> Self {
+        Self { site: self.seen_from(&self.site, file), ..self }
+    }
+
     /// The bytes of an image of this site: a path relative to the site file, or a `data:` URI.
     pub(crate) fn image_bytes(&self, image: &str) -> Result<Vec<u8>, Stop> {
         if let Some(data) = image.strip_prefix("data:") {
@@ -206,6 +228,23 @@ impl SiteFile {
         let bytes = self.image_bytes(name)?;
         decode(&bytes).map(Some).map_err(|error| Stop::invalid(shown(name), format!("the plan: {error}")))
     }
+}
+
+/// A path as a site in this file names it: as seen from its folder.
+pub(crate) fn beside(path: &Path, file: &str) -> String {
+    if file == "-" {
+        return path.to_string_lossy().into_owned();
+    }
+    let real = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path));
+    match (real(path), real(folder_of(file))) {
+        (Ok(path), Ok(folder)) => calib_input::relative(&path, &folder),
+        _ => path.to_string_lossy().into_owned(),
+    }
+}
+
+fn folder_of(file: &str) -> &Path {
+    let folder = Path::new(file).parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
 }
 
 /// Whether a calibration holds at a time, if one is asked for.

@@ -94,7 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     drop(pulse);
     let solved = report.write_into(&file.site);
     if let Some(output) = &args.output {
-        files::write(output, solved.to_json().as_bytes(), args.force)?;
+        files::write(output, file.seen_from(&solved, output).to_json().as_bytes(), args.force)?;
     }
     let mut asked: Vec<Asked> = Vec::new();
     for ((index, _), found) in report.cameras.iter().zip(&report.findings) {

@@ -48,66 +48,14 @@ pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, Stop> {
 
 /// When a still was taken: as its name says, else as the clock of its camera.
 pub(crate) fn time(path: &Path) -> Result<Option<Timestamp>, Stop> {
-    match time_in(&stem(path)) {
-        Some(time) => Ok(Some(time)),
-        None => Ok(calib_input::taken(&bytes(path)?).and_then(|taken| taken.parse().ok())),
-    }
+    let told = match calib_input::time_in_name(&stem(path)) {
+        Some(time) => Some(time),
+        None => calib_input::taken(&bytes(path)?),
+    };
+    Ok(told.and_then(|time| time.parse().ok()))
 }
 
 /// The name of a still without its folder and its ending.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-/// The time that a name says, such as `2026-05-01T080000Z` or `20260501_0800`: of UTC, as names of files have no zone.
-fn time_in(name: &str) -> Option<Timestamp> {
-    (0..name.len()).filter(|&start| begins_a_number(name, start)).find_map(|start| time_at(&name[start..]))
-}
-
-fn begins_a_number(name: &str, start: usize) -> bool {
-    let is_digit = |at: usize| name.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
-    is_digit(start) && !(start > 0 && is_digit(start - 1))
-}
-
-/// A time at the start of a text: year, month and day, then hour and minute, then seconds if there are any.
-fn time_at(text: &str) -> Option<Timestamp> {
-    let mut rest = text;
-    let mut number = |digits: usize| {
-        let skipped = rest.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
-        // One separator at most.
-        if rest.len() - skipped.len() > 1 {
-            return None;
-        }
-        let found = skipped.get(..digits).filter(|part| part.bytes().all(|byte| byte.is_ascii_digit()))?;
-        rest = &skipped[digits..];
-        found.parse::<u32>().ok()
-    };
-    let (year, month, day) = (number(4)?, number(2)?, number(2)?);
-    let (hour, minute) = (number(2)?, number(2)?);
-    let second = number(2).unwrap_or(0);
-    let is_of_now = (1990..2200).contains(&year);
-    let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
-    text.parse().ok().filter(|_| is_of_now)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_say_when_stills_were_taken() {
-        let expected: Timestamp = "2026-05-01T08:30:05Z".parse().expect("a time");
-        for name in
-            ["door-2026-05-01T083005Z", "door_20260501_083005", "20260501083005", "cam12 2026-05-01 08.30.05"]
-        {
-            assert_eq!(time_in(name), Some(expected), "{name}");
-        }
-        assert_eq!(
-            time_in("door_20260501-0830").map(|at| at.to_string()).as_deref(),
-            Some("2026-05-01T08:30:00Z")
-        );
-        for name in ["door", "shop-1", "20261301_083000", "12345678901234567", "2026-05-01", "tür-2026"] {
-            assert_eq!(time_in(name), None, "{name}");
-        }
-    }
 }

@@ -4,8 +4,8 @@ use calib_core::{Disagreement, FloorPoint, Walk, WalkResult, Zones};
 use calib_report::{WalkPage, direction, zone_name};
 
 use crate::args::SiteArgs;
-use crate::detections::DetectionArgs;
-use crate::files;
+use crate::detections::{DetectionArgs, Detections, TableArgs};
+use crate::files::{self, SiteFile};
 use crate::solve::Format;
 use crate::stop::Stop;
 
@@ -22,6 +22,38 @@ pub(crate) struct Args {
     /// Overwrite the page
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    limits: Limits,
+    /// How to report
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+/// A walk that a report takes in.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "The walk that the page takes in")]
+pub(crate) struct WalkedArgs {
+    /// Table of detections of one person who walked through the site, judged as by `calib walk`; - is stdin
+    #[arg(long, value_name = "FILE")]
+    walk: Option<String>,
+    #[command(flatten)]
+    limits: Limits,
+    #[command(flatten)]
+    table: TableArgs,
+}
+
+impl WalkedArgs {
+    /// What it shows of a site, if there is one.
+    pub(crate) fn judged(&self, file: &SiteFile) -> Result<Option<Judged>, Stop> {
+        self.limits.check()?;
+        let of = |table: &String| judged(file, self.table.open(table, file)?, &self.limits);
+        self.walk.as_ref().map(of).transpose()
+    }
+}
+
+/// What a walk must keep to.
+#[derive(Debug, clap::Args)]
+struct Limits {
     /// Largest floor error of a zone, in metres, beyond its ±
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     max_error_m: f64,
@@ -31,38 +63,29 @@ pub(crate) struct Args {
     /// Least share of the zones that cameras cover where somebody must have walked
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     min_walked: f64,
-    /// How to report
-    #[arg(long, value_enum, default_value = "text")]
-    format: Format,
 }
 
 /// Moments that several cameras must have seen: fewer tell nothing.
 const MOMENTS: usize = 20;
 
+/// A walk that was judged.
+pub(crate) struct Judged {
+    title: String,
+    names: Vec<String>,
+    result: WalkResult,
+    zones: Zones,
+    faults: Vec<String>,
+}
+
 /// Reads the walk, and judges.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    if !(args.zone_m > 0.0 && args.max_error_m > 0.0) {
-        return Err(Stop::Usage("--zone-m, --max-error-m: expected lengths above 0".into()));
-    }
+    args.limits.check()?;
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
     let file = args.site.read()?;
-    let mut detections = args.detections.open(&file)?;
-    let cameras: Vec<_> = detections.calibrations.cameras().map(|c| (c.camera, c.size)).collect();
-    let mut walk = Walk::new(&cameras);
-    detections.each(0, |seen, _| {
-        seen.iter().for_each(|sighting| walk.see(sighting));
-        Ok(())
-    })?;
-    let result = walk.result();
-    refuse_a_crowd(&detections.names(), &result)?;
-    let efovs: Vec<Vec<FloorPoint>> = detections.calibrations.efovs().map(<[_]>::to_vec).collect();
-    let zones = Zones::new(&result.moments, &efovs, args.zone_m);
-    let names = detections.names();
-    let faults = faults(args, &names, &result, &zones);
-    let title = file.site.name.as_deref().unwrap_or("Cameras");
-    let page = WalkPage { title, names: &names, result: &result, zones: &zones, faults: &faults };
+    let judged = judged(&file, args.detections.open(&file)?, &args.limits)?;
+    let page = judged.page();
     if let Some(output) = &args.output {
         files::write(output, page.html().as_bytes(), args.force)?;
     }
@@ -71,7 +94,50 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         Format::Json => files::print(&format!("{:#}\n", as_json(&page)))?,
         Format::Text => files::print(&crate::words::visible(&page.text()))?,
     }
-    if faults.is_empty() { Ok(()) } else { Err(Stop::Unsolved(format!("failed: {}", faults.join("; ")))) }
+    judged.verdict()
+}
+
+impl Limits {
+    /// Refuses limits that are none.
+    fn check(&self) -> Result<(), Stop> {
+        if self.zone_m > 0.0 && self.max_error_m > 0.0 {
+            return Ok(());
+        }
+        Err(Stop::Usage("--zone-m, --max-error-m: expected lengths above 0".into()))
+    }
+}
+
+/// What a table of one walker shows of a site.
+fn judged(file: &SiteFile, mut detections: Detections, limits: &Limits) -> Result<Judged, Stop> {
+    let cameras: Vec<_> = detections.calibrations.cameras().map(|c| (c.camera, c.size)).collect();
+    let mut walk = Walk::new(&cameras);
+    detections.each(0, |seen, _| {
+        seen.iter().for_each(|sighting| walk.see(sighting));
+        Ok(())
+    })?;
+    let (names, result) = (detections.names(), walk.result());
+    refuse_a_crowd(&names, &result)?;
+    let efovs: Vec<Vec<FloorPoint>> = detections.calibrations.efovs().map(<[_]>::to_vec).collect();
+    let zones = Zones::new(&result.moments, &efovs, limits.zone_m);
+    let faults = faults(limits, &names, &result, &zones);
+    let title = file.site.name.clone().unwrap_or_else(|| "Cameras".into());
+    Ok(Judged { title, names, result, zones, faults })
+}
+
+impl Judged {
+    /// It as a page.
+    pub(crate) fn page(&self) -> WalkPage<'_> {
+        let Self { title, names, result, zones, faults } = self;
+        WalkPage { title, names, result, zones, faults }
+    }
+
+    /// Exit 4 where it failed, with why.
+    pub(crate) fn verdict(&self) -> Result<(), Stop> {
+        if self.faults.is_empty() {
+            return Ok(());
+        }
+        Err(Stop::Unsolved(format!("failed: {}", self.faults.join("; "))))
+    }
 }
 
 /// A table of several people says nothing of a walker: whom one camera sees need not be whom another sees.
@@ -89,7 +155,7 @@ fn refuse_a_crowd(names: &[String], result: &WalkResult) -> Result<(), Stop> {
 }
 
 /// What keeps the walk from passing.
-fn faults(args: &Args, names: &[String], result: &WalkResult, zones: &Zones) -> Vec<String> {
+fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones) -> Vec<String> {
     let mut faults = Vec::new();
     let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();
     if together < MOMENTS {
@@ -100,21 +166,21 @@ fn faults(args: &Args, names: &[String], result: &WalkResult, zones: &Zones) -> 
     let accused = result.disagreements.iter();
     faults.extend(accused.map(|one| format!("{} {}", names[one.camera], direction(one))));
     let is_wrong = |error: Option<f64>, sigma: Option<f64>| {
-        error.zip(sigma).is_some_and(|(error, sigma)| error - 2.0 * sigma > args.max_error_m)
+        error.zip(sigma).is_some_and(|(error, sigma)| error - 2.0 * sigma > limits.max_error_m)
     };
     let wrong = zones.list.iter().filter(|zone| is_wrong(zone.error, zone.error_sigma));
     let wrong: Vec<String> = wrong.map(zone_name).collect();
     if !wrong.is_empty() {
         let list = calib_report::few(wrong.iter().map(String::as_str));
-        faults.push(format!("floor error over {} m in the zones {list}", args.max_error_m));
+        faults.push(format!("floor error over {} m in the zones {list}", limits.max_error_m));
     }
     let walked = zones.list.iter().filter(|zone| zone.moments > 0).count() as f64;
     let share = walked / zones.list.len().max(1) as f64;
-    if share < args.min_walked {
+    if share < limits.min_walked {
         faults.push(format!(
             "{:.0} % of the zones were walked, {:.0} % asked",
             100.0 * share,
-            100.0 * args.min_walked
+            100.0 * limits.min_walked
         ));
     }
     faults

@@ -12,6 +12,7 @@ use image::RgbImage;
 use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};
 use crate::hit::Part;
 use crate::images::Images;
+use crate::newer::OnNewer;
 use crate::planes::Planes;
 use crate::proposed::OnProposed;
 use crate::tools::{Pane, Pointer};
@@ -120,6 +121,9 @@ pub enum Action {
     OnProposed(OnProposed),
     /// A command on what is proposed.
     Proposing(Proposing),
+
+    /// Does something with newer stills.
+    Newer(OnNewer),
 
     /// A command on the list of cameras.
     Cameras(Cameras),

@@ -35,6 +35,10 @@ pub enum Needs {
     Chosen,
     /// Lines that the still proposes.
     Proposed,
+    /// A newer still of the camera in hand.
+    Newer,
+    /// A newer still that shows the camera in hand moved.
+    Moved,
     /// A gesture to take back.
     Undo,
     /// A gesture to do again.
@@ -191,6 +195,13 @@ commands! {
         AcceptGroup "Accept the chosen group of proposed lines" [Proposed];
         FlipGroup "Flip the chosen group of proposed lines: verticals or floor lines" [Proposed];
         DeleteGroup "Delete the chosen group of proposed lines" [Proposed];
+    }
+    /// What newer stills show.
+    Newer {
+        CompareStill "Compare with a newer still of this camera\u{2026}" [Camera] SHIFT C;
+        NextLook "Look at the newer still: old, new, both by turns, a wipe" [Newer] SHIFT B;
+        Recover "Recover: carry what is drawn to the newer still, solve from it" [Moved] SHIFT R;
+        DismissNewer "Put the newer still aside" [Newer];
     }
     /// How it is looked at.
     View {

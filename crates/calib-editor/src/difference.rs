@@ -6,7 +6,8 @@ use calib_core::{Site, SiteCamera};
 #[must_use]
 pub fn differences(from: &Site, to: &Site) -> Vec<String> {
     let mut told: Vec<String> = to.cameras.iter().filter_map(|camera| of_camera(from, camera)).collect();
-    let removed = from.cameras.iter().filter(|camera| to.camera(&camera.id).is_none());
+    let is_there = |camera: &&SiteCamera| to.cameras.iter().any(|other| other.is_same_period(camera));
+    let removed = from.cameras.iter().filter(|camera| !is_there(camera));
     told.extend(removed.map(|camera| format!("{}: no longer there", camera.id)));
     let counted = [
         ("links", from.links.len(), to.links.len(), unsolved(from).links != unsolved(to).links),
@@ -37,7 +38,8 @@ fn count(what: &str, a: usize, b: usize) -> String {
 }
 
 fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
-    let Some(own) = from.camera(&camera.id) else { return Some(format!("{}: new", camera.id)) };
+    let own = from.cameras.iter().find(|own| own.is_same_period(camera));
+    let Some(own) = own else { return Some(format!("{}: new", camera.id)) };
     let lines = |camera: &SiteCamera| camera.annotations.iter().map(|a| a.polylines().count()).sum::<usize>();
     let mut parts = Vec::new();
     if own.annotations != camera.annotations {

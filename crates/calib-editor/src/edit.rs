@@ -302,6 +302,17 @@ pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
     }
 }
 
+/// Forgets what a camera shows of links and marks; a link that nothing shows any more is gone.
+pub(crate) fn forget_shared(site: &mut Site, id: &str) {
+    for link in &mut site.links {
+        link.seen.retain(|seen| seen.camera != id);
+    }
+    site.links.retain(|link| !link.seen.is_empty());
+    for mark in &mut site.marks {
+        mark.seen.retain(|seen| seen.camera != id);
+    }
+}
+
 /// Moves all that is drawn on the image of a camera to an image of another size.
 pub(crate) fn scale_camera(site: &mut Site, id: &str, ratio: [f64; 2]) {
     let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };

@@ -8,6 +8,7 @@ use calib_core::{Annotation, Camera, Code, Kind, Site, SiteCamera};
 use crate::command::{self, Command, Needs};
 use crate::family::Family;
 use crate::images::Images;
+use crate::newer::Newer;
 use crate::preview::Preview;
 use crate::session::Session;
 use crate::tools::{TOOLS, Tool};
@@ -37,6 +38,8 @@ pub struct Editor {
     /// Annotations that were copied, with the size of their image.
     pub(crate) copied: Option<(Vec<Annotation>, [u32; 2])>,
     pub(crate) old_still: Option<OldStill>,
+    /// Newer stills, one a camera.
+    pub(crate) newer: Vec<Newer>,
     /// A saved version to compare with.
     pub(crate) compared: Option<Site>,
     /// What else fits the camera of this index as well.
@@ -56,6 +59,7 @@ impl Default for Editor {
             tool_row: 0,
             copied: None,
             old_still: None,
+            newer: Vec::new(),
             compared: None,
             family: None,
             preview: None,
@@ -99,6 +103,19 @@ impl Editor {
     #[must_use]
     pub const fn old_still(&self) -> Option<&OldStill> {
         self.old_still.as_ref()
+    }
+
+    /// The newer still of a camera, by its index.
+    #[must_use]
+    pub fn newer(&self, camera: usize) -> Option<&Newer> {
+        let entry = self.session.site.cameras.get(camera)?;
+        self.newer.iter().find(|newer| newer.is_of(entry))
+    }
+
+    /// The newer still of the camera in hand.
+    #[must_use]
+    pub fn newer_in_hand(&self) -> Option<&Newer> {
+        self.newer(self.session.camera)
     }
 
     /// The saved version that is compared with.
@@ -220,6 +237,8 @@ impl Editor {
             Needs::Selection => !session.selection.is_empty(),
             Needs::Chosen => !session.selection.is_empty() || session.picked.is_some(),
             Needs::Proposed => session.proposed().is_some(),
+            Needs::Newer => self.newer_in_hand().is_some(),
+            Needs::Moved => self.newer_in_hand().is_some_and(Newer::has_moved),
             Needs::Undo => session.history.undo_name().is_some() || !self.tool().is_idle(),
             Needs::Redo => session.history.redo_name().is_some() && self.tool().is_idle(),
             Needs::Suggestion => session.proposal().is_some(),

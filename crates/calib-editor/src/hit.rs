@@ -75,6 +75,9 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     let corners = entry.efov_px.iter().flatten().enumerate();
     list.extend(corners.map(|(corner, &pixel)| (Part::Corner(corner), pixel)));
     list.extend(entry.control_points.iter().enumerate().map(|(i, point)| (Part::Control(i), point.px)));
+    if !site.has_shared(index) {
+        return list;
+    }
     for (link, drawn) in site.links.iter().enumerate() {
         for (seen, sight) in drawn.seen.iter().enumerate().filter(|(_, seen)| seen.camera == entry.id) {
             let points = sight.px.iter().chain(&sight.foot).chain(&sight.head);

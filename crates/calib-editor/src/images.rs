@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use base64::Engine as _;
 use calib_core::Site;
+use calib_input::relative;
 
 use crate::reach::Reach;
 
@@ -266,23 +267,6 @@ fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
     Some((mime.to_owned(), BASE64.decode(encoded.trim()).ok()?))
 }
 
-/// `path` as seen from `folder`, with `/` between its parts; as it is where they share no root.
-fn relative(path: &Path, folder: &Path) -> String {
-    let parts = |path: &Path| -> Vec<String> {
-        path.components().map(|part| part.as_os_str().to_string_lossy().into_owned()).collect()
-    };
-    if path.is_absolute() != folder.is_absolute() {
-        return path.to_string_lossy().into_owned();
-    }
-    let (path_parts, folder_parts) = (parts(path), parts(folder));
-    let shared = path_parts.iter().zip(&folder_parts).take_while(|(a, b)| a == b).count();
-    if shared == 0 && path.is_absolute() {
-        return path.to_string_lossy().into_owned();
-    }
-    let up = std::iter::repeat_n("..".to_owned(), folder_parts.len() - shared);
-    up.chain(path_parts.into_iter().skip(shared)).collect::<Vec<_>>().join("/")
-}
-
 /// Reads a site from text; stored images go to the returned store.
 ///
 /// # Errors
@@ -322,11 +306,5 @@ mod tests {
         assert_eq!(images.reader("a.png").made_by_name(), None);
         let sent = images.put_into(&site, None);
         assert_eq!(sent.cameras[0].image.as_deref(), Some("data:image/jpeg;base64,/9j/"));
-    }
-
-    #[test]
-    fn paths_are_relative_to_the_file() {
-        assert_eq!(relative(Path::new("/a/b/c.png"), Path::new("/a/d")), "../b/c.png");
-        assert_eq!(relative(Path::new("/a/d/c.png"), Path::new("/a/d")), "c.png");
     }
 }

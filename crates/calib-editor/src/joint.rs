@@ -1,14 +1,27 @@
 //! The results of a joint solve: they stay until what they follow from differs, and say when it does.
 
 use calib_core::{
-    Camera, ElementSolution, Link, Mark, Method, Plane, PlaneEntry, PlaneSolution, Report, Site, SiteCamera,
+    Camera, ElementSolution, Link, Mark, Plane, PlaneEntry, PlaneSolution, Report, Site, SiteCamera,
     SiteSolution, Solution, Stage,
 };
 
 /// The camera as drawn and entered; a given result is entered.
 pub(crate) fn unsolved(camera: &SiteCamera) -> SiteCamera {
-    let given = camera.solution.as_ref().filter(|s| s.method == Method::Given).cloned();
+    let given = camera.solution.as_ref().filter(|s| s.method.is_entered()).cloned();
     SiteCamera { solution: given, error: None, ..camera.clone() }
+}
+
+/// The site as drawn and entered: results are found again, what was entered as a result stays.
+pub(crate) fn forget_results(site: &mut Site) {
+    for camera in &mut site.cameras {
+        camera.solution.take_if(|solution| !solution.method.is_entered());
+        camera.error = None;
+    }
+    site.solution = None;
+    // A mark that was moved by a solve stays where that put it: here it is dragged on from there.
+    site.links.iter_mut().for_each(|link| link.solution = None);
+    site.marks.iter_mut().for_each(|mark| mark.solution = None);
+    site.planes.iter_mut().for_each(|plane| plane.solution = None);
 }
 
 /// Whether a result of one follows from the other just as well.
@@ -83,7 +96,7 @@ impl Joint {
     }
 
     fn place_of(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
-        let place = self.site.cameras.iter().position(|known| known.id == camera.id)?;
+        let place = self.site.cameras.iter().position(|known| known.is_same_period(camera))?;
         let took_part = self.poses.get(place)?.is_some();
         let is_same = self.site.scene == site.scene
             && same_planes(&self.site.planes, &site.planes)
@@ -122,7 +135,9 @@ impl Joint {
         let owner = lens_owner(known);
         let family =
             |site: &'_ Site| site.cameras.iter().filter(|camera| lens_owner(camera) == owner).count();
-        let is_same = |own: &&SiteCamera| site.camera(&own.id).is_some_and(|now| same_input(own, now));
+        let is_same = |own: &&SiteCamera| {
+            site.cameras.iter().any(|now| own.is_same_period(now) && same_input(own, now))
+        };
         let sharing = self.site.cameras.iter().filter(|camera| lens_owner(camera) == owner);
         sharing.filter(is_same).count() == family(&self.site) && family(&self.site) == family(site)
     }

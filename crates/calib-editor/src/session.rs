@@ -12,7 +12,7 @@ use calib_core::{
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::joint::Joint;
+use crate::joint::{Joint, forget_results, same_input};
 use crate::preview;
 use crate::proposed::Proposed;
 use crate::refine::rounded;
@@ -88,22 +88,7 @@ impl Session {
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
         let joint = Joint::of_file(&site);
-        for camera in &mut site.cameras {
-            // Results are recomputed; what was entered as a result stays.
-            if camera.solution.as_ref().is_some_and(|solution| solution.method != Method::Given) {
-                camera.solution = None;
-            }
-            camera.error = None;
-        }
-        site.solution = None;
-        // A mark that was moved by a solve stays where that put it: here it is dragged on from there.
-        for link in &mut site.links {
-            link.solution = None;
-        }
-        for mark in &mut site.marks {
-            mark.solution = None;
-        }
-        site.planes.iter_mut().for_each(|plane| plane.solution = None);
+        forget_results(&mut site);
         let history = History::new(&site);
         let mut session = Self {
             site,
@@ -270,8 +255,22 @@ impl Session {
         &self.settled
     }
 
+    /// A period that has ended is solved again once something else is drawn on it.
+    fn forget_kept(&mut self) {
+        let before = self.history.cameras();
+        for camera in &mut self.site.cameras {
+            let is_kept = camera.solution.as_ref().is_some_and(|found| found.method == Method::Kept);
+            let same_period = |was: &&Arc<SiteCamera>| was.id == camera.id && was.valid_to == camera.valid_to;
+            let was = before.iter().find(same_period);
+            if is_kept && was.is_some_and(|was| !same_input(was, camera)) {
+                camera.solution = None;
+            }
+        }
+    }
+
     /// Ends a gesture under this name. One that would make a site that no file can hold is put back.
     pub fn commit(&mut self, name: impl Into<String>) {
+        self.forget_kept();
         if let Err(error) = self.site.check() {
             self.revert();
             self.note = Some(format!("Not possible: {}.", error.message()));

@@ -44,10 +44,18 @@ type Told = (usize, Result<Solution, FailureEntry>);
 #[derive(Clone, Debug)]
 struct Entry {
     id: String,
+    /// When the period of the calibration begins: an id may repeat.
+    from: Option<String>,
     family: Arc<Family>,
     result: Result<Solution, FailureEntry>,
     findings: Vec<Finding>,
     pose: Option<Camera>,
+}
+
+impl Entry {
+    fn is_of(&self, camera: &SiteCamera) -> bool {
+        self.id == camera.id && self.from == camera.valid_from
+    }
 }
 
 /// Every camera's result, in the order of the site.
@@ -115,7 +123,7 @@ impl Solved {
     /// While nothing is solved, results stay with their cameras, whichever were added or removed.
     fn realign(&mut self, site: &Site) {
         let is_aligned = self.entries.len() == site.cameras.len()
-            && self.entries.iter().zip(&site.cameras).all(|(entry, camera)| entry.id == camera.id);
+            && self.entries.iter().zip(&site.cameras).all(|(entry, camera)| entry.is_of(camera));
         if is_aligned {
             return;
         }
@@ -123,6 +131,7 @@ impl Solved {
         let nothing = Arc::new(Family::of(site, &[]));
         let waits = |camera: &SiteCamera| Entry {
             id: camera.id.clone(),
+            from: camera.valid_from.clone(),
             family: Arc::clone(&nothing),
             result: Err(FailureEntry {
                 code: FailureCode::NoSolution,
@@ -132,7 +141,7 @@ impl Solved {
             findings: Vec::new(),
             pose: None,
         };
-        let known = |camera: &SiteCamera| self.entries.iter().find(|entry| entry.id == camera.id);
+        let known = |camera: &SiteCamera| self.entries.iter().find(|entry| entry.is_of(camera));
         self.entries = site
             .cameras
             .iter()
@@ -143,7 +152,7 @@ impl Solved {
     /// The results of cameras that share a lens, each with its index.
     fn solve(&self, site: &Site, family: &[usize]) -> Vec<(usize, Entry)> {
         let known = |index: &usize| {
-            let same = |entry: &&Entry| entry.id == site.cameras[*index].id && entry.family.is(site, family);
+            let same = |entry: &&Entry| entry.is_of(&site.cameras[*index]) && entry.family.is(site, family);
             self.entries.iter().find(same).map(|entry| (*index, entry.clone()))
         };
         // Cameras that moved in the list, or came back by undo, are known already.
@@ -158,8 +167,9 @@ impl Solved {
         let entry = |(&index, ((_, result), found)): (&usize, (Told, Result<Vec<Finding>, Failure>))| {
             let findings = found.unwrap_or_default();
             let pose = result.as_ref().ok().and_then(Solution::camera);
-            let (id, family) = (site.cameras[index].id.clone(), Arc::clone(&shared));
-            (index, Entry { id, family, result, findings, pose })
+            let SiteCamera { id, valid_from: from, .. } = site.cameras[index].clone();
+            let family = Arc::clone(&shared);
+            (index, Entry { id, from, family, result, findings, pose })
         };
         family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
     }

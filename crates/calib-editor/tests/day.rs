@@ -268,7 +268,9 @@ fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it
             Group::Lines(command) => Action::Lines(command),
             Group::Proposing(command) => Action::Proposing(command),
             Group::Cameras(command) => Action::Cameras(command),
-            Group::Files(_) | Group::View(_) | Group::Solving(_) | Group::Switch(_) => continue,
+            Group::Files(_) | Group::Newer(_) | Group::View(_) | Group::Solving(_) | Group::Switch(_) => {
+                continue;
+            }
         };
         editor.apply(action);
         assert_eq!(editor.site().cameras.len(), before, "{}", row.text);

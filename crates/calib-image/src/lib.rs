@@ -22,7 +22,7 @@ mod measure;
 mod proposal;
 mod compare;
 
-pub use compare::{Became, Carry, Comparison, OtherSize};
+pub use compare::{Became, Comparison, OtherSize, Refusal, Uncompared, drawn_edges, recovered};
 pub use edges::Edge;
 pub use line_segment::LineSegment;
 pub use measure::line_segments;

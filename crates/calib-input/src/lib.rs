@@ -4,16 +4,20 @@
 //! Files and stills come from anywhere. A pipe would be waited for without end, a device read without
 //! end, and six hundred bytes can promise a picture of four thousand million pixels.
 
+mod clock;
 mod file;
 mod jpeg;
 mod memory;
+mod named;
 #[cfg(feature = "write")]
 mod part;
+mod relative;
 mod still;
-mod taken;
 
 pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
+pub use named::time_in_name;
 #[cfg(feature = "write")]
 pub use part::{NoPlace, Part, place};
+pub use relative::relative;
 pub use still::{StillError, decode, room_to_decode, size_of, taken};

@@ -6,9 +6,9 @@ use std::io::Cursor;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, RgbImage};
 
+use crate::clock;
 use crate::jpeg::Jpeg;
 use crate::memory::{OutOfMemory, reserved, room_for};
-use crate::taken as exif;
 
 /// In a browser there are 4 GB at most, and a phone has less.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");
@@ -97,7 +97,7 @@ pub fn size_of(bytes: &[u8]) -> Result<[u32; 2], StillError> {
 #[must_use]
 pub fn taken(bytes: &[u8]) -> Option<String> {
     let (mut decoder, _) = opened(bytes).ok()?;
-    exif::time(&decoder.exif_metadata().ok()??)
+    clock::time(decoder.exif_metadata().ok()??)
 }
 
 /// Whether a still that another decoder takes, at so many bytes a pixel more than ours, is within the limits of

@@ -15,9 +15,9 @@ mod plan_view;
 mod site_words;
 mod site_section;
 mod planes;
+mod walk_page;
 mod page;
 mod watch_page;
-mod walk_page;
 
 pub use lens::{is_fitted, lens_of};
 pub use overlay::overlay;

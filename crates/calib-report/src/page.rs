@@ -11,6 +11,7 @@ use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
+use crate::walk_page::WalkPage;
 
 /// A picture that the page shows.
 #[derive(Clone, Debug)]
@@ -33,15 +34,18 @@ pub enum Shown<'a> {
 /// Gives a picture, or says why it is not there.
 pub type Pictures<'a> = &'a mut dyn FnMut(Shown<'_>) -> Result<Picture, String>;
 
-/// The whole page: summary, plan, then every camera. A page without one picture is better than no page: what
-/// `pictures` says stands in its place.
+/// The whole page: summary, plan, what a walk through the site showed, then every camera. A page without one picture is
+/// better than no page: what `pictures` says stands in its place.
 #[must_use]
-pub fn page(site: &Site, pictures: Pictures<'_>) -> String {
+pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: Pictures<'_>) -> String {
     let mut html = opened(site.name.as_deref().unwrap_or("Camera calibration"));
     summary(&mut html, &site.cameras);
     site_section(&mut html, site);
     planes_section(&mut html, site);
     from_above(&mut html, site, pictures);
+    if let Some(walk) = walk {
+        walk.section(&mut html);
+    }
     for camera in &site.cameras {
         section(&mut html, site, camera, pictures);
     }

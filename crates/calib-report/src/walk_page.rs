@@ -92,6 +92,13 @@ impl WalkPage<'_> {
     #[must_use]
     pub fn html(&self) -> String {
         let mut html = opened(self.title);
+        self.section(&mut html);
+        html.push_str(CLOSED);
+        html
+    }
+
+    /// What the page says, as a part of any page.
+    pub(crate) fn section(&self, html: &mut String) {
         let class = if self.faults.is_empty() { "note good" } else { "note bad" };
         let _ = writeln!(
             html,
@@ -118,8 +125,6 @@ impl WalkPage<'_> {
             );
         }
         html.push_str("</tbody></table>\n<p>Name, date, signature: ________________________________</p>\n");
-        html.push_str(CLOSED);
-        html
     }
 
     /// The zones from above, shaded by their error, with the way of the walker.

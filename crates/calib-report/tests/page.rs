@@ -21,8 +21,8 @@ fn pictures(shown: Shown<'_>) -> Result<Picture, String> {
 #[test]
 fn every_camera_is_shown_with_its_picture_or_why_it_is_not() {
     let site = solved();
-    let html = page(&site, &mut pictures);
-    assert_eq!(html, page(&site, &mut pictures));
+    let html = page(&site, None, &mut pictures);
+    assert_eq!(html, page(&site, None, &mut pictures));
     assert!(html.contains(r#"href="data:,plan" width="1200" height="900" opacity="0.55""#));
     for camera in &site.cameras {
         let section = html.split(&format!("<section id=\"{}\">", camera.id)).nth(1).unwrap();
@@ -36,7 +36,7 @@ fn every_camera_is_shown_with_its_picture_or_why_it_is_not() {
 
 #[test]
 fn nothing_is_fetched_and_nothing_runs() {
-    let html = page(&solved(), &mut pictures);
+    let html = page(&solved(), None, &mut pictures);
     assert!(html.contains("default-src 'none'"));
     for fetched in ["src=\"http", "href=\"http", "<script", "<link", "url("] {
         assert!(!html.contains(fetched), "{fetched}");

@@ -280,6 +280,8 @@ fn report(app: &App) -> Value {
         "refining": app.refining.is_some(),
         "proposing": app.proposing.is_some(),
         "proposed": session.proposed().map(|own| json!({"verdict": own.verdict.name(), "lines": own.count()})),
+        "comparing": app.is_comparing(),
+        "newer": app.editor.newer_in_hand().map(|own| own.comparison.became.name()),
         "error": app.editor.error(),
         "note": session.note,
         "milliseconds": session.solved.milliseconds,

@@ -1,14 +1,15 @@
-//! The same program in a worker: it decodes, renders, looks for edges, proposes and refines while the page goes on.
+//! The same program in a worker: it decodes, renders, looks for edges, proposes, compares and refines while the page goes on.
 
 use calib_core::{Site, SiteCamera};
 use calib_editor::edges;
-use calib_image::{LineSegment, Proposal, Still, line_segments};
+use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
 use crate::demo;
-use crate::platform::web::{PROPOSE, REFINE};
+use crate::platform::Recovery;
+use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE};
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {
@@ -40,6 +41,16 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
                 serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
             written(&Proposal::new(&Still::of_camera(&camera, edges)))
         }
+        COMPARE => {
+            let camera: SiteCamera = serde_json::from_str(name).map_err(|error| error.to_string())?;
+            let [old, new] = two_of_bytes(width, bytes)?;
+            written(&Comparison::of_entry(&camera, &old, &new).map_err(|error| error.to_string())?)
+        }
+        RECOVER => {
+            let asked: Recovery = serde_json::from_str(name).map_err(|error| error.to_string())?;
+            let [old, new] = two_of_bytes(width, bytes)?;
+            written(&asked.done([&old, &new])?)
+        }
         REFINE => {
             let site = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
             let site = Site::from_json(site).map_err(|error| error.to_string())?;
@@ -52,6 +63,12 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
 fn of_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
     let height = bytes.len() as u32 / (3 * width.max(1));
     RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "an image of another size".into())
+}
+
+/// Two images of one size, one after the other.
+fn two_of_bytes(width: u32, bytes: &[u8]) -> Result<[RgbImage; 2], String> {
+    let (old, new) = bytes.split_at(bytes.len() / 2);
+    Ok([of_bytes(width, old)?, of_bytes(width, new)?])
 }
 
 fn written(answer: &impl serde::Serialize) -> Result<Array, String> {

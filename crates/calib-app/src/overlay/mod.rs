@@ -1,5 +1,6 @@
 //! What is painted on a camera's image: annotations, EFOV, grid, prism, horizon, marks, links. Reads only.
 
+mod changed;
 mod horizon;
 mod lines;
 mod proposed;
@@ -20,6 +21,8 @@ use crate::paint::{Pen, handle, line, ring, tag};
 use crate::state::Layers;
 use crate::theme::{self, on_image};
 
+pub use changed::Changed;
+pub(crate) use changed::right_of;
 pub use proposed::Ghosts;
 
 /// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
@@ -73,6 +76,8 @@ pub struct Overlay<'a> {
     pub suggested: Vec<Edge>,
     /// What the still proposes, where it is shown.
     pub proposed: Option<Ghosts<'a>>,
+    /// What a newer still shows, where it is looked at.
+    pub changed: Option<Changed<'a>>,
     /// Whether names are shown: not on small images.
     pub labels: bool,
     /// Whether links and marks say their names without being asked, where that covers no other name.
@@ -129,6 +134,9 @@ impl Overlay<'_> {
         self.paint_items(painter, &items_on_image(&view, &self.drawn()));
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
+        }
+        if let Some(changed) = &self.changed {
+            self.paint_changed(painter, changed);
         }
         match &self.proposed {
             Some(ghosts) => self.paint_proposed(painter, ghosts),

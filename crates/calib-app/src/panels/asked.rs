@@ -113,6 +113,7 @@ fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
         Purpose::AddImages => "Path of an image, or of a folder of images",
         Purpose::LoadPlan => "Path of the floor plan",
         Purpose::ReplaceStill => "Path of the still",
+        Purpose::NewerStill => "Path of the newer still",
         Purpose::Compare => "Path of the saved version",
         Purpose::Import => "Path of the file to import",
         Purpose::Export => "Path of the folder to export into",

@@ -1,15 +1,16 @@
 //! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
 
 use calib_editor::{Action, Standing, Verdict, steps, summary, verdict};
+use calib_image::Became;
 use egui::{Align2, Color32, Key, Rect, Role, ScrollArea, Sense, Stroke, TextEdit, Ui, Vec2, WidgetInfo};
 
 use crate::choice::Purpose;
 use crate::icons::{self, Icon, Look};
 use crate::paint::chip;
-use crate::panels::above;
+use crate::panels::{above, newer};
 use crate::picture::cropped;
 use crate::state::{App, Mode, Order};
-use crate::theme;
+use crate::theme::{self, Palette};
 
 /// The list, or (`rail`) a narrow strip of it.
 pub fn show(app: &mut App, ui: &mut Ui, rail: bool) {
@@ -157,14 +158,29 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);
     let name = clip.with_clip_rect(clip.clip_rect().with_max_x(taken.left() - 4.0));
     name.text(top, Align2::LEFT_TOP, &entry.id, theme::medium(12.0), palette.text);
+    let (text, colour) = about(app, camera, palette);
+    let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
+    clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
+}
+
+/// How a camera stands; that its newest still shows it changed comes first.
+fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
+    let changed = app.editor.newer(camera).filter(|newer| newer.comparison.became != Became::Unchanged);
+    if let Some(newer) = changed {
+        let (word, _, colour, _) = newer::verdict(newer.comparison.became, palette);
+        return (format!("newest still: {}", word.to_lowercase()), colour);
+    }
+    let ended = app.editor.site().cameras.get(camera).and_then(|entry| entry.valid_to.as_ref());
+    if let Some(to) = ended {
+        return (format!("until {}", to.get(..10).unwrap_or(to)), palette.text3);
+    }
     let Verdict { text, standing } = verdict(app.editor.session(), camera);
     let colour = match standing {
         Standing::Good => palette.ok,
         Standing::Open => palette.warn,
         Standing::Wrong => palette.bad,
     };
-    let galley = ui.painter().layout(text, theme::regular(11.0), colour, rect.right() - 8.0 - left);
-    clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
+    (text, colour)
 }
 
 fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {

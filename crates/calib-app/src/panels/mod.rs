@@ -9,6 +9,7 @@ pub mod above;
 mod measured;
 pub mod annotations;
 pub mod asked;
+pub mod newer;
 pub mod cameras;
 pub mod dock;
 pub mod lies_on;
@@ -18,6 +19,7 @@ pub mod elements;
 pub mod distances;
 pub mod export;
 pub mod marks;
+pub mod health;
 pub mod palette;
 pub mod proposed;
 pub mod planes;
@@ -129,6 +131,7 @@ fn right(app: &mut App, ui: &mut Ui) {
     out_of_date::show(app, ui);
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         proposed::show(app, ui);
+        newer::show(app, ui);
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
         if app.editor.compared().is_some() {
@@ -158,6 +161,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| elements::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
+                section(ui, |ui| health::show(app, ui));
                 section(ui, |ui| marks::show(app, ui));
                 section(ui, |ui| {
                     links::show(app, ui);

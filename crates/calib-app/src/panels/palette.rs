@@ -97,7 +97,7 @@ const GROUPS: [KeyGroup; 7] = [
     ("Files", |group| matches!(group, Group::Files(_))),
     ("In the hand", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
     ("Selected", |group| matches!(group, Group::Selection(_))),
-    ("Lines", |group| matches!(group, Group::Lines(_) | Group::Proposing(_))),
+    ("Lines", |group| matches!(group, Group::Lines(_) | Group::Proposing(_) | Group::Newer(_))),
     ("Cameras and solving", |group| matches!(group, Group::Cameras(_) | Group::Solving(_))),
     ("View", |group| matches!(group, Group::View(_) | Group::Switch(_))),
 ];

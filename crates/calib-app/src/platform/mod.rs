@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{NewStill, Recovered, Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Reach, Source};
-use calib_image::{LineSegment, Proposal};
+use calib_image::{Comparison, LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 
@@ -30,6 +30,30 @@ pub(crate) use web::Web as Here;
 /// Work that ended without a result, by a fault of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lost;
+
+/// Two stills of a camera, the old one first.
+pub(crate) type Stills = [Arc<RgbImage>; 2];
+
+/// A camera that is to be recovered.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Recovery {
+    /// The site with its solutions.
+    pub(crate) site: Site,
+    /// The index of the camera.
+    pub(crate) index: usize,
+    /// What became of it.
+    pub(crate) comparison: Comparison,
+    /// Its newer still.
+    pub(crate) still: NewStill,
+}
+
+impl Recovery {
+    /// Recovers it.
+    pub(crate) fn done(&self, [old, new]: [&RgbImage; 2]) -> Result<Recovered, String> {
+        let found = calib_image::recovered(&self.site, self.index, &self.comparison, [old, new], &self.still);
+        found.map_err(|refusal| refusal.to_string())
+    }
+}
 
 /// The files that a chooser is closed with, some time later.
 pub(crate) type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
@@ -106,12 +130,12 @@ pub(crate) trait Platform {
         then: impl FnOnce(RgbImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Reads the picture of a file of this name for its size; a drawing becomes the picture that stands for it.
+    /// Reads the picture of a file of this name for its bytes and its size; a drawing becomes the picture that stands for it.
     fn size_of<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
     /// Finds the straight edges of an image.
@@ -125,6 +149,15 @@ pub(crate) trait Platform {
 
     /// Nobody waits for edges that are measured, or for what they propose, any more.
     fn stop_proposing();
+
+    /// What became of a camera, that is solved, between two stills.
+    fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>>;
+
+    /// A camera that moved between two stills, solved from what was drawn on the first; why not, where it is refused.
+    fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>>;
+
+    /// Nobody waits for what became of a camera any more.
+    fn stop_comparing();
 
     /// Improves all cameras of a site together; it waits for no other work.
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>>;

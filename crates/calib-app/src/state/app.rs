@@ -1,14 +1,16 @@
 //! The app's state, and what is done with it without a view.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use calib_core::{LensEntry, Site};
 use calib_editor::{Action, Command, Edge, Editor, Pane, Part, TOOLS, edges, edit, hit};
 use egui::Context;
+use web_time::{SystemTime, UNIX_EPOCH};
 
 use super::{
-    Conflict, Decision, Layers, List, Mode, Orbit, Outside, Palette, Panes, PathField, Place, Planning, Read,
-    Sent, Sheet, Tour,
+    Comparing, Conflict, Decision, Glance, Layers, List, Mode, Orbit, Outside, Palette, Panes, PathField,
+    Place, Planning, Read, Recovering, Sent, Sheet, Tour,
 };
 use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::View;
@@ -117,6 +119,12 @@ pub struct App {
     pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
     pub(crate) proposing: Option<Proposing>,
+    /// How a newer still is looked at.
+    pub glance: Glance,
+    /// Seconds since 1970, for how old calibrations are.
+    pub clock: fn() -> u64,
+    pub(crate) comparing: VecDeque<Comparing>,
+    pub(crate) recovering: Option<Recovering>,
 }
 
 impl App {
@@ -177,6 +185,10 @@ impl App {
             planning: None,
             refining: None,
             proposing: None,
+            glance: Glance::default(),
+            clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+            comparing: VecDeque::new(),
+            recovering: None,
         }
     }
 

@@ -13,15 +13,19 @@ mod tour;
 mod list;
 mod export;
 mod reading;
+mod comparing;
+mod glance;
 mod app;
 mod suggested;
 mod proposed;
+mod newer;
 mod work;
 mod plan;
 
 pub use app::App;
 pub use conflict::{Conflict, Decision, Why};
 pub use export::Sheet;
+pub use glance::{Glance, Showing};
 pub use layers::Layers;
 pub use list::{List, Order};
 pub use mode::Mode;
@@ -32,6 +36,7 @@ pub use panes::{Panes, Place};
 pub use path_field::PathField;
 pub use tour::{STEPS, Tour, TourButton, TourStep};
 
+pub(crate) use comparing::{Comparing, OfCamera, Recovering, Step};
 pub(crate) use export::{Asked, formats};
 pub(crate) use orbit::NEAR;
 pub(crate) use reading::{Planning, Read, ReadPicture};

@@ -11,6 +11,8 @@ pub(crate) struct ReadPicture {
     pub(crate) still: NewStill,
     /// A drawing as the picture that stands for it.
     pub(crate) drawn: Option<Vec<u8>>,
+    /// When it was taken (RFC 3339), if its name says it, or the clock of its camera.
+    pub(crate) taken: Option<String>,
 }
 
 /// What reading gives.

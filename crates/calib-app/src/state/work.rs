@@ -22,6 +22,7 @@ impl App {
         self.waiting() > 0
             || self.refining.is_some()
             || self.proposing.is_some()
+            || self.is_comparing()
             || self.pictures.loading() > 0
             || self.edges.looking() > 0
     }
@@ -32,6 +33,7 @@ impl App {
             || self.dialog.is_some()
             || self.refining.is_some()
             || self.proposing.is_some()
+            || self.is_comparing()
             || !self.arriving.is_empty()
     }
 
@@ -43,6 +45,13 @@ impl App {
         }
         if self.proposing.take().is_some() {
             self.act(Action::Note("Cancelled: nothing is proposed.".into()));
+            return;
+        }
+        if self.is_comparing() {
+            self.stop_comparing();
+            self.act(Action::Note(
+                "Cancelled: newer stills were not compared, no camera was recovered.".into(),
+            ));
             return;
         }
         let count = self.waiting();

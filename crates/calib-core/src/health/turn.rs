@@ -11,6 +11,7 @@ use crate::health::movement::Movement;
 ///
 /// The lens stays the map of pixels that it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Turn {
     /// The axis in the old camera's axes (right, down, forward), as long as the angle, in radians: what has the
     /// coordinates `x` in the old axes has `exp(vector) x` in the new ones.

@@ -61,6 +61,9 @@ pub struct TurnFit {
     pub estimate: DVector<f64>,
     /// Its covariance.
     pub covariance: DMatrix<f64>,
+    /// What its covariance would be if nothing moved neighbours alike: no estimate by these edges can be better (Cramér
+    /// 1946, Rao 1945).
+    pub bound: DMatrix<f64>,
     /// Scatter of places beyond their own noise, in pixels.
     pub scatter: f64,
     /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
@@ -135,7 +138,8 @@ impl TurnFit {
         let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter).max(FINEST).powi(2);
         let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
         let (covariance, blocks) = rows.jackknife(&precisions, &estimate)?;
-        Some(Self { estimate, covariance, scatter, weights, blocks })
+        let bound = rows.sum(&precisions).believed().cholesky()?.inverse();
+        Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
     /// The turn.
@@ -184,10 +188,14 @@ impl Rows<'_> {
         Some(estimate)
     }
 
-    fn solve(&self, precisions: &[f64]) -> Option<DVector<f64>> {
+    fn sum(&self, precisions: &[f64]) -> Sum {
         let mut sum = Sum::nothing(self.unknowns);
         self.offsets.iter().zip(precisions).for_each(|(row, &precision)| sum.add(row, precision));
-        sum.solved()
+        sum
+    }
+
+    fn solve(&self, precisions: &[f64]) -> Option<DVector<f64>> {
+        self.sum(precisions).solved()
     }
 
     /// Covariance by leaving out one block after the other, and how many blocks there are.

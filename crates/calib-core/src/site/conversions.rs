@@ -195,10 +195,14 @@ impl SiteCamera {
         }
     }
 
-    /// Whether its solution was typed or imported, and nothing is drawn that could change it.
+    /// Whether its solution stands: typed or imported, and nothing is drawn that could change it; or kept.
     #[must_use]
     pub fn is_given(&self) -> bool {
-        self.annotations.is_empty() && self.solution.as_ref().is_some_and(|s| s.method == Method::Given)
+        self.solution.as_ref().is_some_and(|solution| match solution.method {
+            Method::Kept => true,
+            Method::Given => self.annotations.is_empty(),
+            Method::MaximumLikelihood | Method::Paper => false,
+        })
     }
 
     /// Whether it was solved and placed in the site.

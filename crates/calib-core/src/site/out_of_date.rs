@@ -158,9 +158,7 @@ impl Site {
 
     /// Points and posts that cameras share whose residuals in this one are not those of the solution.
     fn of_links(&self, index: usize, entry: &SiteCamera) -> Vec<Difference> {
-        // Of several periods the first takes part in what is shared.
-        let is_first = self.cameras.iter().position(|camera| camera.id == entry.id) == Some(index);
-        let Some(camera) = entry.camera().filter(|_| is_first) else { return Vec::new() };
+        let Some(camera) = entry.camera().filter(|_| self.has_shared(index)) else { return Vec::new() };
         let of_link = |(index, link): (usize, &Link)| {
             let found = link.solution.as_ref()?;
             let of_camera = found.residuals.iter().filter(|seen| seen.camera == entry.id);

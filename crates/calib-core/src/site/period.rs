@@ -95,7 +95,48 @@ impl Site {
     }
 }
 
+impl Site {
+    /// The id that the name of a still is or begins with, the longest such one: `door` of `door_20260501_0830`.
+    #[must_use]
+    pub fn camera_of_name(&self, name: &str) -> Option<&str> {
+        let is_named = |id: &&str| {
+            let rest = name.strip_prefix(*id);
+            rest.is_some_and(|rest| !rest.starts_with(char::is_alphanumeric))
+        };
+        let ids = self.cameras.iter().map(|camera| camera.id.as_str()).filter(|id| !id.is_empty());
+        ids.filter(is_named).max_by_key(|id| id.len())
+    }
+
+    /// The index of the entry of this id that holds at a time, of an unknown time that without an end; the only one of an
+    /// id holds always.
+    #[must_use]
+    pub fn entry_at(&self, id: &str, time: Option<&str>) -> Option<usize> {
+        let of_id: Vec<usize> = (0..self.cameras.len()).filter(|&i| self.cameras[i].id == id).collect();
+        let holds = |&index: &usize| match time {
+            Some(time) => self.cameras[index].is_valid_at(time).unwrap_or_default(),
+            None => self.cameras[index].valid_to.is_none(),
+        };
+        match of_id[..] {
+            [only] => Some(only),
+            _ => of_id.into_iter().find(holds),
+        }
+    }
+
+    /// Whether links and marks that name the id of an entry are of this one: of several periods, the first.
+    #[must_use]
+    pub fn has_shared(&self, index: usize) -> bool {
+        let id = self.cameras.get(index).map(|camera| &camera.id);
+        id.is_some() && self.cameras.iter().position(|camera| Some(&camera.id) == id) == Some(index)
+    }
+}
+
 impl SiteCamera {
+    /// Whether two entries are of one period of one camera.
+    #[must_use]
+    pub fn is_same_period(&self, other: &Self) -> bool {
+        self.id == other.id && self.valid_from == other.valid_from
+    }
+
     /// Whether this calibration holds at a time (RFC 3339).
     ///
     /// # Errors
@@ -106,6 +147,17 @@ impl SiteCamera {
         let from = instant(&at, self.valid_from.as_ref(), Timestamp::MIN)?;
         let to = instant(&at, self.valid_to.as_ref(), Timestamp::MAX)?;
         Ok(from <= when && when < to)
+    }
+
+    /// Whether a time (RFC 3339) lies within the period of this calibration, with time before it and after.
+    ///
+    /// # Errors
+    /// When the text is not a time.
+    pub fn is_divided_at(&self, time: &str) -> Result<bool, SiteError> {
+        let at = At::root();
+        let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
+        let from = instant(&at, self.valid_from.as_ref(), Timestamp::MIN)?;
+        Ok(from < when && self.is_valid_at(time)?)
     }
 
     /// When this calibration holds: from the first to before the second, in nanoseconds since 1970 (UTC).
@@ -148,5 +200,13 @@ mod tests {
         assert_eq!(site.camera_at("door", Some(bump)), Ok(&site.cameras[1]));
         assert_eq!(site.camera_at("door", Some("noon")), Err(NoCamera::NotATime));
         assert_eq!(site.camera_at("roof", Some(bump)), Err(NoCamera::Unknown));
+        assert_eq!(site.camera_of_name("door_20260701"), Some("door"));
+        assert_eq!(site.camera_of_name("doors"), None);
+        let entry = |time: &str| site.entry_at("door", Some(time));
+        assert_eq!((entry("2026-05-31T23:00:00Z"), entry(bump)), (Some(0), Some(1)));
+        assert_eq!(site.entry_at("door", None), Some(1), "that without an end");
+        assert_eq!([0, 1, 2].map(|index| site.has_shared(index)), [true, false, false]);
+        assert_eq!(site.cameras[1].is_divided_at(bump), Ok(false), "it begins then");
+        assert_eq!(site.cameras[1].is_divided_at("2026-07-01T00:00:00Z"), Ok(true));
     }
 }

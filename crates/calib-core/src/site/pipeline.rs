@@ -83,10 +83,8 @@ impl Site {
         let is_joint = options.refine && options.method != Method::Paper;
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
-            Method::MaximumLikelihood | Method::Given if is_joint => self.join(&single_fits),
-            Method::MaximumLikelihood | Method::Given => {
-                refine_lenses(&entries, &single_fits, self.plane_priors())
-            }
+            _ if is_joint => self.join(&single_fits),
+            _ => refine_lenses(&entries, &single_fits, self.plane_priors()),
         };
         let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())

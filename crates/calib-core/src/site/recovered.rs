@@ -1,8 +1,13 @@
 //! A camera that turned, as a new entry of the site: what was drawn on its old still stands on the new one, the old
 //! calibration ends where the new one begins.
 //!
+//! Links and marks are of the first entry of an id, and from then on of the new still. So the solution of the old period
+//! is kept as it was found: solved again it would lack them.
+//!
 //! What is carried is evidence, drawn again; the place and the height are beliefs of the old solve. Angles and focal are
 //! not: the same lines tell them, and would tell them twice.
+
+use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Covariance, Pixel};
 use crate::floor::STAGE_1_HEIGHT;
@@ -10,7 +15,7 @@ use crate::health::Turn;
 use crate::single::{Annotation, Known, Shape, line_name};
 use crate::site::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
 use crate::site::elements::{Link, LinkSeen};
-use crate::site::solution::{DistortionEntry, Stage};
+use crate::site::solution::{DistortionEntry, Method, Solution, Stage};
 
 /// What leads from the old still to the new one.
 pub trait Carrier {
@@ -23,7 +28,7 @@ pub trait Carrier {
 }
 
 /// The new entry's still, and from when on it holds.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NewStill {
     /// As the site file names it.
     pub image: String,
@@ -32,7 +37,7 @@ pub struct NewStill {
 }
 
 /// A site with a new period of a camera that is still to be solved.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recovered {
     /// The new entry stands where the old one stood; the old one is the last of the site.
     pub site: Site,
@@ -66,10 +71,19 @@ impl Site {
             });
         }
         let new = work.camera(old, &camera, turn, still);
-        site.cameras.push(SiteCamera { valid_to: Some(still.since.clone()), ..old.clone() });
+        site.cameras.push(ended(old, &still.since));
         site.cameras[index] = new;
         Some(Recovered { site, left_out: work.left_out, carried: work.carried })
     }
+}
+
+/// A period that ends at a time, with its solution kept.
+fn ended(old: &SiteCamera, since: &str) -> SiteCamera {
+    let solution = old.solution.clone().map(|solution| {
+        let method = if solution.method.is_entered() { solution.method } else { Method::Kept };
+        Solution { method, ..solution }
+    });
+    SiteCamera { valid_to: Some(since.to_owned()), solution, ..old.clone() }
 }
 
 /// What is carried and what is not, while it is.

@@ -118,7 +118,7 @@ impl Site {
         }
         let (result, fit) = match options.method {
             Method::Paper => (paper(entry, &constraints, &planes, lens, fixed)?, None),
-            Method::MaximumLikelihood | Method::Given => {
+            Method::MaximumLikelihood | Method::Given | Method::Kept => {
                 let weak_prior_used = options.prior;
                 let (result, fit) = likelihood(
                     entry,

@@ -241,6 +241,16 @@ pub enum Method {
     Paper,
     /// Imported or typed.
     Given,
+    /// Of a period that has ended: as it was found, together with what its camera shared with others then.
+    Kept,
+}
+
+impl Method {
+    /// Whether it was entered, or is kept: solving does not find it again.
+    #[must_use]
+    pub const fn is_entered(self) -> bool {
+        matches!(self, Self::Given | Self::Kept)
+    }
 }
 
 /// How far a solution got.

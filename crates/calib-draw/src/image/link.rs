@@ -9,7 +9,7 @@ use crate::meaning::{Meaning, Sighted};
 
 /// A link that only one view shows waits for another, and so does the one that was begun.
 pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> {
-    let Some(entry) = view.entry() else { return Vec::new() };
+    let Some(entry) = view.entry().filter(|_| view.site().has_shared(view.camera)) else { return Vec::new() };
     let mut items = Vec::new();
     for (index, link) in view.site().links.iter().enumerate() {
         let meaning = Meaning::Link { index, waits: link.seen.len() == 1 || begun == Some(index) };

@@ -20,7 +20,8 @@ pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
 
 /// Corners of marks that the operator pinned to where this image shows them.
 pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
-    let (Some(camera), Some(entry)) = (view.pose, view.entry()) else { return Vec::new() };
+    let entry = view.entry().filter(|_| view.site().has_shared(view.camera));
+    let (Some(camera), Some(entry)) = (view.pose, entry) else { return Vec::new() };
     let mut items = Vec::new();
     // What stands behind the camera cannot be compared.
     for (index, mark) in used(view).filter(|(_, mark)| camera.world_to_pixel(mark.at_m).is_some()) {

@@ -88,8 +88,9 @@ impl Editor {
             session.note = Some("Every camera needs an id of its own.".into());
             return;
         }
-        let Some(entry) = session.entry_mut() else { return };
-        let old = std::mem::replace(&mut entry.id, id.to_owned());
+        let Some(old) = session.entry().map(|entry| entry.id.clone()) else { return };
+        let periods = session.site.cameras.iter_mut().map(|camera| &mut camera.id);
+        periods.filter(|own| **own == old).for_each(|own| id.clone_into(own));
         let links =
             session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
         let marks =
@@ -103,6 +104,9 @@ impl Editor {
         if let Some(still) = self.old_still.as_mut().filter(|still| still.camera == old) {
             id.clone_into(&mut still.camera);
         }
+        for newer in self.newer.iter_mut().filter(|newer| newer.camera == old) {
+            id.clone_into(&mut newer.camera);
+        }
     }
 
     /// Removes the camera in hand and what refers to it.
@@ -111,18 +115,15 @@ impl Editor {
         if session.camera >= session.site.cameras.len() {
             return;
         }
+        let had_shared = session.site.has_shared(session.camera);
         let id = session.site.cameras.remove(session.camera).id;
-        for link in &mut session.site.links {
-            link.seen.retain(|seen| seen.camera != id);
+        // What was shared is drawn on the still of the first period alone.
+        if had_shared {
+            edit::forget_shared(&mut session.site, &id);
         }
-        session.site.links.retain(|link| !link.seen.is_empty());
-        for mark in &mut session.site.marks {
-            mark.seen.retain(|seen| seen.camera != id);
-        }
-        for camera in &mut session.site.cameras {
-            if let Some(lens) = &mut camera.lens {
-                lens.like.take_if(|like| *like == id);
-            }
+        if session.site.cameras.iter().all(|camera| camera.id != id) {
+            let lenses = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut());
+            lenses.for_each(|lens| drop(lens.like.take_if(|like| *like == id)));
         }
         edit::keep_distances(&mut session.site);
         session.selection.clear();

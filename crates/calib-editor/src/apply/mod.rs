@@ -5,6 +5,7 @@ mod selection;
 mod lines;
 mod proposing;
 mod cameras;
+mod newer;
 mod places;
 mod elements;
 mod planes;
@@ -41,6 +42,7 @@ impl Editor {
             Action::Lines(command) => self.on_lines(command),
             Action::Propose(camera, proposal) => self.propose(&camera, &proposal),
             Action::OnProposed(action) => self.on_proposed(action),
+            Action::Newer(action) => self.on_newer(action),
             Action::Proposing(command) => self.proposing(command),
             Action::Cameras(command) => self.on_cameras(command),
             Action::AddCamera(still) => self.add_camera(still),

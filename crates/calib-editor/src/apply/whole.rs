@@ -19,6 +19,7 @@ impl Editor {
         self.session.generation = u64::from(is_unsaved);
         (self.compared, self.error, self.family, self.old_still) = (None, None, None, None);
         self.preview = None;
+        self.newer.clear();
         self.take_tool(0);
     }
 

@@ -1,6 +1,6 @@
 //! What was drawn on the old still, on the new one: carried by the turn, and held against what the new still shows there.
 
-use calib_core::{Camera, Pixel, Turn, Turned};
+use calib_core::{Camera, Carrier, Pixel, Turn, Turned};
 use image::RgbImage;
 
 use crate::compare::comparison::SMOOTH;
@@ -12,7 +12,7 @@ use crate::pull::pull_line;
 
 /// Carries what was drawn from the old still to the new one.
 #[derive(Debug)]
-pub struct Carry<'a> {
+pub(crate) struct Carry<'a> {
     camera: &'a Camera,
     turn: Turn,
     turned: Turned,
@@ -26,16 +26,15 @@ const SHORTEST: f64 = 16.0;
 
 impl<'a> Carry<'a> {
     /// From one still to another of the same size, between which a camera turned.
-    #[must_use]
-    pub fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
+    pub(crate) fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
         let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTH));
         Self { camera, turn, turned: turn.at(camera), old: before, new: after, image: new }
     }
+}
 
-    /// A line on the same edge, pulled onto it; `None` where the new still does not show that edge, or all of it where
-    /// the whole is wanted.
-    #[must_use]
-    pub fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
+impl Carrier for Carry<'_> {
+    /// A line is pulled onto its edge.
+    fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
         /// Farther than this from where it is carried to is another edge, in pixels.
         const SAME: f64 = 2.5;
         let carried = if whole { self.all(points)? } else { self.shown_part(points)? };
@@ -47,9 +46,7 @@ impl<'a> Carry<'a> {
         Some(pulled.filter(is_same).unwrap_or(carried))
     }
 
-    /// A point that looks as it looked; `None` where the new still shows something else.
-    #[must_use]
-    pub fn point(&self, old: Pixel) -> Option<Pixel> {
+    fn point(&self, old: Pixel) -> Option<Pixel> {
         /// What looks the same correlates by so much.
         const ALIKE: f64 = 0.75;
         const REACH: i32 = 3;
@@ -76,12 +73,12 @@ impl<'a> Carry<'a> {
         Some(Pixel::new(at.u + vertex(0), at.v + vertex(1)))
     }
 
-    /// Where a corner of a polygon is now, seen or not; `None` outside the lens.
-    #[must_use]
-    pub fn corner(&self, old: Pixel) -> Option<Pixel> {
+    fn corner(&self, old: Pixel) -> Option<Pixel> {
         self.turned.pixel(old)
     }
+}
 
+impl Carry<'_> {
     /// How alike the surroundings of a point are to those that the new still shows so far from where it is carried to.
     fn likeness(&self, old: Pixel, step: [f64; 2]) -> f64 {
         const HALF: i32 = 6;

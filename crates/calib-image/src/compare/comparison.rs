@@ -2,8 +2,9 @@
 
 use std::fmt;
 
-use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, Turn, TurnFit};
+use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, SiteCamera, Turn, TurnFit};
 use image::RgbImage;
+use serde::{Deserialize, Serialize};
 
 use crate::compare::alignment::{Alignment, by_chance};
 use crate::compare::coarse::coarse;
@@ -20,8 +21,11 @@ const CLEAR: f64 = 3.0;
 /// do as much.
 const STILL: f64 = 0.05;
 
+/// Variance of what is not known: finite, as numbers in files are.
+const UNKNOWN: f64 = f64::MAX;
+
 /// What became of a camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Became {
     /// It looks where it looked.
     Unchanged,
@@ -96,8 +100,35 @@ impl fmt::Display for OtherSize {
 
 impl std::error::Error for OtherSize {}
 
+/// Why a camera is not compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Uncompared {
+    /// It has no solution.
+    NotCalibrated,
+    /// Its stills are of two sizes.
+    OtherSize(OtherSize),
+}
+
+impl fmt::Display for Uncompared {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotCalibrated => f.write_str("it is not calibrated: solve it first"),
+            Self::OtherSize(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for Uncompared {}
+
+/// The lines that were drawn on a camera, as edges.
+#[must_use]
+pub fn drawn_edges(entry: &SiteCamera) -> Vec<Edge> {
+    let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
+    lines.flat_map(|line| line.windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<Edge>>()).collect()
+}
+
 /// What edges say of a camera between two stills.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// What is to be said.
     pub became: Became,
@@ -105,6 +136,8 @@ pub struct Comparison {
     pub turn: Turn,
     /// Covariance of a turn after it: vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
+    /// The same if every edge had its own noise alone: what no estimate by these edges can be better than.
+    pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
     /// How clear it is that it moved, as sigmas of a normal number.
     pub clear: f64,
     /// How far the image moved, root mean square over it, in pixels.
@@ -135,6 +168,15 @@ impl Comparison {
         let places = places(camera, &fine, &edges);
         let stills = Stills { camera, before, after, later, places };
         Ok(stills.compared(new))
+    }
+
+    /// Compares a still with that of a camera, whose drawn lines are looked at first.
+    ///
+    /// # Errors
+    /// When the camera is not calibrated, or the stills are of two sizes.
+    pub fn of_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, Uncompared> {
+        let camera = entry.camera().ok_or(Uncompared::NotCalibrated)?;
+        Self::new(&camera, &drawn_edges(entry), old, new).map_err(Uncompared::OtherSize)
     }
 
     /// The changes of yaw, pitch, roll and the logarithm of the focal, each with its sigma.
@@ -251,8 +293,8 @@ impl Stills<'_> {
     }
 
     fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
-        let covariance = &found.fit.covariance;
-        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
+        let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
+            .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
         let clear = self.clear(found);
         let shift = self.shift(&found.turn);
         let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found)) {
@@ -265,6 +307,7 @@ impl Stills<'_> {
             became,
             turn: found.turn,
             covariance,
+            bound,
             clear,
             shift,
             places: found.found.iter().flatten().count(),
@@ -306,7 +349,8 @@ impl Stills<'_> {
         Comparison {
             became,
             turn: Turn::default(),
-            covariance: [[f64::INFINITY; 4]; 4],
+            covariance: [[UNKNOWN; 4]; 4],
+            bound: [[UNKNOWN; 4]; 4],
             clear: 0.0,
             shift: 0.0,
             places: self.places.len(),

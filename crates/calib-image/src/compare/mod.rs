@@ -6,7 +6,8 @@
 //! - `luma` brightness on a scale that light and exposure shift; `feature` corners found again; `coarse` the turn that most
 //!   parts of the image agree on;
 //! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
-//!   by pass; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still: [`Carry`]. What edges say together is `TurnFit` of the core.
+//!   by pass; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
+//!   solved from it: [`recovered`]. What edges say together is `TurnFit` of the core.
 
 mod luma;
 mod feature;
@@ -16,6 +17,7 @@ mod search;
 mod alignment;
 mod comparison;
 mod carry;
+mod recovery;
 
-pub use carry::Carry;
-pub use comparison::{Became, Comparison, OtherSize};
+pub use comparison::{Became, Comparison, OtherSize, Uncompared, drawn_edges};
+pub use recovery::{Refusal, recovered};

@@ -18,8 +18,9 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
     let site = |title: &str| dialog.clone().set_title(title).add_filter("Site", SITE);
     let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
     let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
-        Purpose::AddImages => {
-            let files = images("Add images").pick_files();
+        Purpose::AddImages | Purpose::NewerStill => {
+            let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer stills" };
+            let files = images(what).pick_files();
             Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::SaveSite | Purpose::SavePlain => {

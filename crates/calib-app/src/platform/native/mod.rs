@@ -10,14 +10,14 @@ mod work;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Reach, Source};
-use calib_image::{LineSegment, Proposal};
+use calib_image::{Comparison, LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 
 use crate::choice::{Chosen, Purpose};
-use crate::platform::{Answer, Platform};
+use crate::platform::{Answer, Platform, Recovery, Stills};
 
 pub use task::Task;
 
@@ -104,7 +104,7 @@ impl Platform for Native {
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         work::size_of(ctx, name, source, then)
     }
@@ -123,6 +123,17 @@ impl Platform for Native {
 
     // The thread ends by itself; nobody hears of what it finds.
     fn stop_proposing() {}
+
+    fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {
+        work::compare(ctx, camera, stills)
+    }
+
+    fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>> {
+        work::recover(ctx, asked, stills)
+    }
+
+    // The thread ends by itself; nobody hears of what it finds.
+    fn stop_comparing() {}
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
         work::refine(ctx, site)

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, Source, decode, edges, refined};
-use calib_image::{LineSegment, Proposal, Still, line_segments};
+use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
 use egui::Context;
 use image::RgbImage;
 
 use super::drawing::draw;
 use super::{Task, files};
 use crate::drawing::is_svg;
+use crate::platform::{Recovery, Stills};
 
 pub(super) fn picture<T: Send + 'static>(
     ctx: &Context,
@@ -24,14 +25,14 @@ pub(super) fn size_of<T: Send + 'static>(
     ctx: &Context,
     name: String,
     source: Source,
-    then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+    then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
     Task::spawn(ctx, move || {
         let bytes = source.read(files::read_within)?;
         let picture = || {
             let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
             let image = decode(drawn.as_deref().unwrap_or(&bytes))?;
-            Ok(then(image.dimensions().into(), drawn))
+            Ok(then(&bytes, image.dimensions().into(), drawn))
         };
         picture().map_err(|error: String| format!("{name}: {error}"))
     })
@@ -53,6 +54,20 @@ pub(super) fn propose(
     edges: Vec<LineSegment>,
 ) -> Task<Result<Proposal, String>> {
     Task::spawn_apart(ctx, move || Ok(Proposal::new(&Still::of_camera(&camera, edges))))
+}
+
+pub(super) fn compare(
+    ctx: &Context,
+    camera: SiteCamera,
+    [old, new]: Stills,
+) -> Task<Result<Comparison, String>> {
+    Task::spawn_apart(ctx, move || {
+        Comparison::of_entry(&camera, &old, &new).map_err(|error| error.to_string())
+    })
+}
+
+pub(super) fn recover(ctx: &Context, asked: Recovery, [old, new]: Stills) -> Task<Result<Recovered, String>> {
+    Task::spawn_apart(ctx, move || asked.done([&old, &new]))
 }
 
 pub(super) fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {

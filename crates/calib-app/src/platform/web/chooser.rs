@@ -16,7 +16,7 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         // A site comes together with its images.
         Purpose::OpenSite => pick(&[SITE, IMAGES].concat(), true).await,
         Purpose::Compare => pick(SITE, false).await,
-        Purpose::AddImages => pick(IMAGES, true).await,
+        Purpose::AddImages | Purpose::NewerStill => pick(IMAGES, true).await,
         Purpose::ReplaceStill => pick(IMAGES, false).await,
         // A plan may come with its world file.
         Purpose::LoadPlan => pick(&[PLANS, world_endings()].concat(), true).await,

@@ -8,9 +8,9 @@ mod worker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Reach, Source};
-use calib_image::{LineSegment, Proposal};
+use calib_image::{Comparison, LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
 use js_sys::{Reflect, Uint8Array};
@@ -19,11 +19,11 @@ use wasm_bindgen_futures::JsFuture;
 
 use crate::choice::{Chosen, Purpose};
 use crate::drawing::{SIDE, is_svg};
-use crate::platform::{Answer, Platform};
+use crate::platform::{Answer, Platform, Recovery, Stills};
 
 pub use task::Task;
 
-pub(crate) use worker::{PROPOSE, REFINE};
+pub(crate) use worker::{COMPARE, PROPOSE, RECOVER, REFINE};
 
 /// A browser.
 #[derive(Clone, Copy, Debug)]
@@ -117,21 +117,21 @@ impl Platform for Web {
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce([u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         Task::wait(ctx, async move {
             let picture = async {
                 let is_made = source.made_by_name().is_some();
                 let bytes = if is_made { None } else { Some(source.clone().read(Self::read_within)?) };
-                let drawn = match bytes.filter(|bytes| is_svg(bytes)) {
-                    Some(bytes) => Some(draw(&bytes).await?),
+                let drawn = match bytes.as_ref().filter(|bytes| is_svg(bytes)) {
+                    Some(bytes) => Some(draw(bytes).await?),
                     None => None,
                 };
                 let image = match &drawn {
                     Some(png) => worker::pixels(png).await?,
                     None => worker::decode(source).await?,
                 };
-                Ok(then(image.dimensions().into(), drawn))
+                Ok(then(bytes.as_deref().unwrap_or_default(), image.dimensions().into(), drawn))
             };
             picture.await.map_err(|error: String| format!("{name}: {error}"))
         })
@@ -155,6 +155,19 @@ impl Platform for Web {
     // It computes for nobody any more.
     fn stop_proposing() {
         worker::stop_proposing();
+    }
+
+    fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {
+        Task::wait(ctx, async move { worker::compare(&camera, &stills).await })
+    }
+
+    fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>> {
+        Task::wait(ctx, async move { worker::recover(&asked, &stills).await })
+    }
+
+    // It computes for nobody any more.
+    fn stop_comparing() {
+        worker::stop_comparing();
     }
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {

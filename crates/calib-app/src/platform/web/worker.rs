@@ -1,19 +1,24 @@
 //! What the page has its workers do, and what they answer.
 
-use calib_core::{Site, SiteCamera};
+use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, Source, edges};
-use calib_image::{LineSegment, Proposal};
+use calib_image::{Comparison, LineSegment, Proposal};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
 
 use super::{Web, page};
-use crate::platform::Platform as _;
+use crate::platform::{Platform as _, Recovery, Stills};
 
 /// What has a worker of its own, so that it can be stopped.
 pub(crate) const REFINE: &str = "refine";
 /// The same: with an image its edges are measured, without one they propose.
 pub(crate) const PROPOSE: &str = "propose";
+
+/// The same: what became of a camera between two stills, one after the other in the bytes.
+pub(crate) const COMPARE: &str = "compare";
+/// The same: the camera recovered from the second.
+pub(crate) const RECOVER: &str = "recover";
 
 async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     let answer = JsFuture::from(page::work(kind, name, width, &Uint8Array::from(bytes))).await;
@@ -82,6 +87,29 @@ pub(crate) async fn propose(camera: &SiteCamera, edges: &[LineSegment]) -> Resul
 /// Lets go of the worker that proposes.
 pub(crate) fn stop_proposing() {
     page::dismiss(PROPOSE);
+}
+
+/// Has two stills compared in a worker of its own.
+pub(crate) async fn compare(camera: &SiteCamera, stills: &Stills) -> Result<Comparison, String> {
+    parsed(&ask_of(COMPARE, camera, stills).await?)
+}
+
+/// Has a camera recovered in a worker of its own.
+pub(crate) async fn recover(asked: &Recovery, stills: &Stills) -> Result<Recovered, String> {
+    parsed(&ask_of(RECOVER, asked, stills).await?)
+}
+
+/// Asks something of two stills of one size.
+async fn ask_of(kind: &str, asked: &impl serde::Serialize, [old, new]: &Stills) -> Result<Array, String> {
+    let asked = serde_json::to_string(asked).map_err(|error| error.to_string())?;
+    let bytes = [old.as_raw().as_slice(), new.as_raw().as_slice()].concat();
+    ask(kind, &asked, old.width(), &bytes).await
+}
+
+/// Lets go of the workers that compare and recover.
+pub(crate) fn stop_comparing() {
+    page::dismiss(COMPARE);
+    page::dismiss(RECOVER);
 }
 
 fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {

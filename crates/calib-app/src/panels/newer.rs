@@ -1,0 +1,133 @@
+//! A newer still of the camera in hand: what became of the camera, with its numbers, and the way to recover it.
+
+use calib_editor::{Action, Newer, OnNewer};
+use calib_image::Became;
+use egui::{Color32, RichText, Slider, TextEdit, Ui};
+
+use crate::command::Command;
+use crate::icons::{self, Icon};
+use crate::panels::{heading, section};
+use crate::state::{App, Mode, Showing};
+use crate::theme::{self, Palette};
+
+/// The panel, while there is one.
+pub fn show(app: &mut App, ui: &mut Ui) {
+    let Some(newer) = app.editor.newer_in_hand().filter(|_| app.mode == Mode::Image).cloned() else { return };
+    section(ui, |ui| {
+        heading(ui, "Newer still", &newer.title);
+        judgement(ui, &newer);
+        glance(app, ui);
+        since(app, ui, &newer);
+        ui.horizontal_wrapped(|ui| {
+            if newer.has_moved() {
+                let tip = "What is drawn is carried to the newer still, and the camera solved from it; its old \
+                           calibration ends when the new one begins";
+                if ui.button("Recover   Shift+R").on_hover_text(tip).clicked() {
+                    app.tell(Command::Recover);
+                }
+            }
+            if ui.button("Put aside").clicked() {
+                app.tell(Command::DismissNewer);
+            }
+        });
+    });
+}
+
+/// A word for what became of a camera, and how it is to be taken: its colour, and what is behind it.
+pub(crate) fn verdict(became: Became, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
+    match became {
+        Became::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
+        Became::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::Shifted => ("Shifted in place", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::Replaced => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::TooDark => ("Too dark to tell", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::Blind => ("Cannot tell: no edges", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::TooFewEdges => ("Cannot tell: few edges", Icon::Warn, palette.warn, palette.warn_bg),
+    }
+}
+
+fn judgement(ui: &mut Ui, newer: &Newer) {
+    let palette = theme::palette(ui.ctx());
+    let (word, icon, colour, fill) = verdict(newer.comparison.became, palette);
+    egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.horizontal_top(|ui| {
+            icons::inline(ui, icon, colour);
+            ui.vertical(|ui| {
+                ui.label(RichText::new(word).font(theme::medium(12.0)));
+                ui.label(RichText::new(sentence(newer.comparison.became)).color(palette.text2));
+                for number in numbers(newer) {
+                    ui.label(RichText::new(number).color(palette.text));
+                }
+            });
+        });
+    });
+    ui.add_space(4.0);
+}
+
+fn sentence(became: Became) -> String {
+    let words = became.to_string();
+    let mut letters = words.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str())
+}
+
+/// How it moved, each with its sigma, and of how much that is told.
+fn numbers(newer: &Newer) -> Vec<String> {
+    let found = &newer.comparison;
+    let again = format!("{:.0} % of {} places found again", 100.0 * found.found, found.places);
+    if !found.became.is_aligned() {
+        return vec![again];
+    }
+    let (angle, angle_sigma) = found.angle(&newer.pose);
+    let (zoom, zoom_sigma) = found.zoom();
+    let by_axis = found.movement(&newer.pose);
+    let axis = |name: &str, index: usize| {
+        let (value, sigma) = by_axis[index];
+        format!("{name} {:+.3}\u{b0} \u{b1} {:.3}", value.to_degrees(), sigma.to_degrees())
+    };
+    vec![
+        format!("turned {:.3}\u{b0} \u{b1} {:.3}", angle.to_degrees(), angle_sigma.to_degrees()),
+        format!("zoom {zoom:.5} \u{b1} {zoom_sigma:.5}"),
+        axis("yaw", 0),
+        axis("pitch", 1),
+        axis("roll", 2),
+        format!("image moved {:.2} px", found.shift),
+        again,
+    ]
+}
+
+/// Which of the two stills is seen.
+fn glance(app: &mut App, ui: &mut Ui) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (showing, word) in Showing::ALL {
+            ui.selectable_value(&mut app.glance.showing, showing, word);
+        }
+    });
+    if app.glance.showing == Showing::Wipe {
+        let palette = theme::palette(ui.ctx());
+        ui.horizontal(|ui| {
+            let label = ui.label(RichText::new("Old | new").color(palette.text2));
+            let slider = Slider::new(&mut app.glance.share, 0.0..=1.0).show_value(false);
+            ui.add(slider).labelled_by(label.id);
+        });
+    }
+}
+
+/// Since when the camera stands so: what its calibrations are told apart by.
+fn since(app: &mut App, ui: &mut Ui, newer: &Newer) {
+    if !newer.has_moved() {
+        return;
+    }
+    let palette = theme::palette(ui.ctx());
+    let mut text = newer.since.clone();
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Holds since").color(palette.text2));
+        let field = TextEdit::singleline(&mut text).hint_text("2026-05-01T08:00:00Z");
+        ui.add(field.desired_width(f32::INFINITY)).labelled_by(label.id);
+    });
+    if text != newer.since {
+        app.send(Action::Newer(OnNewer::Since(text)));
+    }
+}

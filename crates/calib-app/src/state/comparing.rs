@@ -1,0 +1,51 @@
+//! Newer stills that are being compared, and a camera that is being recovered.
+
+use calib_core::{Camera, Recovered, Site, SiteCamera};
+use calib_editor::NewStill;
+use calib_image::Comparison;
+
+use super::Read;
+use crate::platform::Task;
+
+/// A newer still of which it is known whose it is.
+#[derive(Debug)]
+pub(crate) struct OfCamera {
+    /// The camera with its solution.
+    pub(crate) entry: SiteCamera,
+    pub(crate) pose: Camera,
+    pub(crate) still: NewStill,
+    pub(crate) taken: Option<String>,
+}
+
+#[derive(Debug)]
+pub(crate) enum Step {
+    /// The file is being read.
+    Opening(Task<Read>),
+    /// Both images are being decoded.
+    Reading(Box<OfCamera>),
+    Comparing(Box<OfCamera>, Task<Result<Comparison, String>>),
+}
+
+/// A newer still that is being compared.
+#[derive(Debug)]
+pub(crate) struct Comparing {
+    /// The id of its camera.
+    pub(crate) camera: String,
+    pub(crate) step: Step,
+}
+
+impl Comparing {
+    /// Begins with reading its file.
+    pub(crate) const fn new(camera: String, opening: Task<Read>) -> Self {
+        Self { camera, step: Step::Opening(opening) }
+    }
+}
+
+/// A camera that is being recovered.
+#[derive(Debug)]
+pub(crate) struct Recovering {
+    pub(crate) camera: String,
+    /// The site when it was asked for.
+    pub(crate) from: Site,
+    pub(crate) task: Task<Result<Recovered, String>>,
+}

@@ -1,0 +1,163 @@
+//! Newer stills: compared one after the other beside the frame, and cameras recovered from them.
+
+use std::sync::Arc;
+
+use calib_core::NewStill as RecoveredStill;
+use calib_editor::{Action, Newer, OnNewer};
+use calib_image::{OtherSize, Uncompared};
+use egui::Context;
+
+use super::{App, Comparing, OfCamera, ReadPicture, Recovering, Step};
+use crate::platform::{Here, Lost, Platform as _, Recovery, Stills};
+
+impl App {
+    /// Whether newer stills are compared, or a camera is recovered.
+    #[must_use]
+    pub fn is_comparing(&self) -> bool {
+        !self.comparing.is_empty() || self.recovering.is_some()
+    }
+
+    /// What is being done, in words.
+    pub(crate) fn doing_newer(&self) -> Option<String> {
+        if let Some(recovering) = &self.recovering {
+            return Some(format!("recovering {}", recovering.camera));
+        }
+        let first = self.comparing.front()?;
+        let others = match self.comparing.len() {
+            1 => String::new(),
+            count => format!(", {} more wait", count - 1),
+        };
+        Some(format!("comparing a newer still of {}{others}", first.camera))
+    }
+
+    /// Waits for nothing of it any more.
+    pub(crate) fn stop_comparing(&mut self) {
+        self.comparing.clear();
+        self.recovering = None;
+        Here::stop_comparing();
+    }
+
+    /// Goes on with the first of them: each takes the memory of two images.
+    pub(crate) fn poll_comparing(&mut self, ctx: &Context) {
+        let Some(Comparing { camera, step }) = self.comparing.pop_front() else { return };
+        match self.advance(ctx, &camera, step) {
+            Ok(Some(step)) => self.comparing.push_front(Comparing { camera, step }),
+            // The next one begins with the next frame.
+            Ok(None) => ctx.request_repaint(),
+            Err(error) => self.act(Action::Complain(format!("{camera}: {error}"))),
+        }
+    }
+
+    /// The step that follows; none where it is done.
+    fn advance(&mut self, ctx: &Context, camera: &str, step: Step) -> Result<Option<Step>, String> {
+        match step {
+            Step::Opening(task) => match task.outcome() {
+                None => Ok(Some(Step::Opening(task))),
+                Some(read) => {
+                    let read =
+                        read.map_err(|Lost| "the newer still could not be read".to_owned()).flatten()?;
+                    self.of_whom(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
+                }
+            },
+            Step::Reading(asked) => Ok(Some(match self.both(ctx, &asked)? {
+                Some(stills) => {
+                    let task = Here::compare(ctx, asked.entry.clone(), stills);
+                    Step::Comparing(asked, task)
+                }
+                None => Step::Reading(asked),
+            })),
+            Step::Comparing(asked, task) => {
+                let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
+                let comparison =
+                    found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
+                let OfCamera { entry, pose, still, taken } = *asked;
+                self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
+                    camera: entry.id,
+                    old: entry.image,
+                    image: still.image,
+                    title: still.title,
+                    since: taken.unwrap_or_default(),
+                    pose,
+                    comparison,
+                }))));
+                Ok(None)
+            }
+        }
+    }
+
+    /// The camera of a still, in the period in which it was taken.
+    fn of_whom(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
+        let session = self.editor.session();
+        let ReadPicture { still, taken, .. } = read;
+        let none = || "no calibration of it holds when this still was taken".to_owned();
+        let index = session.site.entry_at(camera, taken.as_deref()).ok_or_else(none)?;
+        let pose = session.solved.pose(index).copied();
+        let pose = pose.ok_or_else(|| Uncompared::NotCalibrated.to_string())?;
+        let entry = session.solved.write_into(&session.site).cameras.swap_remove(index);
+        if entry.image.is_none() {
+            return Err("it has no still to compare with".into());
+        }
+        if entry.size_px != still.size {
+            return Err(OtherSize { old: entry.size_px, new: still.size }.to_string());
+        }
+        Ok(OfCamera { entry, pose, still, taken })
+    }
+
+    /// Both stills, once they are decoded.
+    fn both(&mut self, ctx: &Context, asked: &OfCamera) -> Result<Option<Stills>, String> {
+        let names = [asked.entry.image.as_deref().unwrap_or_default(), &asked.still.image];
+        let images = &self.editor.session().images;
+        let found = names.map(|name| {
+            let picture = self.pictures.get(ctx, name, || images.reader(name));
+            picture.map(|picture| Arc::clone(&picture.image))
+        });
+        if let Some(error) = names.into_iter().find_map(|name| self.pictures.error(name)) {
+            return Err(format!("not compared without both stills: {error}"));
+        }
+        let [old, new] = found;
+        Ok(old.zip(new).map(|(old, new)| [old, new]))
+    }
+
+    /// Begins to recover the camera in hand from its newer still.
+    pub(crate) fn recover_newer(&mut self, ctx: &Context) {
+        let session = self.editor.session();
+        let newer = self.editor.newer_in_hand().filter(|newer| newer.has_moved());
+        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
+            return;
+        };
+        if entry.is_valid_at(newer.since.trim()).is_err() {
+            let note =
+                format!("{}: enter since when it stands so, such as 2026-05-01T08:00:00Z.", newer.camera);
+            return self.act(Action::Note(note));
+        }
+        let name = entry.image.clone().unwrap_or_default();
+        let stills =
+            [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
+        let [Some(old), Some(new)] = stills else {
+            return self.act(Action::Note("Its stills are being read: recover again in a moment.".into()));
+        };
+        self.act(Action::Drop);
+        let (session, camera) = (self.editor.session(), newer.camera);
+        let from = session.site.clone();
+        let asked = Recovery {
+            site: session.solved.write_into(&from),
+            index: session.camera,
+            comparison: newer.comparison,
+            still: RecoveredStill { image: newer.image, since: newer.since.trim().to_owned() },
+        };
+        self.recovering = Some(Recovering { camera, from, task: Here::recover(ctx, asked, [old, new]) });
+    }
+
+    pub(crate) fn poll_recovering(&mut self) {
+        let Some(recovering) = self.recovering.take() else { return };
+        let Some(found) = recovering.task.outcome() else {
+            self.recovering = Some(recovering);
+            return;
+        };
+        let Recovering { camera, from, .. } = recovering;
+        match found.map_err(|Lost| "it ended without a result".to_owned()).flatten() {
+            Ok(found) => self.act(Action::Newer(OnNewer::Recovered(camera, Box::new((from, found))))),
+            Err(why) => self.act(Action::Complain(format!("{camera} is not recovered: {why}."))),
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! A newer still of a camera: compared, looked at, and the camera recovered from it by one key.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod desk;
+
+use std::path::PathBuf;
+
+use calib_app::choice::Chosen;
+use calib_app::command::Command;
+use calib_app::state::Showing;
+use calib_core::{Camera, Covariance, Method, Options, Site, SiteCamera};
+use calib_editor::{Action, Images, OnNewer};
+use calib_image::Became;
+use calib_tests::Scratch;
+use desk::Desk;
+use egui::{Context, Key, Modifiers};
+use egui_kittest::kittest::Queryable as _;
+
+/// One camera of the demonstration as it was drawn, with the camera that it truly is.
+fn store() -> (SiteCamera, Camera) {
+    let demo = calib_demo::demo_site();
+    let index = demo.site.cameras.iter().position(|camera| camera.id == "store").unwrap();
+    (demo.site.cameras[index].clone(), demo.truth[index].1)
+}
+
+/// A window on that camera alone.
+fn desk(scratch: &Scratch, old: &str) -> Desk {
+    let entry = SiteCamera { image: Some(path(scratch, old)), ..store().0 };
+    Desk::new(Site { cameras: vec![entry], ..Site::new() })
+}
+
+fn path(scratch: &Scratch, name: &str) -> String {
+    scratch.path(name).to_string_lossy().into_owned()
+}
+
+/// A newer still is asked for, chosen and compared.
+fn compare(desk: &mut Desk, file: PathBuf) {
+    desk.answer(Some(file));
+    desk.keys(Modifiers::SHIFT, Key::C);
+    desk.harness.run_steps(2);
+    desk.wait(|app| !app.is_comparing());
+    desk.harness.run_steps(2);
+}
+
+fn became(desk: &Desk) -> Option<Became> {
+    Some(desk.harness.state().editor.newer_in_hand()?.comparison.became)
+}
+
+fn since(desk: &mut Desk, time: &str) {
+    desk.app().act(Action::Newer(OnNewer::Since(time.into())));
+}
+
+#[test]
+fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
+    let scratch = Scratch::new();
+    let (entry, truth) = store();
+    let turn = calib_demo::moved()[1].1;
+    calib_demo::render(&truth, entry.size_px).save(scratch.path("store.png")).unwrap();
+    let later = calib_demo::render_later(&turn.applied(&truth), entry.size_px);
+    later.save(scratch.path("today.png")).unwrap();
+    let mut desk = desk(&scratch, "store.png");
+    compare(&mut desk, scratch.path("today.png"));
+    assert_eq!(became(&desk), Some(Became::Moved));
+    assert!(desk.harness.query_by_label("Moved").is_some(), "{:?}", desk.words());
+    assert!(desk.words().iter().any(|word| word.starts_with("zoom 1.03")), "{:?}", desk.words());
+    for (_, word) in Showing::ALL {
+        desk.harness.get_by_label(word).click();
+        desk.harness.run_steps(2);
+    }
+    let before = desk.site().clone();
+    desk.keys(Modifiers::SHIFT, Key::R);
+    assert_eq!(*desk.site(), before, "its name says no time: since when it stands so is asked for");
+    assert!(!desk.app().is_comparing());
+    since(&mut desk, "2026-06-01T09:00:00Z");
+    desk.keys(Modifiers::SHIFT, Key::R);
+    desk.wait(|app| !app.is_comparing());
+    desk.harness.run_steps(3);
+    let [new, old] = &desk.site().cameras[..] else { panic!("two periods: {:?}", desk.app().editor.error()) };
+    assert_eq!(new.valid_from.as_deref(), Some("2026-06-01T09:00:00Z"));
+    assert_eq!((&old.valid_to, &old.annotations), (&new.valid_from, &before.cameras[0].annotations));
+    assert!(new.image.as_ref().unwrap().ends_with("today.png"), "{:?}", new.image);
+    assert_eq!(old.solution.as_ref().map(|found| found.method), Some(Method::Kept));
+    let solved = &desk.harness.state().editor.session().solved;
+    let (now, then) = (solved.pose(0).unwrap(), solved.pose(1).unwrap());
+    let expected = turn.applied(&truth);
+    for (index, off) in
+        [(Covariance::PITCH, now.pitch - expected.pitch), (Covariance::FOCAL, now.focal - expected.focal)]
+    {
+        let sigma = now.covariance.sigma(index).unwrap();
+        assert!(off.abs() < 3.5 * sigma, "{off} off, sigma {sigma}");
+    }
+    assert!((now.focal / then.focal - 1.03).abs() < 0.01, "{} and {}", now.focal, then.focal);
+    assert_eq!(became(&desk), None, "what it showed is the camera's own still now");
+    desk.app().act(Action::Choose(1));
+    assert_eq!(became(&desk), None, "the old period has ended when it was taken");
+    let after = desk.site().clone();
+    desk.undo();
+    assert_eq!((desk.site(), became(&desk)), (&before, Some(Became::Moved)));
+    desk.redo();
+    assert_eq!(*desk.site(), after);
+    kept_until_it_is_drawn_on_again(&mut desk);
+}
+
+/// The old period keeps its solution whatever is done to the other, and is solved again once it is drawn on.
+fn kept_until_it_is_drawn_on_again(desk: &mut Desk) {
+    let session = desk.harness.state().editor.session();
+    let saved = session.solved.write_into(&session.site);
+    let again = saved.calibrate(&Options::default()).write_into(&saved);
+    let pose = |site: &Site| site.cameras[1].camera().unwrap();
+    assert_eq!(pose(&again).focal, pose(&saved).focal);
+    desk::change(desk.app(), "draw on the old", |site| drop(site.cameras[1].annotations.pop()));
+    assert!(desk.site().cameras[1].solution.is_none(), "it is no longer kept");
+}
+
+/// Stills of one colour, which tell nothing, and are read and compared at once.
+fn grey(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
+    image::RgbImage::from_pixel(w, h, image::Rgb([90; 3])).save(scratch.path(name)).unwrap();
+}
+
+#[test]
+fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
+    let scratch = Scratch::new();
+    let size = store().0.size_px;
+    for name in ["store.png", "store_20260601_0900.png", "door.png"] {
+        grey(&scratch, name, size);
+    }
+    let mut desk = desk(&scratch, "store.png");
+    let ctx: Context = desk.harness.ctx.clone();
+    desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
+    desk.wait(|app| app.editor.newer(0).is_some());
+    let newer = desk.app().editor.newer(0).unwrap().clone();
+    assert_eq!((newer.camera.as_str(), newer.since.as_str()), ("store", "2026-06-01T09:00:00Z"));
+    assert_eq!((newer.comparison.became, desk.site().cameras.len()), (Became::TooFewEdges, 1));
+    let bytes = std::fs::read(scratch.path("store_20260601_0900.png")).unwrap();
+    let file = Chosen { name: "store_20260602_0900.png".into(), path: None, bytes: Some(bytes) };
+    desk.app().take_together(&ctx, vec![file]);
+    desk.wait(|app| app.editor.newer(0).is_some_and(|newer| newer.since.starts_with("2026-06-02")));
+    desk.app().take_path(&ctx, scratch.path("door.png"));
+    desk.wait(|app| app.editor.site().cameras.len() == 2);
+    assert!(desk.app().editor.newer(1).is_none());
+}
+
+#[test]
+fn a_still_of_another_size_is_refused_and_work_can_be_cancelled() {
+    let scratch = Scratch::new();
+    let size = store().0.size_px;
+    grey(&scratch, "store.png", size);
+    grey(&scratch, "small.png", size.map(|side| side / 2));
+    let mut desk = desk(&scratch, "store.png");
+    compare(&mut desk, scratch.path("small.png"));
+    let error = desk.app().editor.error().unwrap().to_owned();
+    assert!(error.starts_with("store: ") && error.contains("take a still of that size"), "{error}");
+    desk.app().act(Action::CloseError);
+    desk.answer(Some(scratch.path("store.png")));
+    desk.tell(Command::CompareStill);
+    desk.tell(Command::StopWork);
+    assert!(!desk.app().is_comparing() && became(&desk).is_none());
+}
+
+#[test]
+fn cameras_are_listed_with_the_age_of_their_calibration_and_their_newest_still() {
+    let scratch = Scratch::new();
+    let mut site = desk::demo();
+    grey(&scratch, "old_20260501_0900.png", site.cameras[0].size_px);
+    grey(&scratch, "new.png", site.cameras[0].size_px);
+    site.cameras[0].image = Some(path(&scratch, "old_20260501_0900.png"));
+    site.cameras[1].valid_from = Some("2026-05-29T09:00:00Z".into());
+    let mut desk = Desk::with(site, Images::default());
+    // The first of June of 2026, at nine.
+    desk.app().clock = || 1_780_304_400;
+    compare(&mut desk, scratch.path("new.png"));
+    desk.key(Key::Num3);
+    let words = desk.words();
+    for told in [
+        "Calibrations",
+        "of 31 days ago",
+        "of 3 days ago",
+        "of unknown age",
+        "Cannot tell: few edges",
+        "no newer still",
+    ] {
+        assert!(words.iter().any(|word| word == told), "{told}: {words:?}");
+    }
+}

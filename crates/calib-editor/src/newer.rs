@@ -1,0 +1,75 @@
+//! Newer stills of cameras, and what became of the cameras by them.
+//!
+//! They stand beside the site, not in it nor in its history: the still of a camera that was recovered is the newer one, and
+//! undone it is the old one again, which the newer one was compared with.
+
+use std::path::Path;
+
+use calib_core::{Camera, Recovered, Site, SiteCamera};
+use calib_image::{Became, Comparison};
+use calib_input::time_in_name;
+
+use crate::file_name::camera_name;
+use crate::session::Session;
+
+/// A newer still of a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Newer {
+    /// The id of the camera.
+    pub camera: String,
+    /// The still that it was compared with, as the site calls it.
+    pub old: Option<String>,
+    /// As the site would call it.
+    pub image: String,
+    /// What the operator calls it.
+    pub title: String,
+    /// Since when the camera stands as it shows (RFC 3339): when it was taken, or what the operator said; empty where
+    /// neither is known.
+    pub since: String,
+    /// The camera that it was compared with.
+    pub pose: Camera,
+    /// What became of it.
+    pub comparison: Comparison,
+}
+
+impl Newer {
+    /// Whether it tells of this entry: of the still that this has, and of a time at which this holds.
+    #[must_use]
+    pub fn is_of(&self, entry: &SiteCamera) -> bool {
+        let holds = || entry.is_valid_at(self.since.trim()).unwrap_or(entry.valid_to.is_none());
+        self.camera == entry.id && self.old == entry.image && entry.image.is_some() && holds()
+    }
+
+    /// Whether the camera turned or zoomed in its place: then it may be recovered.
+    #[must_use]
+    pub fn has_moved(&self) -> bool {
+        self.comparison.became == Became::Moved
+    }
+}
+
+/// Since when the calibration of a camera holds, in seconds since 1970: as it says, or since its still was taken by its name.
+#[must_use]
+pub fn held_since(session: &Session, camera: usize) -> Option<u64> {
+    let entry = session.site.cameras.get(camera)?;
+    let of_still = || {
+        let name = session.images.shown_name(entry.image.as_deref()?);
+        time_in_name(&camera_name(Path::new(&name)))
+    };
+    let valid_from = entry.valid_from.clone().or_else(of_still)?;
+    let [from, _] =
+        SiteCamera { valid_from: Some(valid_from), ..SiteCamera::new("", [1, 1]) }.period_ns().ok()?;
+    u64::try_from(from / 1_000_000_000).ok()
+}
+
+/// What is done with newer stills.
+#[derive(Clone, Debug)]
+pub enum OnNewer {
+    /// A still was compared; it takes the place of an older one of its camera.
+    Compared(Box<Newer>),
+    /// Since when that of the camera in hand holds.
+    Since(String),
+    /// That of the camera in hand is put aside.
+    Dismiss,
+    /// The camera of this id was recovered of a site as it was then.
+    Recovered(String, Box<(Site, Recovered)>),
+}
