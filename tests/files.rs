@@ -543,7 +543,7 @@ fn names_do_nothing_to_the_terminal_the_page_and_the_spreadsheet() {
     let project = ["project", "site.json", "--camera", "=1+1", "--to", "floor", "-i", "in.csv"];
     let run = scratch.calib(&project).expect_code(0);
     assert!(run.stdout.contains("\n'=1+1,") && run.stdout.contains("\n-3,"), "{run:?}");
-    assert!(run.stderr.contains("1 cells") && run.stderr.contains("--verbatim"), "{run:?}");
+    assert!(run.stderr.contains("1 cell that") && run.stderr.contains("--verbatim"), "{run:?}");
     let run = scratch.calib(&[&project[..], &["--verbatim"]].concat()).expect_code(0);
     assert!(run.stdout.contains("\n=1+1,"), "{run:?}");
 }

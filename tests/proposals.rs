@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::io::Read as _;
 
-use calib_core::{Known, Lens, Options, Orientation, Pixel, Site, Solution};
+use calib_core::{Distortion, Known, Lens, Options, Orientation, Pixel, Site, Solution};
 use calib_image::{LineSegment, Proposal, Still, Verdict, line_segments};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
@@ -351,6 +351,33 @@ fn any_number_of_edges_anywhere_is_taken() {
     assert_eq!(Proposal::new(&Still::new(vec![same; 50], [640, 480])).verdict, Verdict::None);
     let point = LineSegment { ends: [Pixel::new(f64::NAN, 0.0); 2], sigma: 0.0 };
     assert_eq!(Proposal::new(&Still::new(vec![point; 50], [640, 480])).verdict, Verdict::None);
+}
+
+#[test]
+fn the_command_proposes_edges_that_tell_the_lens() {
+    let scratch = Scratch::new();
+    let demo = calib_demo::demo_site();
+    let bent = demo.truth.iter().position(|(_, camera)| camera.lens.distortion != Distortion::None).unwrap();
+    calib_demo::render(&demo.truth[bent].1, demo.site.cameras[bent].size_px)
+        .save(scratch.path("bent.png"))
+        .unwrap();
+    scratch.calib(&["propose", "bent.png", "-o", "site.json", "--accept", "all"]);
+    let read = |name: &str| Site::from_json(&std::fs::read_to_string(scratch.path(name)).unwrap()).unwrap();
+    let mut site = read("site.json");
+    let focal = site.cameras[0].solution.as_ref().unwrap().focal_px;
+    let edges = site.cameras[0].annotations.iter().filter(|drawn| drawn.is_straight_edge()).count();
+    assert!((1..=8).contains(&edges), "{edges} edges");
+    // Without the lens that was found with the lines they tell it.
+    site.cameras[0].lens = None;
+    site.cameras[0].solution = None;
+    std::fs::write(scratch.path("edges.json"), site.to_json()).unwrap();
+    scratch.calib(&["solve", "edges.json", "-o", "solved.json"]).expect_code(0);
+    let solution = read("solved.json").cameras[0].solution.clone().unwrap();
+    assert!(
+        solution.distortion.is_some() && (solution.focal_px / focal - 1.0).abs() < 0.05,
+        "{}",
+        solution.focal_px
+    );
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use calib_core::{Options, Site, SiteCamera};
+use calib_core::{Annotation, Options, Site, SiteCamera};
 use calib_image::{Group, Proposal, Still, Verdict, line_segments};
 use calib_report::{few, is_fitted, overlay};
 use clap::ValueEnum;
@@ -127,7 +127,11 @@ fn ids(stills: &[PathBuf]) -> Vec<String> {
 /// The camera of a still, with what is proposed if it is taken.
 fn camera(still: &Proposed, id: String, output: &str) -> SiteCamera {
     let drawn = still.proposal.camera.clone().filter(|_| still.is_taken);
-    let drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
+    let mut drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
+    if still.is_taken {
+        // They say nothing while the lens is given; without it they tell it.
+        drawn.annotations.extend(still.proposal.straight.iter().cloned().map(Annotation::of_points));
+    }
     SiteCamera { id, image: Some(beside(&still.path, output)), ..drawn }
 }
 

@@ -193,10 +193,9 @@ impl Proposed {
 
     fn draw(&self, entry: &mut SiteCamera, group: &ProposedGroup) {
         match group.kind {
-            Kind::Straight => entry.annotations.extend(group.lines.iter().map(|points| Annotation {
-                points: Some(points.clone()),
-                ..Annotation::new(Kind::Straight)
-            })),
+            Kind::Straight => {
+                entry.annotations.extend(group.lines.iter().cloned().map(Annotation::of_points))
+            }
             Kind::Parallel => self.draw_level(entry, group),
             kind => entry.annotations.push(Annotation::of_segments(kind, group.lines.clone())),
         }

@@ -310,6 +310,12 @@ impl Annotation {
         Self { segments: Some(segments), ..Self::new(kind) }
     }
 
+    /// Points along an edge that is straight in space.
+    #[must_use]
+    pub fn of_points(points: Vec<Pixel>) -> Self {
+        Self { points: Some(points), ..Self::new(Kind::Straight) }
+    }
+
     /// Its polylines as drawn, whatever its kind: what to paint, and the order residuals count in.
     pub fn polylines(&self) -> impl Iterator<Item = Vec<Pixel>> + '_ {
         let segments = self.segments.iter().flatten().cloned();
