@@ -103,9 +103,18 @@ fn stills(width: u32) -> Vec<Stills> {
     }
     let demo = calib_demo::demo_site();
     for (entry, (id, camera)) in demo.site.cameras.iter().zip(&demo.truth).take(2) {
-        all.push(Stills::new(id, *camera, vec![calib_demo::render(camera, entry.size_px)], width));
+        all.push(rendered(id, camera, entry.size_px, width));
     }
     all
+}
+
+/// A still of the demonstration, rendered at twice its width, or as large as its camera has it.
+fn rendered(id: &str, camera: &Camera, size: [u32; 2], width: u32) -> Stills {
+    let [w, h] = [2 * width, 2 * width * size[1] / size[0]];
+    let large = RgbImage::new(size[0], size[1]);
+    let at = Stills::new(id, *camera, vec![large], w.min(size[0]));
+    let picture = calib_demo::render(&at.camera, [w.min(size[0]), h.min(size[1])]);
+    Stills::new(id, at.camera, vec![picture], width)
 }
 
 /// Brightness between pixels, and whether there is any.
@@ -513,6 +522,8 @@ fn no_turns(all: &[Stills], trials: usize) -> BTreeMap<String, BTreeMap<&'static
     for (index, stills) in all.iter().enumerate().filter(|(_, stills)| is_held_back(&stills.id)) {
         let mut random = ChaCha8Rng::seed_from_u64(2000 + index as u64);
         let [cover, other] = [1, 3].map(|by| &all[(index + by) % all.len()].moments[0]);
+        let [w, h] = [stills.moments[0].width(), stills.moments[0].height()];
+        let other = &image::imageops::resize(other, w, h, image::imageops::FilterType::Triangle);
         for number in 0..trials {
             let still = &stills.moments[number % stills.moments.len()];
             let mut shows = |name: String, new: RgbImage, covered: f64, random: &mut ChaCha8Rng| {
@@ -574,7 +585,7 @@ fn turns_and_zooms_are_found_within_their_sigmas_and_still_cameras_are_still() {
 fn shop() -> Stills {
     let demo = calib_demo::demo_site();
     let (id, camera) = &demo.truth[2];
-    Stills::new(id, *camera, vec![calib_demo::render(camera, demo.site.cameras[2].size_px)], 960)
+    rendered(id, camera, demo.site.cameras[2].size_px, 960)
 }
 
 fn became(of: &Stills, new: &RgbImage) -> Comparison {
@@ -592,8 +603,8 @@ fn what_is_no_turn_is_not_taken_for_one() {
     assert_eq!(became(&shop, &dark).became, Became::TooDark);
     let fog = image::imageops::blur(old, 25.0);
     assert_eq!(became(&shop, &fog).became, Became::Blind);
-    let other = calib_demo::render(&calib_demo::demo_site().truth[4].1, [1920, 1080]);
-    let other = image::imageops::resize(&other, size[0], size[1], image::imageops::FilterType::Triangle);
+    let barn = calib_demo::demo_site().truth[4].1;
+    let other = rendered("barn", &barn, [1920, 1080], size[0]).moments.remove(0);
     assert_eq!(became(&shop, &other).became, Became::Replaced);
     let position =
         WorldPoint { x: camera.position.x - 0.3, y: camera.position.y + 0.2, z: camera.position.z };
