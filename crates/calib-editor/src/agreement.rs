@@ -1,5 +1,7 @@
 //! How a camera on the plan agrees with every other about the floor that both see.
 
+use std::collections::BTreeSet;
+
 use calib_core::{Camera, Extent, FloorPoint};
 
 use crate::apart::{Apart, pair, pair_apart};
@@ -23,16 +25,25 @@ pub struct Agreement {
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
     let Some(own) = field(session, camera) else { return Vec::new() };
-    let inside = points_within(own);
+    let (inside, linked) = (points_within(own), linked(session, camera));
     let of = |with: usize| {
         let other = field(session, with)?;
         let overlap = share(&inside, other);
-        let apart = pair(session, [camera, with]);
-        let before = pair_apart(session, before, [camera, with]);
+        let is_linked = linked.contains(&*session.site.cameras[with].id);
+        let both = is_linked.then_some([camera, with]);
+        let apart = both.and_then(|both| pair(session, both));
+        let before = both.and_then(|both| pair_apart(session, before, both));
         Some(Agreement { with, overlap, apart, before })
     };
     let others = (0..session.site.cameras.len()).filter(|&with| with != camera).filter_map(of);
     others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect()
+}
+
+/// The ids of the cameras that show a link which a camera shows, its own among them.
+fn linked(session: &Session, camera: usize) -> BTreeSet<&str> {
+    let own = &session.site.cameras[camera].id;
+    let links = session.site.links.iter().filter(|link| link.seen.iter().any(|seen| seen.camera == *own));
+    links.flat_map(|link| &link.seen).map(|seen| &*seen.camera).collect()
 }
 
 /// The field of a camera that stands on the plan.
@@ -44,7 +55,7 @@ fn field(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
 /// Points that lie evenly in a polygon.
 fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
     /// A side of the grid over it: a share is right to a percent or two.
-    const STEPS: usize = 40;
+    const STEPS: usize = 32;
     let [low, high] = bounds(polygon);
     let at = |i: usize, low: f64, high: f64| low + (i as f64 + 0.5) / STEPS as f64 * (high - low);
     let extent = Extent { size: [0.0; 2], efov: polygon };
