@@ -361,7 +361,7 @@ fn the_command_proposes_edges_that_tell_the_lens() {
     calib_demo::render(&demo.truth[bent].1, demo.site.cameras[bent].size_px)
         .save(scratch.path("bent.png"))
         .unwrap();
-    scratch.calib(&["propose", "bent.png", "-o", "site.json", "--accept", "all"]);
+    scratch.calib(&["propose", "bent.png", "-o", "site.json", "--accept", "all"]).expect_code(0);
     let read = |name: &str| Site::from_json(&std::fs::read_to_string(scratch.path(name)).unwrap()).unwrap();
     let mut site = read("site.json");
     let focal = site.cameras[0].solution.as_ref().unwrap().focal_px;

@@ -194,7 +194,7 @@ impl Proposed {
     fn draw(&self, entry: &mut SiteCamera, group: &ProposedGroup) {
         match group.kind {
             Kind::Straight => {
-                entry.annotations.extend(group.lines.iter().cloned().map(Annotation::of_points))
+                entry.annotations.extend(group.lines.iter().cloned().map(Annotation::of_points));
             }
             Kind::Parallel => self.draw_level(entry, group),
             kind => entry.annotations.push(Annotation::of_segments(kind, group.lines.clone())),
