@@ -337,15 +337,20 @@ mod start {
     use super::*;
     use calib_app::shelf::{Entry, News, Shelf, Work};
     use egui_kittest::Harness;
+    use std::cell::RefCell;
+    use std::rc::Rc;
 
+    /// What it keeps, and the thumbnails of what it was told to keep.
     #[derive(Debug)]
-    struct Kept(Vec<Entry>);
+    struct Kept(Vec<Entry>, Rc<RefCell<Vec<Option<String>>>>);
 
     impl Shelf for Kept {
         fn entries(&self) -> Vec<Entry> {
             self.0.clone()
         }
-        fn keep(&mut self, _: Work<'_>) {}
+        fn keep(&mut self, work: Work<'_>) {
+            self.1.borrow_mut().push(work.thumbnail.map(str::to_owned));
+        }
         fn begin(&mut self) {}
         fn open(&mut self, _: &str) {}
         fn remove(&mut self, _: &str) {}
@@ -355,6 +360,24 @@ mod start {
         fn is_behind(&self) -> bool {
             false
         }
+    }
+
+    #[test]
+    fn a_site_is_kept_with_its_first_still_once_that_is_there() {
+        let mut png = std::io::Cursor::new(Vec::new());
+        image::RgbImage::new(1920, 1080).write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let (mut site, mut images) = (demo(), calib_editor::Images::default());
+        site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
+        let mut desk = Desk::with(site, images);
+        let told = Rc::default();
+        desk.app().shelf = Some(Box::new(Kept(Vec::new(), Rc::clone(&told))));
+        desk.wait(|app| app.pictures.loading() == 0);
+        desk.take("Vertical");
+        desk.line(0, Pixel::new(400.0, 300.0), Pixel::new(402.0, 500.0));
+        desk.harness.run_steps(2);
+        let told: Vec<Option<String>> = told.take();
+        let last = told.last().cloned().flatten().expect("a thumbnail");
+        assert!(last.starts_with("data:image/jpeg;base64,") && last.len() < 20_000, "{}", last.len());
     }
 
     #[test]
@@ -373,7 +396,7 @@ mod start {
             thumbnail: Some(calib_editor::data_uri("image/png", png.get_ref())),
         };
         let mut app = App::new(&egui::Context::default(), None);
-        app.shelf = Some(Box::new(Kept(vec![entry])));
+        app.shelf = Some(Box::new(Kept(vec![entry], Rc::default())));
         let mut harness = Harness::builder()
             .with_size([1440.0, 900.0])
             .with_context_setup(theme::install)
