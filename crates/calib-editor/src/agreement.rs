@@ -24,7 +24,10 @@ pub struct Agreement {
 /// while a camera is dragged. `before` are poses to compare with, or none.
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
-    let Some(own) = field(session, camera) else { return Vec::new() };
+    // Links are of the newest stills: a period that ended agrees with nobody.
+    let Some(own) = field(session, camera).filter(|_| session.site.has_shared(camera)) else {
+        return Vec::new();
+    };
     let (inside, linked) = (points_within(own), linked(session, camera));
     let of = |with: usize| {
         let other = field(session, with)?;
@@ -35,7 +38,9 @@ pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -
         let before = both.and_then(|both| pair_apart(session, before, both));
         Some(Agreement { with, overlap, apart, before })
     };
-    let others = (0..session.site.cameras.len()).filter(|&with| with != camera).filter_map(of);
+    let others =
+        (0..session.site.cameras.len()).filter(|&with| with != camera && session.site.has_shared(with));
+    let others = others.filter_map(of);
     others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect()
 }
 

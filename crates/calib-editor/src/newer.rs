@@ -17,6 +17,8 @@ use crate::session::Session;
 pub struct Newer {
     /// The id of the camera.
     pub camera: String,
+    /// The period of the entry that it was compared with: its `valid_from` and `valid_to`.
+    pub period: [Option<String>; 2],
     /// The still that it was compared with, as the site calls it.
     pub old: Option<String>,
     /// As the site would call it.
@@ -33,11 +35,12 @@ pub struct Newer {
 }
 
 impl Newer {
-    /// Whether it tells of this entry: of the still that this has, and of a time at which this holds.
+    /// Whether it tells of this entry: of its period and its still.
     #[must_use]
     pub fn is_of(&self, entry: &SiteCamera) -> bool {
-        let holds = || entry.is_valid_at(self.since.trim()).unwrap_or(entry.valid_to.is_none());
-        self.camera == entry.id && self.old == entry.image && entry.image.is_some() && holds()
+        let is_period = self.period.each_ref().map(Option::as_ref)
+            == [entry.valid_from.as_ref(), entry.valid_to.as_ref()];
+        self.camera == entry.id && self.old == entry.image && entry.image.is_some() && is_period
     }
 
     /// Whether the camera turned or zoomed in its place: then it may be recovered.

@@ -6,9 +6,12 @@ use jiff::Timestamp;
 /// The time in EXIF data, as RFC 3339 has it; a clock of which no zone is said is taken for one of UTC.
 pub(crate) fn time(data: Vec<u8>) -> Option<String> {
     let exif = Reader::new().read_raw(data).ok()?;
-    let clock = text(&exif, Tag::DateTimeOriginal).or_else(|| text(&exif, Tag::DateTime))?;
+    let clocks = [(Tag::DateTimeOriginal, Tag::OffsetTimeOriginal), (Tag::DateTime, Tag::OffsetTime)];
+    clocks.into_iter().find_map(|(clock, zone)| read(text(&exif, clock)?, text(&exif, zone)))
+}
+
+fn read(clock: &[u8], zone: Option<&[u8]>) -> Option<String> {
     let mut at = DateTime::from_ascii(clock).ok()?;
-    let zone = text(&exif, Tag::OffsetTimeOriginal);
     // A zone that is blank leaves the clock without one.
     zone.map(|zone| at.parse_offset(zone));
     let DateTime { year, month, day, hour, minute, second, offset, .. } = at;

@@ -32,7 +32,10 @@ fn time_at(text: &str) -> Option<Timestamp> {
     };
     let (year, month, day) = (number(4)?, number(2)?, number(2)?);
     let (hour, minute) = (number(2)?, number(2)?);
-    let second = number(2).unwrap_or(0);
+    let second = number(2);
+    // What else stands there, as 1080p, is another number.
+    let ends = !rest.starts_with(|next: char| next.is_alphanumeric() && next != 'Z');
+    let second = second.filter(|&second| ends && second < 60).unwrap_or(0);
     let is_of_now = (1990..2200).contains(&year);
     let text = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z");
     text.parse().ok().filter(|_| is_of_now)
@@ -50,6 +53,14 @@ mod tests {
             assert_eq!(time_in_name(name).as_deref(), Some("2026-05-01T08:30:05Z"), "{name}");
         }
         assert_eq!(time_in_name("door_20260501-0830").as_deref(), Some("2026-05-01T08:30:00Z"));
+        for name in [
+            "door_20260501_0830_1080p",
+            "door_20260501_0830_720p",
+            "door_20260501_0830_99",
+            "door_20260501_0830-é",
+        ] {
+            assert_eq!(time_in_name(name).as_deref(), Some("2026-05-01T08:30:00Z"), "{name}");
+        }
         for name in ["door", "shop-1", "20261301_083000", "12345678901234567", "2026-05-01", "tür-2026"] {
             assert_eq!(time_in_name(name), None, "{name}");
         }

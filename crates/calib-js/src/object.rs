@@ -29,9 +29,8 @@ pub(crate) fn tuple(values: &[f64]) -> JsValue {
 
 /// A list of so many numbers.
 pub(crate) fn numbers<const N: usize>(value: &JsValue) -> Option<[f64; N]> {
-    let list: Vec<f64> =
-        Array::is_array(value).then(|| Array::from(value).iter().filter_map(|one| one.as_f64()).collect())?;
-    list.try_into().ok()
+    let list = Array::is_array(value).then(|| Array::from(value))?;
+    list.iter().map(|one| one.as_f64()).collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
 /// The fields of an object that are set, by name.

@@ -71,6 +71,7 @@ function stream(camera: Calib.Camera): void {
   assert.throws(() => stretched.undistorter(), /no one focal/);
   assert.throws(() => camera.withStream({ at: "now" } as Calib.StreamOptions), /origin, streamSize/);
   assert.throws(() => camera.withStream({ streamSize: [100, 100] }), new RegExp(camera.id));
+  assert.throws(() => camera.withStream({ streamSize: ["x", 640, 480] as unknown as [number, number] }), /whole pixels/);
 }
 
 /** A pixel of the undistorted image shows what the raw image shows where its point is bent to. */

@@ -268,6 +268,8 @@ def test_what_was_drawn_on_a_stream_lies_where_it_lies_on_the_still() -> None:
     (lambda: calib.parallel([["a", "b"]]), r"segments\[0\]"),
     (lambda: calib.straight([(1, 2)], origin="center"), "origin"),  # type: ignore[arg-type]
     (lambda: calib.upright((1, 2), [(1, 2)]), "head"),
+    (lambda: calib.camera_entry("door", (1080, 1920, 3)), "size_px"),
+    (lambda: calib.camera_entry("door", (1920, 1080), calib.straight([(1, 2), (3, 4)])), "annotations"),
 ])
 def test_what_cannot_be_drawn_is_refused_by_name(build: Callable[[], object], field: str) -> None:
     with pytest.raises(calib.CalibError, match=f"^{field}: ") as caught:

@@ -73,6 +73,7 @@ impl App {
                 let OfCamera { entry, pose, still, taken } = *asked;
                 self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
                     camera: entry.id,
+                    period: [entry.valid_from, entry.valid_to],
                     old: entry.image,
                     image: still.image,
                     title: still.title,
@@ -125,10 +126,17 @@ impl App {
         let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
             return;
         };
-        if entry.is_valid_at(newer.since.trim()).is_err() {
-            let note =
-                format!("{}: enter since when it stands so, such as 2026-05-01T08:00:00Z.", newer.camera);
-            return self.act(Action::Note(note));
+        let why_not = match entry.is_valid_at(newer.since.trim()) {
+            Err(_) => Some("enter since when it stands so, such as 2026-05-01T08:00:00Z"),
+            Ok(false) => Some("its calibration does not hold at this time; enter one within its period"),
+            // What was measured is of the camera as it was then.
+            Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
+                Some("it was solved anew since its newer still was compared; compare it again")
+            }
+            Ok(true) => None,
+        };
+        if let Some(why) = why_not {
+            return self.act(Action::Note(format!("{}: {why}.", newer.camera)));
         }
         let name = entry.image.clone().unwrap_or_default();
         let stills =

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use calib_core::SiteCamera;
 use calib_editor::Action;
 use egui::Context;
 
@@ -93,9 +94,10 @@ impl App {
     pub(crate) fn poll_proposing(&mut self, ctx: &Context) {
         let Some(mut proposing) = self.proposing.take() else { return };
         let camera = proposing.camera().to_owned();
-        let entry = self.editor.site().camera(&camera);
+        let is_asked =
+            |entry: &SiteCamera| entry.id == camera && entry.image.as_deref() == Some(proposing.image());
         // A camera that is gone, or has another still by now, is not what was asked about.
-        if entry.and_then(|entry| entry.image.as_deref()) != Some(proposing.image()) {
+        if !self.editor.site().cameras.iter().any(is_asked) {
             return;
         }
         if let Some(error) = self.pictures.error(proposing.image()) {

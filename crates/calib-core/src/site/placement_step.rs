@@ -34,7 +34,10 @@ impl Site {
             findings.push(Finding::TooFewControlPoints { count: points.len() });
         }
         let scale = entry.placement.as_ref().and_then(|placement| placement.scale);
-        let height_is_known = fixed_height.is_some() || first.covariance.sigma(Covariance::Z).is_some();
+        // Where lines contradict each other nothing is known of any error, that of a height that is given included.
+        let height_is_known = entry.height_m.is_some()
+            || first.covariance.sigma(Covariance::Z).is_some()
+            || !first.covariance.is_known();
         if scale.is_none() && !height_is_known && !fixed {
             findings.push(Finding::ScaleAssumed { height: first.position.z });
         }

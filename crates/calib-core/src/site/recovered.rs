@@ -14,7 +14,7 @@ use crate::floor::STAGE_1_HEIGHT;
 use crate::health::Turn;
 use crate::single::{Annotation, Known, Shape, line_name};
 use crate::site::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
-use crate::site::elements::{Link, LinkSeen};
+use crate::site::elements::{Link, LinkSeen, Mark};
 use crate::site::solution::{DistortionEntry, Method, Solution, Stage};
 
 /// What leads from the old still to the new one.
@@ -63,12 +63,10 @@ impl Site {
         let camera = old.camera()?;
         let mut work = Work { by, left_out: Vec::new(), carried: 0 };
         let mut site = self.clone();
-        site.links.iter_mut().enumerate().for_each(|(i, link)| work.link(link, i, &old.id));
-        for (i, mark) in site.marks.iter_mut().enumerate() {
-            let name = mark.id.clone().unwrap_or_else(|| i.to_string());
-            mark.seen.retain_mut(|seen| {
-                seen.camera != old.id || work.moves(&mut seen.px, || format!("mark {name} {}", seen.point))
-            });
+        // Those of a period that ended before are its own no more.
+        if self.has_shared(index) {
+            site.links.iter_mut().enumerate().for_each(|(i, link)| work.link(link, i, &old.id));
+            site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.mark(mark, i, &old.id));
         }
         let new = work.camera(old, &camera, turn, still);
         site.cameras.push(ended(old, &still.since));
@@ -143,6 +141,13 @@ impl Work<'_> {
     }
 
     /// A link as the camera shows it now; one that it does not show is left to the others.
+    fn mark(&mut self, mark: &mut Mark, index: usize, camera: &str) {
+        let name = mark.id.clone().unwrap_or_else(|| index.to_string());
+        mark.seen.retain_mut(|seen| {
+            seen.camera != camera || self.moves(&mut seen.px, || format!("mark {name} {}", seen.point))
+        });
+    }
+
     fn link(&mut self, link: &mut Link, index: usize, camera: &str) {
         let name = link.id.clone().unwrap_or_else(|| index.to_string());
         link.seen.retain_mut(|seen| {
@@ -251,4 +256,49 @@ fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
     let place =
         || PlacementEntry { move_m: now.position.on_floor(), turn_deg: now.yaw.to_degrees(), scale, fixed };
     if is_placed { Some(place()) } else { old.placement.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// A new still that shows no point of the old one.
+    struct Strange;
+
+    impl Carrier for Strange {
+        fn line(&self, _: &[Pixel], _: bool) -> Option<Vec<Pixel>> {
+            None
+        }
+
+        fn point(&self, _: Pixel) -> Option<Pixel> {
+            None
+        }
+
+        fn corner(&self, _: Pixel) -> Option<Pixel> {
+            None
+        }
+    }
+
+    #[test]
+    fn what_the_newest_still_shares_stays_when_an_older_period_is_recovered() {
+        let change = "2026-06-01T00:00:00Z";
+        let solution = json!({
+            "method": "given", "stage": "placed", "position_m": [0, 0, 3], "yaw_deg": 0, "pitch_deg": 30,
+            "roll_deg": 1, "focal_px": 1200, "principal_point_px": [960, 540],
+        });
+        let camera = |id: &str, key: &str| json!({"id": id, "size_px": [1920, 1080], "image": key, key: change, "solution": solution});
+        let seen = |id: &str| json!({"camera": id, "px": [900, 800]});
+        let document = json!({
+            "format": "calib-site", "version": 1,
+            "cameras": [camera("a", "valid_from"), camera("b", "valid_from"), camera("a", "valid_to")],
+            "links": [{"seen": [seen("a"), seen("b")]}],
+        });
+        let site = Site::from_json(&document.to_string()).unwrap();
+        let still = NewStill { image: "later".into(), since: "2026-05-01T00:00:00Z".into() };
+        let recovered = |index| site.recovered(index, &Turn::default(), &Strange, &still).unwrap();
+        assert_eq!(recovered(2).site.links, site.links);
+        assert!(recovered(2).left_out.is_empty());
+        assert_ne!(recovered(0).site.links, site.links, "its own still shows the point no more");
+    }
 }

@@ -98,6 +98,10 @@ def camera_entry(
     annotations, efov_px and control_points are of the still, unless stream_size, fit and crop say, as `Camera` does,
     that they were read off a stream of another size.
     """
+    if len(size_px) != 2:
+        raise _refused("size_px", f"found {tuple(size_px)}, expected (width, height); an image of NumPy has the shape (height, width, ...)")
+    if isinstance(annotations, dict):
+        raise _refused("annotations", "found one, expected a list of them: put [ ] around it")
     entry: Entry = {"id": id, "size_px": list(size_px), "annotations": list(annotations), **options}
     stream = {"stream_size": stream_size, "fit": fit, "crop": crop}
     if all(value is None for value in stream.values()):

@@ -4,26 +4,30 @@ from enum import IntEnum
 
 
 class Status(IntEnum):
-    """What became of a pixel or a point that was mapped; arrays have these numbers as uint8."""
+    """What became of a pixel or a point that was mapped; arrays have these numbers as uint8.
+
+    With a point (or a pixel):
+        OK: mapped, inside the effective field of view or, of points of space, the image.
+        OUTSIDE_EFOV: mapped, but outside the effective field of view.
+        OUTSIDE_IMAGE: mapped, but outside the image: a pixel that no detector has seen.
+    Without one, NaN:
+        ABOVE_HORIZON: the pixel shows nothing of the plane.
+        OUTSIDE_LENS: the lens shows nothing there.
+        BEHIND_CAMERA: the point is not in front of the camera.
+        MISSING: there was nothing to map: a coordinate is absent or not finite.
+        NO_CALIBRATION: no calibration holds for it.
+        ON_WALL: the pixel shows the wall of a pit, between its plane and the floor.
+    """
 
     OK = 0
-    """Mapped, inside the EFOV or the image."""
     ABOVE_HORIZON = 1
-    """The pixel shows nothing of the plane: there is no point."""
     OUTSIDE_EFOV = 2
-    """Mapped, but outside the effective field of view."""
     OUTSIDE_IMAGE = 3
-    """Mapped, but outside the image."""
     OUTSIDE_LENS = 4
-    """The lens shows nothing there: there is no point, or no pixel."""
     BEHIND_CAMERA = 5
-    """The point is not in front of the camera: there is no pixel."""
     MISSING = 6
-    """There was nothing to map: a coordinate is absent or not finite."""
     NO_CALIBRATION = 7
-    """No calibration holds for it."""
     ON_WALL = 8
-    """The pixel shows the wall of a pit, between its plane and the floor: there is no point."""
 
     @property
     def text(self) -> str:

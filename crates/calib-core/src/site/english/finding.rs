@@ -33,7 +33,7 @@ impl English<'_> {
             }
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
-            F::UncertaintyUnknown => "Nothing tells how well the camera is known.".into(),
+            F::UncertaintyUnknown => "How well the camera is known, nothing tells: nothing is drawn, or what is drawn contradicts itself.".into(),
             F::OutOfDate { what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::BelowFloor { height } => format!("The camera stands {:.2} m below the floor.", -height),
             F::NoFloor => "The camera sees no floor where its field of view is.".into(),
@@ -117,7 +117,8 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::FewResiduals { .. } => "Draw more lines: each makes the noise better known.",
         F::UncertaintyUnknown => {
-            "Draw lines on its image, or import it with standard deviations; \"sigma\" in the solution holds them."
+            "Mend the lines that do not fit, if there are such; else draw lines on its image, or import it with standard \
+             deviations (\"sigma\" in the solution)."
         }
         F::OutOfDate { .. } => "Solve the site again: calib solve, or Solve in the app.",
         F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
