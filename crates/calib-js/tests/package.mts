@@ -38,8 +38,8 @@ function difference(a: unknown, b: unknown, place = ""): number {
 try {
   calib(["demo"]);
   const drawn = readFileSync(join(scratch, "calib-demo/site.json"), "utf8");
-  calib(["solve", "calib-demo/site.json", "-o", "native.json"]);
-  const native: string = readFileSync(join(scratch, "native.json"), "utf8");
+  calib(["solve", "calib-demo/site.json", "-o", "calib-demo/native.json"]);
+  const native: string = readFileSync(join(scratch, "calib-demo/native.json"), "utf8");
 
   const solved: string = solve(drawn);
   // Sines and cosines of the two are not the same to the last bit, and residuals are small differences of pixels.
@@ -57,7 +57,7 @@ try {
   for (const id of cameras) {
     const pixels = Array.from({ length: 40 }, (_, i) => [(i % 8) * 230 + 3, Math.floor(i / 8) * 240 - 100]);
     const csv = pixels.map(([u, v]) => `${u},${v}\n`).join("");
-    const rows = calib(["project", "native.json", "--camera", id, "--to", "floor"], `u,v\n${csv}`);
+    const rows = calib(["project", "calib-demo/native.json", "--camera", id, "--to", "floor"], `u,v\n${csv}`);
     const many: Float64Array = site.pixelsToFloor(id, Float64Array.from(pixels.flat()));
     for (const [i, line] of rows.trim().split("\n").slice(1).entries()) {
       const [u, v, x, y, status] = line.split(",");
