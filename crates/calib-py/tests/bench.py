@@ -1,7 +1,7 @@
 """How fast it is beside OpenCV, on one thread, in one run: python bench.py prints JSON.
 
-Keys end in _ns (a point) or _us (a call), or name a ratio. The core's own times come from `cargo bench -p calib-core
---bench floor_mapping`.
+Keys end in _ns (a point) or _us (a call). `cargo xtask bench python` makes ratios of them, the core's own times from
+`cargo bench -p calib-core --bench floor_mapping` among them.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def main() -> None:
         "python_to_floor_new_arrays_ns": new_arrays,
         "python_distorted_to_floor_ns": bent_to_floor,
         "python_undistort_ns": undistort,
-        "perspective_transform_over_to_floor": cv_floor / to_floor,
-        "undistort_points_over_undistort": cv_undistort / undistort,
+        "perspective_transform_ns": cv_floor,
+        "undistort_points_ns": cv_undistort,
         "python_single_us": single(plain),
         "python_single_distorted_us": single(bent),
     }))

@@ -94,15 +94,20 @@ fn demonstration(golden: &Path) -> anyhow::Result<()> {
     done(tracker.args(["solved.json", "detections.csv", "tracks.csv"].map(|name| demo.join(name))))
 }
 
-/// Measures the wheel beside `OpenCV`: a JSON object.
-pub(crate) fn bench() -> anyhow::Result<Map<String, Value>> {
+/// Builds the wheel as it is released, and installs it into the folder of packages that is returned.
+pub(crate) fn installed() -> anyhow::Result<PathBuf> {
     ensure!(tools::ready(&tools::PYTHON, false), "{VENV} is absent; `cargo xtask test --install` makes it");
     let wheel = run(&root().join("target/python"), "release")?;
     let packages = root().join("target/python-bench");
     let mut install = tool("python");
     install.args(["-m", "pip", "install", "--quiet", "--upgrade", "--no-deps", "--target"]).arg(&packages);
     done(install.arg(wheel))?;
-    let output = tool("python").arg("tests/bench.py").env("PYTHONPATH", &packages).output()?;
+    Ok(packages)
+}
+
+/// One measurement of the wheel in these packages beside `OpenCV`: a JSON object.
+pub(crate) fn measure(packages: &Path) -> anyhow::Result<Map<String, Value>> {
+    let output = tool("python").arg("tests/bench.py").env("PYTHONPATH", packages).output()?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Ok(serde_json::from_slice(&output.stdout)?)
 }
