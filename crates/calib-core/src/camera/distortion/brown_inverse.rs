@@ -15,6 +15,8 @@ use crate::camera::elementary::sin_cos;
 
 /// Points that are inverted together.
 pub(crate) const LANES: usize = 8;
+/// Longest first step for which the bound on the error holds.
+const NEAR: f64 = 1e-3;
 /// Coefficients of the polynomial.
 const TERMS: usize = 8;
 
@@ -28,8 +30,8 @@ pub(crate) struct BrownInverse {
     scale: f64,
     /// Largest square radius of undistorted points: just within the fold, and not far beyond the reach.
     most: f64,
-    /// Square of H: no second derivative within `most` is larger.
-    curvature: f64,
+    /// Of H, a bound on the second derivatives, by powers of the square radius.
+    curvature: [f64; 4],
 }
 
 impl BrownInverse {
@@ -47,7 +49,7 @@ impl BrownInverse {
         });
         let radial = powers.lu().solve(&ratios).map_or([0.0; TERMS], Into::into);
         let most = (fold * (1.0 - 1e-6)).min(1.1 * straight.unwrap_or(reach));
-        let curvature = curvature_within(most, brown).powi(2);
+        let curvature = curvature(brown, straight.unwrap_or(reach));
         Self { brown: *brown, radial, scale: (reach * reach).recip(), most: most * most, curvature }
     }
 
@@ -68,28 +70,44 @@ impl BrownInverse {
         self.without_radial(bent_x - across[0], bent_y - across[1])
     }
 
+    /// H on the way from a start of this square radius, which is no longer than twice [`NEAR`].
+    #[inline(always)]
+    fn curvature_at(&self, square: f64) -> f64 {
+        // (r + d)^2 <= 1.01 r^2 + 101 d^2.
+        let square = 1.01 * square + 404.0 * NEAR * NEAR;
+        self.curvature.iter().rev().fold(0.0, |sum, &term| sum * square + term)
+    }
+
+    /// A point after both steps, and whether the bound on its error is small enough.
+    #[inline(always)]
+    fn two_steps(&self, bent_x: f64, bent_y: f64) -> (f64, f64, bool) {
+        let start = self.start(bent_x, bent_y);
+        let [a, b, d] = self.brown.jacobian(start.into());
+        let scale = (a * d - b * b).recip();
+        let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
+        let step = |(x, y): (f64, f64)| {
+            let bent = self.brown.distort_anywhere([x, y]);
+            let (ex, ey) = (bent[0] - bent_x, bent[1] - bent_y);
+            ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale)
+        };
+        let first = step(start);
+        let near = (start.0 - first.0, start.1 - first.1);
+        let second = step(near);
+        let (x, y) = (near.0 - second.0, near.1 - second.1);
+        let [first, second] = [first, second].map(|(dx, dy)| dx * dx + dy * dy);
+        let h = self.curvature_at(start.0 * start.0 + start.1 * start.1);
+        let is_near = (inverse * h * h * first * second <= 1e-26) & (first <= NEAR * NEAR);
+        let has_converged = is_near | (second < 1e-28);
+        (x, y, has_converged & (x * x + y * y <= self.most))
+    }
+
     /// Undistorts points, divided by the focal, in place; one outside the lens becomes NaN.
     #[inline(always)]
     pub(crate) fn undistort(&self, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
         let (bent_x, bent_y) = (*x, *y);
         let mut is_solved = [false; LANES];
         for i in 0..LANES {
-            let start = self.start(bent_x[i], bent_y[i]);
-            let [a, b, d] = self.brown.jacobian(start.into());
-            let scale = (a * d - b * b).recip();
-            let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
-            let step = |(x, y): (f64, f64)| {
-                let bent = self.brown.distort_anywhere([x, y]);
-                let (ex, ey) = (bent[0] - bent_x[i], bent[1] - bent_y[i]);
-                ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale)
-            };
-            let first = step(start);
-            let near = (start.0 - first.0, start.1 - first.1);
-            let second = step(near);
-            (x[i], y[i]) = (near.0 - second.0, near.1 - second.1);
-            let [first, second] = [first, second].map(|(dx, dy)| dx * dx + dy * dy);
-            let has_converged = (inverse * self.curvature * first * second <= 1e-26) | (second < 1e-28);
-            is_solved[i] = has_converged & (x[i] * x[i] + y[i] * y[i] <= self.most);
+            (x[i], y[i], is_solved[i]) = self.two_steps(bent_x[i], bent_y[i]);
         }
         if is_solved.iter().all(|&solved| solved) {
             return;
@@ -103,12 +121,18 @@ impl BrownInverse {
     }
 }
 
-/// No second derivative of the distortion is larger at points up to that far from the principal point.
-fn curvature_within(radius: f64, brown: &BrownConrady) -> f64 {
+/// A bound on the second derivatives at the radius r, by powers of r^2: of the part `k r^2n` they are at most
+/// `2n (2n + 1) |k| r^(2n - 1)`, along the radius, of each tangential part 6 times its coefficient. It is a polynomial
+/// by `r <= (r^2 / c + c) / 2`, for any c; with `about` for it, it is exact there.
+fn curvature(brown: &BrownConrady, about: f64) -> [f64; 4] {
     let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(f64::abs);
-    let square = radius * radius;
-    // Of r g(r) along the radius, and twice the one of g(r), across.
-    radius * (10.0 * k1 + square * (28.0 * k2 + square * 54.0 * k3)) + 8.0 * (p1 + p2)
+    let by_radius = [6.0 * k1, 20.0 * k2, 42.0 * k3];
+    let mut terms = [6.0 * (p1 + p2), 0.0, 0.0, 0.0];
+    for (i, term) in by_radius.into_iter().enumerate() {
+        terms[i] += 0.5 * about * term;
+        terms[i + 1] += 0.5 / about * term;
+    }
+    terms
 }
 
 #[cfg(test)]
@@ -137,12 +161,32 @@ mod tests {
         }
 
         #[test]
-        fn within_the_image_of_a_usual_lens_no_point_is_solved_alone(x in -0.8..0.8_f64, y in -0.45..0.45_f64) {
+        fn but_for_its_corners_no_point_of_the_image_of_a_usual_lens_is_solved_alone(x in -0.76..0.76_f64, y in -0.4..0.4_f64) {
             let brown = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
-            let inverse = BrownInverse::new(&brown, 1.0);
+            let inverse = BrownInverse::new(&brown, 1.1);
             let start = inverse.start(x, y);
             let [u, v] = brown.undistort([x, y]).unwrap();
             prop_assert!((start.0 - u).hypot(start.1 - v) < 1e-4);
+            prop_assert!(inverse.two_steps(x, y).2);
+        }
+
+        #[test]
+        fn no_second_derivative_is_larger_than_its_bound(
+            k in [-0.4..0.3_f64, -0.2..0.2_f64, -0.05..0.05_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64],
+            radius in 0.01..1.5_f64, about in 0.2..2.0_f64, angle in 0.0..6.3_f64, way in 0.0..6.3_f64,
+        ) {
+            const STEP: f64 = 1e-5;
+            let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
+            let inverse = BrownInverse { curvature: curvature(&brown, about), ..BrownInverse::new(&brown, 1.0) };
+            let ((sin, cos), (along_y, along_x)) = (angle.sin_cos(), way.sin_cos());
+            let at = |step: f64| {
+                let [a, b, d] = brown.jacobian([radius * cos + step * along_x, radius * sin + step * along_y]);
+                [a * along_x + b * along_y, b * along_x + d * along_y]
+            };
+            let (ahead, behind) = (at(STEP), at(-STEP));
+            let second = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]) / (2.0 * STEP);
+            let bound = inverse.curvature_at(radius * radius);
+            prop_assert!(second <= bound + 1e-6, "{second} above {bound}");
         }
     }
 }
