@@ -7,7 +7,7 @@
 //! and a rise r of the plane at the point by `d r / (n . d)`. Of the floor `n . d` is `d_z`.
 
 use crate::camera::covariance::Covariance;
-use crate::camera::distortion::{Distortion, Matrix2};
+use crate::camera::distortion::{Distortion, RayMatrix};
 use crate::camera::elementary::sin_cos;
 use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
@@ -127,10 +127,12 @@ struct PlaneJacobian<'a> {
     camera: &'a Camera,
     pixel: Pixel,
     plane: Plane,
-    /// Undistorted, relative to the principal point, over the focal.
-    normalised: [f64; 2],
-    /// `d undistorted / d raw`.
-    undistort: Matrix2,
+    /// The bearing of the pixel.
+    bearing: [f64; 3],
+    /// `d bearing / d raw`.
+    by_raw: RayMatrix,
+    /// The bearing over the focal.
+    normalised: [f64; 3],
     /// Rows right, down, forward.
     axes: [[f64; 3]; 3],
     direction: [f64; 3],
@@ -143,17 +145,17 @@ struct PlaneJacobian<'a> {
 impl<'a> PlaneJacobian<'a> {
     /// `None` where the pixel does not show the plane.
     fn new(camera: &'a Camera, pixel: Pixel, plane: Plane) -> Option<Self> {
-        let (straight, undistort) = camera.lens.undistort_with_jacobian(pixel)?;
-        ray_to_plane(&camera.undistorted_to_ray(straight), &plane)?;
-        let Pixel { u: cu, v: cv } = camera.lens.principal_point;
-        let normalised = [(straight.u - cu) / camera.focal, (straight.v - cv) / camera.focal];
+        let (bearing, by_raw) = camera.lens.bearing_with_jacobian(pixel)?;
+        ray_to_plane(&camera.bearing_to_ray(bearing), &plane)?;
+        let [x, y, w] = bearing;
+        let normalised = [x / camera.focal, y / camera.focal, w];
         let axes = camera.rotation();
         let [right, down, forward] = axes;
         let direction =
-            std::array::from_fn(|i| normalised[0] * right[i] + normalised[1] * down[i] + forward[i]);
+            std::array::from_fn(|i| normalised[0] * right[i] + normalised[1] * down[i] + w * forward[i]);
         let rise = plane.rise(&direction);
         let reach = (plane.height_at(camera.position.on_floor()) - camera.position.z) / rise;
-        Some(Self { camera, pixel, plane, normalised, undistort, axes, direction, rise, reach })
+        Some(Self { camera, pixel, plane, bearing, by_raw, normalised, axes, direction, rise, reach })
     }
 
     /// Displacement of the point for a change of the ray's direction.
@@ -175,46 +177,44 @@ impl<'a> PlaneJacobian<'a> {
         self.plane.height_by_parameters(at).map(|by| [x * by / self.rise, y * by / self.rise])
     }
 
-    /// Displacement of the point for a change of the undistorted pixel.
-    fn displacement_by_pixel(&self, [u, v]: [f64; 2]) -> [f64; 2] {
-        let [right, down, _] = self.axes;
-        self.displacement(std::array::from_fn(|i| (u * right[i] + v * down[i]) / self.camera.focal))
+    /// Displacement of the point for a change of the bearing.
+    fn displacement_by_bearing(&self, [x, y, w]: [f64; 3]) -> [f64; 2] {
+        let [right, down, forward] = self.axes;
+        let focal = self.camera.focal;
+        self.displacement(std::array::from_fn(|i| (x * right[i] + y * down[i]) / focal + w * forward[i]))
     }
 
     /// Derivatives by u and v of the raw pixel.
     fn by_pixel(&self) -> [[f64; 2]; 2] {
-        let [[a, b], [c, d]] = self.undistort;
-        [self.displacement_by_pixel([a, c]), self.displacement_by_pixel([b, d])]
+        [0, 1].map(|k| self.displacement_by_bearing(self.by_raw.map(|row| row[k])))
     }
 
     /// Derivatives by yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the
     /// roll into `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
-        let ([a, b], [right, down, forward]) = (self.normalised, self.axes);
+        let ([a, b, w], [right, down, forward]) = (self.normalised, self.axes);
         let (sin, cos) = sin_cos(self.camera.roll);
         let [x, y, _] = self.direction;
         let back = -(a * sin + b * cos);
-        let pitched = std::array::from_fn(|i| back * forward[i] + sin * right[i] + cos * down[i]);
+        let pitched = std::array::from_fn(|i| back * forward[i] + w * (sin * right[i] + cos * down[i]));
         let rolled = std::array::from_fn(|i| a * down[i] - b * right[i]);
         [self.displacement([-y, x, 0.0]), self.displacement(pitched), self.displacement(rolled)]
     }
 
     /// Derivatives by every parameter of [`Covariance`].
     fn by_unknowns(&self) -> [[f64; 2]; Covariance::SIZE] {
-        let [a, b] = self.normalised;
+        let [x, y, _] = self.normalised;
         let mut by = [[0.0; 2]; Covariance::SIZE];
         by[Covariance::X] = self.back_on_plane([1.0, 0.0, 0.0]);
         by[Covariance::Y] = self.back_on_plane([0.0, 1.0, 0.0]);
         by[Covariance::Z] = self.back_on_plane([0.0, 0.0, 1.0]);
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
-        by[Covariance::FOCAL] = self.displacement_by_pixel([-a, -b]);
+        by[Covariance::FOCAL] = self.displacement_by_bearing([-x, -y, 0.0]);
         let lens = &self.camera.lens;
         if lens.distortion != Distortion::None {
-            let [u, v] = self.normalised.map(|c| c * self.camera.focal);
-            let Pixel { u: cu, v: cv } = lens.principal_point;
-            let by_lens = lens.undistort_by_coefficients(self.pixel, [cu + u, cv + v].into());
+            let by_lens = lens.bearing_by_coefficients(self.pixel, self.bearing);
             for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
-                *by = self.displacement_by_pixel(change.at);
+                *by = self.displacement_by_bearing(change.at);
             }
         }
         by

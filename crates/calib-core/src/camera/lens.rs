@@ -1,6 +1,8 @@
 //! A lens: distortion as a map of pixels, in both directions, with its derivatives.
 
-use crate::camera::distortion::{ByCoefficient, ByCoefficients, Distortion, Matrix2};
+use crate::camera::distortion::{
+    ByCoefficient, ByCoefficients, Distortion, Matrix2, RayByCoefficient, RayMatrix,
+};
 use crate::camera::space::{Pixel, UndistortedPixel};
 
 /// A lens: principal point and distortion, as a map between raw and undistorted pixels.
@@ -48,6 +50,61 @@ impl Lens {
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.distort(self.normalised(pixel.into()))?;
         Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
+    }
+
+    /// The bearing of a pixel: where a pinhole would show what this lens shows there, as a homogeneous pixel relative
+    /// to the principal point. Its third coordinate is positive ahead of the camera, and not beside and behind it,
+    /// where a pinhole has no image and [`Self::undistort`] no answer.
+    ///
+    /// `None` where no ray of the scene leads.
+    #[must_use]
+    pub fn bearing(&self, pixel: Pixel) -> Option<[f64; 3]> {
+        if !self.distortion.is_wide() {
+            let (straight, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
+            return Some([straight.u - cu, straight.v - cv, 1.0]);
+        }
+        let [x, y, w] = self.distortion.ray(self.normalised(pixel.into()))?;
+        Some([self.focal * x, self.focal * y, w])
+    }
+
+    /// Where this lens shows a bearing, of any length; `None` where it does not.
+    #[must_use]
+    pub fn shown(&self, [x, y, w]: [f64; 3]) -> Option<Pixel> {
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        if !self.distortion.is_wide() {
+            let straight = UndistortedPixel { u: cu + x / w, v: cv + y / w };
+            return if w > 0.0 { self.distort(straight) } else { None };
+        }
+        let [a, b] = self.distortion.shown([x / self.focal, y / self.focal, w])?;
+        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
+    }
+
+    /// [`Self::bearing`] with its derivatives by u and v.
+    pub(crate) fn bearing_with_jacobian(&self, pixel: Pixel) -> Option<([f64; 3], RayMatrix)> {
+        if !self.distortion.is_wide() {
+            let (straight, [u, v]) = self.undistort_with_jacobian(pixel)?;
+            let Pixel { u: cu, v: cv } = self.principal_point;
+            return Some(([straight.u - cu, straight.v - cv, 1.0], [u, v, [0.0; 2]]));
+        }
+        let bent = self.normalised(pixel.into());
+        let ray = self.distortion.ray(bent)?;
+        let [u, v, ahead] = self.distortion.ray_jacobian(bent, ray);
+        let [x, y, w] = ray;
+        Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
+    }
+
+    /// How a bearing and its derivatives change with every coefficient at the pixel that has it.
+    pub(crate) fn bearing_by_coefficients(
+        &self,
+        pixel: Pixel,
+        [x, y, w]: [f64; 3],
+    ) -> [RayByCoefficient; Distortion::MOST] {
+        let ray = [x / self.focal, y / self.focal, w];
+        self.distortion.ray_by_coefficients(self.normalised(pixel.into()), ray).map(|by| {
+            let ([x, y, w], [u, v, ahead]) = (by.at, by.jacobian);
+            let at = [self.focal * x, self.focal * y, w];
+            RayByCoefficient { at, jacobian: [u, v, ahead.map(|by| by / self.focal)] }
+        })
     }
 
     /// Whether every corner of an image of this width and height shows a ray: then all of it does.

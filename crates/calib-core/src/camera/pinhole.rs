@@ -93,10 +93,18 @@ impl Camera {
 
     /// Where the camera shows a point of space: the paper's `f3d->pix`, through the lens.
     ///
-    /// `None` behind the camera, and where the lens cannot show it.
+    /// `None` where the lens cannot show it: behind the camera, but for a fisheye that looks there.
     #[must_use]
     pub fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
+        if self.lens.distortion.is_wide() {
+            return self.lens.shown(self.bearing(self.in_camera(point)));
+        }
         self.lens.distort(self.world_to_undistorted(point)?)
+    }
+
+    /// The bearing of a point in camera axes: see [`Lens::bearing`].
+    pub(crate) fn bearing(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        [self.focal * x, self.focal * y, z]
     }
 
     /// Where the camera would show a point of space if its lens were a pinhole. `None` behind it.
@@ -134,12 +142,17 @@ impl Camera {
     /// The ray that the camera shows at `pixel`; `None` outside the lens.
     #[must_use]
     pub fn pixel_to_ray(&self, pixel: Pixel) -> Option<Ray> {
-        Some(self.undistorted_to_ray(self.undistort(pixel)?))
+        Some(self.bearing_to_ray(self.lens.bearing(pixel)?))
     }
 
     pub(crate) fn undistorted_to_ray(&self, pixel: UndistortedPixel) -> Ray {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
-        let ray = [(pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal, 1.0];
+        self.bearing_to_ray([pixel.u - cu, pixel.v - cv, 1.0])
+    }
+
+    /// The ray of a bearing, of any length.
+    pub(crate) fn bearing_to_ray(&self, [x, y, w]: [f64; 3]) -> Ray {
+        let ray = [x / self.focal, y / self.focal, w];
         let [right, down, forward] = self.rotation();
         let length = dot(&ray, &ray).sqrt();
         let direction =

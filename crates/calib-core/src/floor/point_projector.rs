@@ -79,6 +79,9 @@ impl PointProjector {
         let [x, y, z] =
             self.axes.map(|axis| axis[0] * from_eye[0] + axis[1] * from_eye[1] + axis[2] * from_eye[2]);
         let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        if self.camera.lens.distortion.is_wide() {
+            return self.camera.lens.shown([f * x, f * y, z]);
+        }
         let straight = UndistortedPixel { u: cu + f * x / z, v: cv + f * y / z };
         if z > NEAREST { self.camera.lens.distort(straight) } else { None }
     }

@@ -222,7 +222,7 @@ impl FloorProjector {
     fn why_none(&self, pixel: Pixel) -> Status {
         if !pixel.is_finite() {
             Status::Missing
-        } else if self.camera.undistort(pixel).is_none() {
+        } else if self.camera.lens.bearing(pixel).is_none() {
             Status::OutsideLens
         } else {
             Status::AboveHorizon
@@ -277,6 +277,14 @@ impl FloorProjector {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.lens.focal;
         let plain = self.camera.lens.distortion == Distortion::None;
+        if self.camera.lens.distortion.is_wide() {
+            for i in 0..x.len() {
+                let at = FloorPoint { x: x[i], y: y[i] };
+                let shown = self.camera.world_to_pixel(at.at_height(self.plane.height_at(at)));
+                (u[i], v[i]) = shown.map_or((f64::NAN, f64::NAN), |pixel| (pixel.u, pixel.v));
+            }
+            return;
+        }
         for i in 0..x.len() {
             let w = h[2][0] * x[i] + h[2][1] * y[i] + h[2][2];
             let a = (h[0][0] * x[i] + h[0][1] * y[i] + h[0][2]) / w;

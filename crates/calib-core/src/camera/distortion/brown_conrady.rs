@@ -24,6 +24,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::P1, Coefficient::P2],
     powers: Some([2, 4, 6, 1, 1]),
     in_order: false,
+    is_wide: false,
     usual: 2,
     zero: Distortion::BrownConrady(BrownConrady { k1: 0.0, k2: 0.0, k3: 0.0, p1: 0.0, p2: 0.0 }),
 };

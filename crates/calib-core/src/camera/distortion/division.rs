@@ -13,6 +13,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     coefficients: &[Coefficient::Lambda],
     powers: Some([2, 0, 0, 0, 0]),
     in_order: true,
+    is_wide: false,
     usual: 1,
     zero: Distortion::Division { lambda: 0.0 },
 };

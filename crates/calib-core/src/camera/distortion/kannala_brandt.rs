@@ -5,11 +5,14 @@
 //! `P = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`, and by a pinhole at `tan theta`.
 //! The direction of the radius stays, so that every derivative is that of a radius; with
 //! `d tan theta = (1 + tan^2 theta) d theta`, and at a radius that stays `d theta = -theta^p / P' d k` for
-//! the coefficient of `theta^p`.
+//! the coefficient of `theta^p`. Rays, unit vectors `(sin theta n, cos theta)` with the direction n of the radius,
+//! are regular across theta = 90 degrees and beyond, where a pinhole has no image.
 
-use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model, radial};
+use crate::camera::distortion::model::{
+    ByCoefficient, ByCoefficients, Matrix2, Model, RayByCoefficient, RayMatrix, radial,
+};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
-use crate::camera::elementary::{atan, hypot, tan};
+use crate::camera::elementary::{atan, hypot, sin_cos, tan};
 use crate::camera::polynomial::OddPolynomial;
 
 pub(super) const ROW: ModelRow = ModelRow {
@@ -18,6 +21,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::K4],
     powers: None,
     in_order: true,
+    is_wide: true,
     usual: 2,
     zero: Distortion::KannalaBrandt { k: [0.0; 4] },
 };
@@ -31,12 +35,20 @@ pub(super) struct KannalaBrandt {
 /// Radii nearer to the axis than this have no direction.
 const AXIS: f64 = 1e-9;
 
+/// Largest angle from the axis, in radians: no lens that is built looks farther round than 288 degrees.
+const WIDEST: f64 = 0.8 * std::f64::consts::PI;
+
 /// Powers of theta, one a coefficient.
 const POWERS: [i32; 4] = [3, 5, 7, 9];
 
 impl KannalaBrandt {
     fn polynomial(&self) -> OddPolynomial {
         OddPolynomial(self.k)
+    }
+
+    /// The angle from the axis that is shown at a radius.
+    fn angle(&self, radius: f64) -> Option<f64> {
+        self.polynomial().inverse(radius).filter(|&theta| theta <= WIDEST)
     }
 }
 
@@ -68,7 +80,60 @@ impl Model for KannalaBrandt {
 
     /// Also one from beside or behind the camera, which no pinhole sees.
     fn reaches(&self, [x, y]: [f64; 2]) -> bool {
-        self.polynomial().inverse(hypot(x, y)).is_some()
+        self.angle(hypot(x, y)).is_some()
+    }
+
+    fn ray(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
+        let radius = hypot(x, y);
+        let (sin, cos) = sin_cos(self.angle(radius)?);
+        let scale = if radius < AXIS { 1.0 } else { sin / radius };
+        Some([scale * x, scale * y, cos])
+    }
+
+    fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
+        let across = hypot(x, y);
+        let theta = across.atan2(w);
+        let polynomial = self.polynomial();
+        if theta > WIDEST || theta > polynomial.first_turn() {
+            return None;
+        }
+        let scale = if across < AXIS * w { w.recip() } else { polynomial.value(theta) / across };
+        Some([scale * x, scale * y])
+    }
+
+    fn ray_jacobian(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayMatrix {
+        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+        if radius < AXIS {
+            return [[1.0, 0.0], [0.0, 1.0], [0.0; 2]];
+        }
+        let turn = self.polynomial().derivative(sin.atan2(w)).recip();
+        let [u, v] = radial(bent, sin / radius, w * turn);
+        [u, v, bent.map(|c| -sin * turn * c / radius)]
+    }
+
+    fn ray_by_coefficients(
+        &self,
+        bent: [f64; 2],
+        [x, y, w]: [f64; 3],
+    ) -> [RayByCoefficient; Distortion::MOST] {
+        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+        let mut by = [RayByCoefficient::default(); Distortion::MOST];
+        if radius < AXIS {
+            return by;
+        }
+        let theta = sin.atan2(w);
+        let (derivative, second) = (self.polynomial().derivative(theta), self.polynomial().curvature(theta));
+        let turn = derivative.recip();
+        for (by, power) in by.iter_mut().zip(POWERS) {
+            let d_theta = -theta.powi(power) * turn;
+            // Of 1 / P'.
+            let d_turn = -(second * d_theta + f64::from(power) * theta.powi(power - 1)) * turn * turn;
+            let [u, v] = radial(bent, w * d_theta / radius, w * d_turn - sin * turn * d_theta);
+            let ahead = -(w * turn * d_theta + sin * d_turn) / radius;
+            let [x, y] = bent.map(|c| w * d_theta * c / radius);
+            *by = RayByCoefficient { at: [x, y, -sin * d_theta], jacobian: [u, v, bent.map(|c| ahead * c)] };
+        }
+        by
     }
 
     fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {

@@ -17,7 +17,7 @@ use crate::camera::distortion::model::Model;
 pub use brown_conrady::BrownConrady;
 
 pub(crate) use brown_inverse::{BrownInverse, LANES};
-pub(crate) use model::{ByCoefficient, ByCoefficients, Matrix2, times};
+pub(crate) use model::{ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayMatrix, times};
 
 /// Distortion of coordinates divided by the focal, in the terms of OpenCV.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -83,6 +83,8 @@ pub struct ModelRow {
     pub powers: Option<[i32; Distortion::MOST]>,
     /// Whether a coefficient is fitted only with all those before it.
     pub in_order: bool,
+    /// Whether it shows rays from beside and behind the camera, too, which no pinhole does.
+    pub is_wide: bool,
     /// How many are fitted, from the first, where it is not said which.
     pub usual: usize,
     /// The model with coefficients of zero.
@@ -211,6 +213,40 @@ impl Distortion {
         self.ask(|model| model.undistort(bent)).unwrap_or(Some(bent)).filter(is_finite)
     }
 
+    /// The ray that is shown at this distorted point, homogeneous: x right, y down, and w ahead, which is not
+    /// positive beside and behind the camera; both divided by the focal. `None` where no ray leads here.
+    #[must_use]
+    pub fn ray(&self, bent: [f64; 2]) -> Option<[f64; 3]> {
+        self.ask(|model| model.ray(bent)).unwrap_or(Some([bent[0], bent[1], 1.0]))
+    }
+
+    /// Where a ray, of any length, is shown: the inverse of [`Self::ray`]. `None` where the lens does not show it.
+    #[must_use]
+    pub fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
+        let straight = || if w > 0.0 { Some([x / w, y / w]) } else { None };
+        self.ask(|model| model.shown([x, y, w])).unwrap_or_else(straight).filter(is_finite)
+    }
+
+    /// Whether it shows rays from beside and behind the camera, too.
+    #[must_use]
+    pub fn is_wide(&self) -> bool {
+        self.model().is_some_and(|model| model.row().is_wide)
+    }
+
+    /// `d ray / d distorted` at `bent`, which shows `ray`.
+    pub(crate) fn ray_jacobian(&self, bent: [f64; 2], ray: [f64; 3]) -> RayMatrix {
+        self.ask(|model| model.ray_jacobian(bent, ray)).unwrap_or([[1.0, 0.0], [0.0, 1.0], [0.0; 2]])
+    }
+
+    /// How `ray` and [`Self::ray_jacobian`] change with every coefficient, `bent` staying.
+    pub(crate) fn ray_by_coefficients(
+        &self,
+        bent: [f64; 2],
+        ray: [f64; 3],
+    ) -> [RayByCoefficient; Self::MOST] {
+        self.ask(|model| model.ray_by_coefficients(bent, ray)).unwrap_or_default()
+    }
+
     /// Whether the model still grows at this distorted point, so that a ray of the scene leads there:
     /// for a fisheye also one from beside or behind the camera, which no pinhole sees.
     pub(crate) fn reaches(&self, bent: [f64; 2]) -> bool {
@@ -337,6 +373,43 @@ pub(crate) mod tests {
                 prop_assert!(back.is_some(), "undistorted out of the domain: {straight:?}");
                 if let Some(back) = back {
                     prop_assert!((back[0] - x).hypot(back[1] - y) < 1e-11, "{back:?} {x} {y}");
+                }
+            }
+        }
+
+        #[test]
+        fn a_ray_is_shown_where_it_was_found(distortion in any_distortion(), x in -2.5..2.5_f64, y in -2.5..2.5_f64) {
+            let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
+            let [a, b, w] = ray;
+            // At the very fold the derivative vanishes, and digits with it; far away a pinhole has none.
+            let jacobian = distortion.ray_jacobian([x, y], ray);
+            prop_assume!(jacobian.iter().flatten().all(|slope| slope.abs() < 50.0));
+            let back = distortion.shown([3.0 * a, 3.0 * b, 3.0 * w]);
+            prop_assert!(back.is_some_and(|back| (back[0] - x).hypot(back[1] - y) < 1e-11), "{back:?} {x} {y}");
+            prop_assert!(distortion.is_wide() || w == 1.0);
+        }
+
+        #[test]
+        fn derivatives_of_rays_are_those_of_differences(
+            distortion in any_distortion(), x in -1.8..1.8_f64, y in -1.8..1.8_f64,
+        ) {
+            let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
+            let jacobian = distortion.ray_jacobian([x, y], ray);
+            prop_assume!(jacobian.iter().flatten().all(|slope| slope.abs() < 20.0));
+            let pair = |at: [f64; 3], i: usize| [at[i], at[2 - i / 2]];
+            for i in 0..3 {
+                let column = |k: usize| pair(jacobian.map(|row| row[k]), i);
+                prop_assert!(agrees(column(0), difference_quotient(|d| Some(pair(distortion.ray([x + d, y])?, i)))), "x");
+                prop_assert!(agrees(column(1), difference_quotient(|d| Some(pair(distortion.ray([x, y + d])?, i)))), "y");
+            }
+            let by = distortion.ray_by_coefficients([x, y], ray);
+            for (k, name) in distortion.names().iter().enumerate() {
+                for i in 0..3 {
+                    let numeric = difference_quotient(|d| Some(pair(nudged(&distortion, k, d).ray([x, y])?, i)));
+                    prop_assert!(agrees(pair(by[k].at, i), numeric), "{name:?}: {:?} {numeric:?}", by[k]);
+                    let row = |lens: &Distortion| Some(lens.ray_jacobian([x, y], lens.ray([x, y])?)[i]);
+                    let numeric = difference_quotient(|d| row(&nudged(&distortion, k, d)));
+                    prop_assert!(agrees(by[k].jacobian[i], numeric), "{name:?} {i}: {:?} {numeric:?}", by[k]);
                 }
             }
         }

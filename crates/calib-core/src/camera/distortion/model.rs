@@ -17,6 +17,18 @@ pub(crate) struct ByCoefficient {
 /// One for every coefficient, in the order of [`Distortion::coefficients`].
 pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MOST];
 
+/// Rows x, y and w of a ray by the two coordinates of its distorted point.
+pub(crate) type RayMatrix = [[f64; 2]; 3];
+
+/// How a ray and its Jacobian by the distorted point, which stays, change with a coefficient.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RayByCoefficient {
+    /// Of the ray.
+    pub(crate) at: [f64; 3],
+    /// Of `d ray / d distorted`.
+    pub(crate) jacobian: RayMatrix,
+}
+
 /// A model of distortion: both maps and their derivatives, on coordinates divided by the focal.
 pub(crate) trait Model {
     /// As [`Distortion::max_radius`].
@@ -44,6 +56,34 @@ pub(crate) trait Model {
 
     /// How `straight` and [`Self::undistort_jacobian`] change with every coefficient, `bent` staying.
     fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients;
+
+    /// As [`Distortion::ray`].
+    fn ray(&self, bent: [f64; 2]) -> Option<[f64; 3]> {
+        self.undistort(bent).map(|[x, y]| [x, y, 1.0])
+    }
+
+    /// As [`Distortion::shown`].
+    fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
+        if w > 0.0 { self.distort([x / w, y / w]) } else { None }
+    }
+
+    /// `d ray / d distorted` at `bent`, which shows `ray`.
+    fn ray_jacobian(&self, bent: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
+        let [u, v] = self.undistort_jacobian(bent, [x, y]);
+        [u, v, [0.0; 2]]
+    }
+
+    /// How `ray` and [`Self::ray_jacobian`] change with every coefficient, `bent` staying.
+    fn ray_by_coefficients(
+        &self,
+        bent: [f64; 2],
+        [x, y, _]: [f64; 3],
+    ) -> [RayByCoefficient; Distortion::MOST] {
+        self.undistort_by_coefficients(bent, [x, y]).map(|by| {
+            let ([x, y], [u, v]) = (by.at, by.jacobian);
+            RayByCoefficient { at: [x, y, 0.0], jacobian: [u, v, [0.0; 2]] }
+        })
+    }
 }
 
 /// The derivative of a map along radii at `point`, from how it stretches across and along the radius:
