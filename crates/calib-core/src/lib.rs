@@ -134,9 +134,9 @@ pub use bundle::{
     DistanceMeasurement, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate, PlaneEstimate,
 };
 pub use camera::{
-    BrownConrady, Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance, FloorPoint,
-    Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, UndistortedPixel, WorldPoint,
-    angles_from_rotation, camera_from_world,
+    BrownConrady, Camera, Chart, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance,
+    FloorPoint, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, UndistortedPixel,
+    WorldPoint, angles_from_rotation, camera_from_world,
 };
 pub use floor::{
     BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape,

@@ -252,7 +252,11 @@ impl LandmarkModel {
         }
         let (point, jacobian) = self.point(place, point, ground);
         let by_plane = self.foot(place).map_or([0.0; 3], |foot| ground.height_by_parameters(foot));
-        Some(point_errors(&pose.reproject(point)?, &jacobian, &by_plane, observed).into_iter().take(2))
+        Some(
+            point_errors(&pose.reproject(point, observed.chart.as_ref())?, &jacobian, &by_plane, observed)
+                .into_iter()
+                .take(2),
+        )
     }
 
     /// Number of residuals that one observation gives.

@@ -159,8 +159,10 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     landmark.observations.iter().all(|seen| {
         let camera = cameras[seen.view];
         let at = landmark.point(seen.point);
-        let is_in_lens = ObservedPixel::new(seen.pixel, &camera.lens, [false; Distortion::MOST]).is_some();
-        is_in_lens && (is_line || PosedCamera::new(camera).reproject(at).is_some())
+        let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; Distortion::MOST]);
+        observed.is_some_and(|observed| {
+            is_line || PosedCamera::new(camera).reproject(at, observed.chart.as_ref()).is_some()
+        })
     })
 }
 

@@ -27,6 +27,11 @@ pub(crate) fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)
 }
 
+/// The angle between the axis and a ray of this length across and along it, from 0 to pi.
+pub(crate) fn angle_from_axis(across: f64, along: f64) -> f64 {
+    if along > across { atan(across / along) } else { std::f64::consts::FRAC_PI_2 - atan(along / across) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,8 @@
 //! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
 //! - `elementary` sines and roots that are the same on every machine; `simd` loops with its vector instructions;
 //! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
-//! - `covariance` the covariance of a camera; `pinhole` the camera itself;
+//! - `covariance` the covariance of a camera; `pinhole` the camera itself; `chart` **views of a wide lens
+//!   in which lines beside the camera are straight**;
 //! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
 //!   Jacobians, for the bundle adjustment;
 //! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
@@ -19,6 +20,7 @@ mod distortion;
 mod lens;
 mod covariance;
 mod pinhole;
+mod chart;
 mod plane;
 mod floor_covariance;
 mod reprojection;
@@ -29,6 +31,7 @@ mod as_nalgebra;
 #[cfg(feature = "cam-geom")]
 mod as_cam_geom;
 
+pub use chart::Chart;
 pub use covariance::Covariance;
 pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MODELS, ModelRow};
 pub use floor_covariance::FloorCovariance;
@@ -37,6 +40,7 @@ pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
 pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
+pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};

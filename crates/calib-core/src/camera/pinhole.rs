@@ -314,6 +314,25 @@ pub(crate) mod tests {
         }
 
         #[test]
+        fn a_fisheye_maps_beside_and_behind_it_and_back(
+            camera in any_camera(), k in [-0.03..0.03_f64, -0.004..0.004_f64], angle in 0.0..1.66_f64, turn in -3.2..3.2_f64,
+        ) {
+            let lens = Lens { distortion: Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] }, ..camera.lens };
+            let camera = Camera { lens, focal: lens.focal, ..camera };
+            let (sin, cos) = angle.sin_cos();
+            let ray = [sin * turn.cos(), sin * turn.sin(), cos];
+            let Some(pixel) = lens.shown(camera.bearing(ray)) else { return Ok(()) };
+            let shown = camera.pixel_to_ray(pixel).map(|ray| ray.direction);
+            let expected: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| ray[k] * camera.rotation()[k][i]).sum());
+            prop_assert!(shown.is_some_and(|shown| (0..3).all(|i| (shown[i] - expected[i]).abs() < 1e-12)), "{shown:?} {expected:?}");
+            if let Some(floor) = camera.pixel_to_floor(pixel, 0.0) {
+                prop_assume!(floor.distance(camera.position.on_floor()) < 1e4);
+                let back = camera.world_to_pixel(floor.at_height(0.0));
+                prop_assert!(back.is_some_and(|back| back.distance(pixel) < 1e-9), "{back:?} {pixel:?}");
+            }
+        }
+
+        #[test]
         fn angles_survive_the_rotation_matrix(camera in any_camera()) {
             let (roll, pitch, yaw) = angles_from_rotation(&camera.rotation());
             prop_assert!((roll - camera.roll).abs() + (pitch - camera.pitch).abs() + (yaw - camera.yaw).abs() < 1e-9);

@@ -1,8 +1,9 @@
 //! Reprojection of a point and of a floor line, with Jacobians by the camera and by the point or line.
 //!
-//! Everything is in undistorted pixels relative to the principal point. Observed pixels are undistorted, and
+//! Everything is in undistorted pixels relative to the principal point, or in the chart of a wide lens. Observed pixels are undistorted, and
 //! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
+use crate::camera::chart::Chart;
 use crate::camera::distortion::Distortion;
 use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
@@ -33,6 +34,8 @@ pub(crate) struct Reprojection {
 /// An observed pixel, undistorted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ObservedPixel {
+    /// That of a wide lens.
+    pub(crate) chart: Option<Chart>,
     pub(crate) at: [f64; 2],
     /// `d undistorted / d raw`, rows u and v.
     pub(crate) jacobian: [[f64; 2]; 2],
@@ -53,16 +56,16 @@ pub(crate) struct ReprojectedLine {
 impl ObservedPixel {
     /// `None` outside the lens. The derivatives by coefficients are those of the flagged ones.
     pub(crate) fn new(pixel: Pixel, lens: &Lens, fitted: [bool; Distortion::MOST]) -> Option<Self> {
-        let (straight, jacobian) = lens.undistort_with_jacobian(pixel)?;
+        let chart = Chart::toward(lens, &[pixel]);
+        let found = lens.in_chart(pixel, chart.as_ref())?;
         let mut d_lens = [[0.0; Distortion::MOST]; 2];
         if fitted.contains(&true) {
-            let by = lens.undistort_by_coefficients(pixel, straight);
+            let by = lens.in_chart_by_coefficients(pixel, &found, chart.as_ref());
             for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
                 [d_lens[0][k], d_lens[1][k]] = by[k].at;
             }
         }
-        let Pixel { u: cu, v: cv } = lens.principal_point;
-        Some(Self { at: [straight.u - cu, straight.v - cv], jacobian, d_lens })
+        Some(Self { chart, at: found.at, jacobian: found.jacobian, d_lens })
     }
 
     /// `J^-1 e`: a small distance in undistorted pixels as one in raw pixels.
@@ -93,13 +96,17 @@ impl PosedCamera {
         [self.turn(&[q[1], -q[0], 0.0]), [-sin * z, -cos * z, sin * x + cos * y], [y, -x, 0.0]]
     }
 
-    /// `f (x / z, y / z)`; `None` when the point is not in front of the camera.
-    pub(crate) fn reproject(&self, point: WorldPoint) -> Option<Reprojection> {
+    /// `f (x / z, y / z)`, or that of the bearing in a chart; `None` when the point is not in front of the camera or
+    /// of the chart.
+    pub(crate) fn reproject(&self, point: WorldPoint, chart: Option<&Chart>) -> Option<Reprojection> {
         /// Metres in front of the camera's plane.
         const NEAREST: f64 = 1e-6;
         let WorldPoint { x, y, z } = self.camera.position;
         let q = [point.x - x, point.y - y, point.z - z];
         let p = self.turn(&q);
+        if let Some(chart) = chart {
+            return self.reproject_in(chart, &q, &p);
+        }
         if p[2].is_nan() || p[2] < NEAREST {
             return None;
         }
@@ -114,6 +121,33 @@ impl PosedCamera {
             let [x, y, z] = d_axis.map(|s| s[k]);
             let [yaw, pitch, roll] = d_angle.map(|s| s[k]);
             ([-x, -y, -z, yaw, pitch, roll, at[k]], [x, y, z])
+        };
+        let ((u, d_u), (v, d_v)) = (row(0), row(1));
+        Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
+    }
+
+    /// [`Self::reproject`] of the world vector q from the camera, p in its axes.
+    fn reproject_in(&self, chart: &Chart, q: &[f64; 3], p: &[f64; 3]) -> Option<Reprojection> {
+        /// In front of the chart, as a share of the distance: the sine of a small angle.
+        const NEAREST: f64 = 1e-6;
+        let [x, y, w] = chart.carried(self.camera.bearing(*p));
+        if w.is_nan() || w <= NEAREST * dot(p, p).sqrt() {
+            return None;
+        }
+        let at = [x / w, y / w];
+        let by_bearing = |bearing: [f64; 3]| -> [f64; 2] {
+            let [dx, dy, dw] = chart.carried(bearing);
+            [(dx - at[0] * dw) / w, (dy - at[1] * dw) / w]
+        };
+        let jacobian = |change: &[f64; 3]| by_bearing(self.camera.bearing(*change));
+        let d_axis: [[f64; 2]; 3] = std::array::from_fn(|axis| jacobian(&self.rotation.map(|row| row[axis])));
+        let d_angle = self.d_angles(q, p).map(|change| jacobian(&change));
+        let [across, down, _] = self.camera.bearing(*p);
+        let d_focal = by_bearing([across, down, 0.0]);
+        let row = |k: usize| {
+            let [x, y, z] = d_axis.map(|s| s[k]);
+            let [yaw, pitch, roll] = d_angle.map(|s| s[k]);
+            ([-x, -y, -z, yaw, pitch, roll, d_focal[k]], [x, y, z])
         };
         let ((u, d_u), (v, d_v)) = (row(0), row(1));
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
@@ -178,6 +212,19 @@ pub(crate) struct LineDistance {
 impl ReprojectedLine {
     /// The signed distance of a drawn point: `n . (at, 1) / |J' n_xy|`.
     pub(crate) fn distance(&self, observed: &ObservedPixel) -> LineDistance {
+        if let Some(chart) = &observed.chart {
+            // A line of bearings is one of the chart by the transpose of the map back to them.
+            let carried = |line: [f64; 3]| -> [f64; 3] {
+                std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.to_bearing()[i][j]).sum())
+            };
+            let in_chart = Self {
+                line: carried(self.line),
+                d_camera: self.d_camera.map(carried),
+                d_line: self.d_line.map(carried),
+                d_plane: self.d_plane.map(carried),
+            };
+            return in_chart.distance(&ObservedPixel { chart: None, ..*observed });
+        }
         let homogeneous = [observed.at[0], observed.at[1], 1.0];
         let [[a, b], [c, d]] = observed.jacobian;
         let raw = |n: &[f64; 3]| [a * n[0] + c * n[1], b * n[0] + d * n[1]];
@@ -227,7 +274,7 @@ mod tests {
         ) {
             let (sin, cos) = camera.yaw.sin_cos();
             let point = WorldPoint::new(camera.position.x + side * cos - ahead * sin, camera.position.y + side * sin + ahead * cos, z);
-            let Some(reprojected) = PosedCamera::new(camera).reproject(point) else { return Ok(()) };
+            let Some(reprojected) = PosedCamera::new(camera).reproject(point, None) else { return Ok(()) };
             let pinhole = camera.world_to_undistorted(point).unwrap();
             prop_assert!((reprojected.at[0] + camera.lens.principal_point.u - pinhole.u).abs() < 1e-6);
             let check = |numeric: f64, analytic: f64, what: usize| {
@@ -237,7 +284,7 @@ mod tests {
             };
             for k in 0..2 {
                 for index in 0..POSE_PARAMS {
-                    let at = |by: f64| nudged(&camera, index, by).reproject(point).map(|s| s.at[k]);
+                    let at = |by: f64| nudged(&camera, index, by).reproject(point, None).map(|s| s.at[k]);
                     let (Some(a), Some(b)) = (at(STEP), at(-STEP)) else { continue };
                     check((a - b) / (2.0 * STEP), reprojected.d_camera[k][index], index)?;
                 }
@@ -245,7 +292,7 @@ mod tests {
                     let at = |by: f64| {
                         let mut moved = <[f64; 3]>::from(point);
                         moved[axis] += by;
-                        PosedCamera::new(camera).reproject(moved.into()).map(|s| s.at[k])
+                        PosedCamera::new(camera).reproject(moved.into(), None).map(|s| s.at[k])
                     };
                     let (Some(a), Some(b)) = (at(STEP), at(-STEP)) else { continue };
                     check((a - b) / (2.0 * STEP), reprojected.d_point[k][axis], 10 + axis)?;

@@ -1,6 +1,6 @@
 //! The effective field of view: the polygon on the image, and the part of it that lies on the floor.
 
-use crate::camera::{Camera, FloorPoint, Pixel, Plane, UndistortedPixel};
+use crate::camera::{Camera, FloorPoint, Pixel, Plane};
 
 /// The floor polygon that an image polygon shows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,6 +41,11 @@ pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
 }
 
 fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
+    if camera.lens.distortion.is_wide()
+        && let Some(centre) = foot_within(camera, corners, plane)
+    {
+        return about_foot(camera, corners, plane, reach, centre);
+    }
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
     let steps = if bent { STEPS } else { 1 };
     let outline: Vec<Pixel> = (0..corners.len())
@@ -52,15 +57,16 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
             })
         })
         .collect();
-    let lost = outline.iter().any(|&pixel| camera.undistort(pixel).is_none());
-    let straight: Vec<_> = outline.iter().filter_map(|&pixel| shown(camera, pixel)).collect();
+    let lost = outline.iter().any(|&pixel| camera.lens.bearing(pixel).is_none());
+    let bearings: Vec<[f64; 3]> = outline.iter().filter_map(|&pixel| shown(camera, pixel)).collect();
     // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0 and clipping is linear.
     let h = camera.homography_plane_from_pixel(plane);
     let drop = camera.position.z - plane.height_at(camera.position.on_floor());
-    let homogeneous: Vec<[f64; 3]> = straight
+    let Pixel { u: cu, v: cv } = camera.lens.principal_point;
+    let homogeneous: Vec<[f64; 3]> = bearings
         .iter()
-        .map(|p| {
-            let [x, y, w] = h.map(|row| row[0] * p.u + row[1] * p.v + row[2]);
+        .map(|[x, y, w]| {
+            let [x, y, w] = h.map(|row| row[0] * (x + cu * w) + row[1] * (y + cv * w) + row[2] * w);
             // Relative to the foot of the camera, so that the reach is a circle about the origin.
             [x - w * camera.position.x, y - w * camera.position.y, w]
         })
@@ -85,29 +91,69 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     Efov { polygon, clipped }
 }
 
-/// The undistorted pixel, or where there is none, that of the last pixel toward the principal point that has
-/// one, by bisection: the border of a fisheye's circle.
-fn shown(camera: &Camera, pixel: Pixel) -> Option<UndistortedPixel> {
-    const HALVINGS: usize = 12;
-    /// Tangent of the largest angle from the axis: beyond it no floor is within reach.
-    const STEEPEST: f64 = 200.0;
+/// The bearing of a pixel, or where it has none, that of the last pixel toward the principal point that has one: the
+/// border of a fisheye's circle.
+fn shown(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
     let centre = camera.lens.principal_point;
-    let on_the_way = |t: f64| {
-        let raw = Pixel { u: centre.u + t * (pixel.u - centre.u), v: centre.v + t * (pixel.v - centre.v) };
-        let far = STEEPEST * camera.focal;
-        camera.undistort(raw).filter(|p| (p.u - centre.u).hypot(p.v - centre.v) < far)
-    };
-    let (mut low, mut high, mut found) = (0.0, 1.0, on_the_way(1.0));
-    if found.is_none() {
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            match on_the_way(middle) {
-                Some(straight) => (low, found) = (middle, Some(straight)),
-                None => high = middle,
-            }
-        }
+    camera.lens.bearing(pixel).or_else(|| {
+        let last = last_toward(centre, pixel, |raw| camera.lens.bearing(raw).is_some())?;
+        camera.lens.bearing(last)
+    })
+}
+
+/// The last pixel on the way from a centre for which something holds, by bisection; `None` where it does not at the
+/// centre.
+fn last_toward(centre: Pixel, pixel: Pixel, holds: impl Fn(Pixel) -> bool) -> Option<Pixel> {
+    const HALVINGS: usize = 40;
+    let at =
+        |t: f64| Pixel { u: centre.u + t * (pixel.u - centre.u), v: centre.v + t * (pixel.v - centre.v) };
+    if !holds(centre) {
+        return None;
     }
-    found
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if holds(at(middle)) { low = middle } else { high = middle }
+    }
+    Some(at(if holds(pixel) { 1.0 } else { low }))
+}
+
+/// The pixel of the point of a plane below the camera, if it lies within a polygon.
+fn foot_within(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Option<Pixel> {
+    let foot = camera.position.on_floor();
+    let pixel = camera.world_to_pixel(foot.at_height(plane.height_at(foot)))?;
+    let crosses = |(a, b): (&Pixel, &Pixel)| {
+        (a.v > pixel.v) != (b.v > pixel.v) && pixel.u < a.u + (pixel.v - a.v) / (b.v - a.v) * (b.u - a.u)
+    };
+    let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
+    (pairs.filter(|pair| crosses(*pair)).count() % 2 == 1).then_some(pixel)
+}
+
+/// The floor that a polygon shows about the foot of a camera: where the horizon runs all round within the image,
+/// there is no clipping at it. From the foot toward every point of the outline, the last floor within reach.
+fn about_foot(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64, foot: Pixel) -> Efov {
+    /// Points of the outline an edge.
+    const STEPS: usize = 16;
+    let below = camera.position.on_floor();
+    let most = reach * (camera.position.z - plane.height_at(below)).abs();
+    let floor = |pixel: Pixel| {
+        let at = camera.pixel_to_plane(pixel, plane)?.on_floor();
+        (at.distance(below) <= most).then_some(at)
+    };
+    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+    let outline = edges.flat_map(|(a, b)| {
+        (0..STEPS).map(move |step| {
+            let t = step as f64 / STEPS as f64;
+            Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
+        })
+    });
+    let mut clipped = false;
+    let mut polygon = Vec::new();
+    for pixel in outline {
+        clipped |= floor(pixel).is_none();
+        polygon.extend(last_toward(foot, pixel, |raw| floor(raw).is_some()).and_then(floor));
+    }
+    Efov { polygon, clipped }
 }
 
 /// The part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
@@ -187,6 +233,31 @@ mod tests {
         for point in &efov.polygon {
             let off = point.distance(above.position.on_floor());
             assert!((14.0..15.5).contains(&off), "{off} m: five camera heights all around");
+        }
+    }
+
+    #[test]
+    fn of_a_ceiling_that_sees_beyond_the_horizon_the_floor_is_a_disc_and_the_horizon_a_ring() {
+        let lens = Lens {
+            focal: 300.0,
+            distortion: crate::camera::Distortion::KannalaBrandt { k: [0.01, 0.0, 0.0, 0.0] },
+            ..Lens::pinhole(Pixel::new(960.0, 540.0))
+        };
+        let above = Camera { pitch: 1.45, roll: 0.3, lens, focal: 300.0, ..camera(0.0) };
+        let disc: Vec<Pixel> = (0..24)
+            .map(|i| (std::f64::consts::TAU * f64::from(i) / 24.0).sin_cos())
+            .map(|(sin, cos)| Pixel::new(960.0 + 530.0 * cos, 540.0 + 530.0 * sin))
+            .collect();
+        let efov = efov_on_floor(&above, &disc);
+        assert!(efov.clipped, "the horizon is within");
+        for point in &efov.polygon {
+            let off = point.distance(above.position.on_floor());
+            assert!((off - 50.0 * above.position.z).abs() < 1e-3, "{off} m: the reach all around");
+        }
+        let ring = crate::floor::scene::horizon(&above, [1920.0, 1080.0]);
+        assert_eq!(ring.len(), 1);
+        for &pixel in &ring[0] {
+            assert!(above.pixel_to_ray(pixel).unwrap().direction[2].abs() < 1e-6);
         }
     }
 }

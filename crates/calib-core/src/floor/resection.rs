@@ -12,8 +12,8 @@
 use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
 
 use crate::camera::{
-    Camera, Covariance, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint, camera_from_world,
-    times,
+    Camera, Covariance, Distortion, ObservedPixel, Pixel, PosedCamera, Reprojection, UndistortedPixel,
+    WorldPoint, camera_from_world, times,
 };
 use crate::optimize::{LeastSquares, least_squares};
 
@@ -34,7 +34,7 @@ pub struct ControlPoint {
 #[must_use]
 pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let shown: Vec<ControlPoint> =
-        points.iter().copied().filter(|point| camera.undistort(point.pixel).is_some()).collect();
+        points.iter().copied().filter(|point| camera.lens.bearing(point.pixel).is_some()).collect();
     if shown.len() < 2 {
         return None;
     }
@@ -125,8 +125,12 @@ fn all_heights(
     Some((centre.x + x[0], centre.y + x[1], centre.z + z0, yaw))
 }
 
-/// Sum of the squared distances of the points from their pixels, in undistorted pixels.
+/// Sum of the squared distances of the points from their pixels, in undistorted pixels; of a wide lens in raw ones.
 fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
+    let off = |point: &ControlPoint| camera.world_to_pixel(point.world).map(|at| at.distance(point.pixel));
+    if camera.lens.distortion.is_wide() {
+        return points.iter().map(|point| off(point).map_or(f64::INFINITY, |off| off * off)).sum();
+    }
     points
         .iter()
         .map(|point| match (camera.world_to_undistorted(point.world), camera.undistort(point.pixel)) {
@@ -185,8 +189,11 @@ fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> 
 
 /// Through the lens `d raw = (d raw / d undistorted) d undistorted`; a coefficient moves the raw pixel alone.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
-    let Reprojection { at: [u, v], d_camera, .. } = pose.reproject(world)?;
     let lens = &pose.camera.lens;
+    if lens.distortion.is_wide() {
+        return wide_derivative(pose, world, index);
+    }
+    let Reprojection { at: [u, v], d_camera, .. } = pose.reproject(world, None)?;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let straight = UndistortedPixel { u: cu + u, v: cv + v };
     lens.distort(straight)?;
@@ -199,7 +206,21 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     Some(times(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
-/// The least-squares problem of the distances in undistorted pixels, in x, y, z and yaw.
+/// As [`pixel_derivative`], of a wide lens: in the chart about the pixel where it shows the point.
+fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
+    let camera = &pose.camera;
+    let shown = camera.world_to_pixel(world)?;
+    let observed = ObservedPixel::new(shown, &camera.lens, [true; Distortion::MOST])?;
+    if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
+        let moved = observed.d_lens.map(|row| row.get(coefficient).copied());
+        return Some(observed.raw([-moved[0]?, -moved[1]?]));
+    }
+    let Reprojection { d_camera, .. } = pose.reproject(world, observed.chart.as_ref())?;
+    let scale = if index == Covariance::FOCAL { camera.focal.recip() } else { 1.0 };
+    Some(observed.raw(d_camera.map(|row| scale * row[index])))
+}
+
+/// The least-squares problem of the distances in undistorted pixels, of a wide lens in raw ones, in x, y, z and yaw.
 struct Resection<'a> {
     camera: Camera,
     points: &'a [ControlPoint],
@@ -224,6 +245,9 @@ impl Resection<'_> {
         rotation: &[[f64; 3]; 3],
         point: &ControlPoint,
     ) -> Option<([f64; 2], [Vector4<f64>; 2])> {
+        if camera.lens.distortion.is_wide() {
+            return self.wide_error(camera, point);
+        }
         let [x, y, z] = camera.in_camera(point.world);
         let drawn = camera.undistort(point.pixel)?;
         let shown = camera.world_to_undistorted(point.world)?;
@@ -238,6 +262,18 @@ impl Resection<'_> {
             by[1][k] = camera.focal * (change[1] - y / z * change[2]) / z;
         }
         Some(([shown.u - drawn.u, shown.v - drawn.v], by))
+    }
+
+    /// As [`Self::error`], of a wide lens: in raw pixels.
+    fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
+        let observed = ObservedPixel::new(point.pixel, &camera.lens, [false; Distortion::MOST])?;
+        let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;
+        let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
+        let mut by = [Vector4::zeros(); 2];
+        for k in (0..4).filter(|&k| !(self.hold_height && k == 2)) {
+            [by[0][k], by[1][k]] = observed.raw(shown.d_camera.map(|row| row[unknowns[k]]));
+        }
+        Some((observed.raw([shown.at[0] - observed.at[0], shown.at[1] - observed.at[1]]), by))
     }
 }
 

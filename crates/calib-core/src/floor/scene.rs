@@ -304,7 +304,8 @@ pub fn vertical(at: FloorPoint, height: f64) -> Polyline {
 
 /// The way of a 3-D polyline across an image: in pieces where parts of it cannot be seen.
 ///
-/// It is cut at the camera's near side and where the lens ends, and follows the bend of the lens.
+/// It is cut where the lens ends and, but for a fisheye that looks there, at the camera's near side, and follows the bend of
+/// the lens.
 /// What lies off the image is kept, so that a canvas larger than the image shows it.
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
@@ -313,6 +314,10 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {
         let (a, b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
+        if camera.lens.distortion.is_wide() {
+            along_arc(camera, [a, b], &mut pieces);
+            continue;
+        }
         let Some(front) = in_front(a, b, NEAR) else {
             pieces.push(Vec::new());
             continue;
@@ -338,6 +343,37 @@ pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
         (true, false) => Some([cut(a, b), b]),
         (false, true) => Some([a, cut(b, a)]),
         (false, false) => Some([a, b]),
+    }
+}
+
+/// Appends the image in a wide lens of a straight piece in camera axes: of the arc of rays from end to end.
+fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    /// Radians between points: of a fisheye of 180 degrees in 2000 pixels, 0.2 px off the chord.
+    const STEP: f64 = 0.03;
+    let unit = |p: [f64; 3]| {
+        let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+        p.map(|c| c / length.max(f64::MIN_POSITIVE))
+    };
+    let [a, b] = ends.map(unit);
+    let cosine = (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0);
+    let angle = cosine.acos();
+    // What passes through the eye has no image; what is short is its ends.
+    let steps = (angle / STEP).ceil().max(1.0);
+    for step in 0..=steps as usize {
+        let t = step as f64 / steps;
+        let [of_a, of_b] =
+            if angle > 1e-6 { [((1.0 - t) * angle).sin(), (t * angle).sin()] } else { [1.0 - t, t] };
+        let ray: [f64; 3] = std::array::from_fn(|i| of_a * a[i] + of_b * b[i]);
+        match camera.lens.shown(camera.bearing(ray)) {
+            Some(pixel) => {
+                if let Some(piece) = pieces.last_mut()
+                    && piece.last() != Some(&pixel)
+                {
+                    piece.push(pixel);
+                }
+            }
+            None => pieces.push(Vec::new()),
+        }
     }
 }
 

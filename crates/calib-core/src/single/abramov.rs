@@ -8,12 +8,13 @@
 //! term, of option 2, are the lengths on the floor, free of scale. A floor line counts with the
 //! direction in which its viewing plane cuts the floor, which exists above the horizon, too.
 
+use crate::camera::Chart;
 use crate::optimize::nelder_mead;
 use crate::outcome::Failure;
 use crate::single::constraints::{Constraints, Direction, Line};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::orientation::Orientation;
-use crate::single::vanishing_point::{line_through, roll_from_verticals, vanishing_point};
+use crate::single::vanishing_point::{roll_from_verticals, unrolled, vanishing_point};
 
 /// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.
 const PITCHES: [f64; 14] = [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
@@ -73,6 +74,11 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
         .max_by(|a, b| a.0.total_cmp(&b.0))?
         .1;
     Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
+}
+
+/// An end as an undistorted pixel, where a pinhole shows it.
+fn ahead(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
+    chart.map_or(Some(point), |chart| chart.ahead(point))
 }
 
 /// How much the image directions of lines differ, times their mean length.
@@ -148,7 +154,7 @@ impl Criterion {
     fn new(constraints: &Constraints, roll: f64) -> Self {
         let (sin, cos) = roll.sin_cos();
         let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
-        let line = |line: &Line| line_through(unroll(line.ends[0].point), unroll(line.ends[1].point));
+        let line = |line: &Line| unrolled(line, [sin, cos]);
         let mut criterion = Self {
             verticals: Vec::new(),
             floor: Vec::new(),
@@ -163,7 +169,10 @@ impl Criterion {
             }
         }
         for length in &constraints.lengths {
-            criterion.lengths[length.group].push(length.ends.map(|end| unroll(end.point)));
+            // The criterion has no place beside the camera.
+            if let [Some(a), Some(b)] = length.ends.map(|end| ahead(length.chart.as_ref(), end.point)) {
+                criterion.lengths[length.group].push([unroll(a), unroll(b)]);
+            }
         }
         criterion
     }

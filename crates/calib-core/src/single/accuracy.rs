@@ -7,7 +7,7 @@
 //! height and lens included ([`placed_floor_length_rel`]).
 
 use crate::camera::{Camera, FloorPoint, Pixel, UndistortedPixel};
-use crate::camera::{Covariance, Distortion, ObservedPixel};
+use crate::camera::{Covariance, Distortion};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
@@ -139,18 +139,20 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
     const N: usize = 4 + Distortion::MOST;
     let parameters =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
-    let fitted = std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
+    let fitted: [bool; Distortion::MOST] =
+        std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
     let point = |&[x, y]: &[f64; 2]| {
         let floor = FloorJacobian::new(&parameters, [x, y])?;
         let mut jacobian = [[0.0; 2]; N];
         jacobian[..3].copy_from_slice(&floor.by);
         if fitted.contains(&true) {
             let Pixel { u: cu, v: cv } = camera.lens.principal_point;
-            let raw = camera.distort(UndistortedPixel { u: cu + x, v: cv + y })?;
-            let ObservedPixel { d_lens: [du, dv], .. } = ObservedPixel::new(raw, &camera.lens, fitted)?;
+            let straight = UndistortedPixel { u: cu + x, v: cv + y };
+            let by_lens = camera.lens.undistort_by_coefficients(camera.distort(straight)?, straight);
             let [by_x, by_y] = floor.by_pixel;
-            for k in 0..Distortion::MOST {
-                jacobian[4 + k] = [0, 1].map(|axis| du[k] * by_x[axis] + dv[k] * by_y[axis]);
+            for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
+                let [du, dv] = by_lens[k].at;
+                jacobian[4 + k] = [0, 1].map(|axis| du * by_x[axis] + dv * by_y[axis]);
             }
         }
         Some((floor.at, jacobian))

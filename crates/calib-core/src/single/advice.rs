@@ -216,11 +216,18 @@ impl Candidate {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
                     let spread = joined.scene.length;
-                    joined.lengths.push(Length { ends, group, spread, plane: None, source: source(i) });
+                    joined.lengths.push(Length {
+                        chart: None,
+                        ends,
+                        group,
+                        spread,
+                        plane: None,
+                        source: source(i),
+                    });
                 }
                 _ => {
                     let deviation = joined.deviation_of(direction);
-                    joined.lines.push(Line { ends, direction, deviation, source: source(i) });
+                    joined.lines.push(Line { chart: None, ends, direction, deviation, source: source(i) });
                 }
             }
         }

@@ -5,6 +5,7 @@
 //! Annotations say *what* was drawn; constraints are what the residuals of stage 1 are computed from
 //! (`residual.rs`). They depend on the lens, and are made anew when it changes.
 
+use crate::camera::Chart;
 pub(crate) use crate::outcome::Source;
 use crate::single::annotation::Known;
 pub use crate::single::endpoint::Endpoint;
@@ -29,6 +30,8 @@ pub enum Direction {
 /// A segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
 pub struct Line<E = f64> {
+    /// Where the ends are given, of a wide lens; undistorted pixels without.
+    pub chart: Option<Chart>,
     /// Its two ends; of a polyline of three points and more, two points of the same first and second moments.
     pub ends: [Endpoint<E>; 2],
     /// Its direction in space.
@@ -42,6 +45,8 @@ pub struct Line<E = f64> {
 /// A segment of the floor whose length is known, or equal to that of others.
 #[derive(Clone, Copy, Debug)]
 pub struct Length<E = f64> {
+    /// Where the ends are given, of a wide lens; undistorted pixels without.
+    pub chart: Option<Chart>,
     /// First and last point.
     pub ends: [Endpoint<E>; 2],
     /// Index into [`Constraints::length_groups`].
@@ -57,6 +62,8 @@ pub struct Length<E = f64> {
 /// A vertical object of known height that stands on the floor: a person, a post.
 #[derive(Clone, Copy, Debug)]
 pub struct Upright<E = f64> {
+    /// Where foot and head are given, of a wide lens; undistorted pixels without.
+    pub chart: Option<Chart>,
     /// Its foot, on the floor.
     pub foot: Endpoint<E>,
     /// Its head, vertically above the foot.

@@ -1,6 +1,6 @@
 //! From what was drawn to what is fitted: annotations as constraints, undistorted by a lens.
 
-use crate::camera::{Lens, Pixel};
+use crate::camera::{Chart, Lens, Pixel};
 use crate::optimize::{ByLens, Number};
 use crate::outcome::Source;
 use crate::single::annotation::{Annotation, ConstraintKind};
@@ -148,10 +148,12 @@ impl<'a, E: OfLens> Builder<'a, E> {
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            match line_ends(points, self.lens).ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
+            let chart = Chart::toward(self.lens, points);
+            let ends = line_ends(points, self.lens, chart.as_ref());
+            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => {
                     let (direction, deviation) = direction(segment);
-                    self.constraints.lines.push(Line { ends, direction, deviation, source });
+                    self.constraints.lines.push(Line { chart, ends, direction, deviation, source });
                 }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
@@ -166,12 +168,13 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let plane = self.plane(annotation);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
-            let ends = points
-                .first()
-                .zip(points.last())
-                .and_then(|(&a, &b)| Some([E::endpoint(a, self.lens)?, E::endpoint(b, self.lens)?]));
+            let chart = Chart::toward(self.lens, points);
+            let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
+            let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
-                Ok(ends) => self.constraints.lengths.push(Length { ends, group, spread, plane, source }),
+                Ok(ends) => {
+                    self.constraints.lengths.push(Length { chart, ends, group, spread, plane, source })
+                }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
         }
@@ -184,9 +187,11 @@ impl<'a, E: OfLens> Builder<'a, E> {
             return;
         };
         let plane = self.plane(annotation);
-        match (E::endpoint(foot, self.lens), E::endpoint(head, self.lens)) {
+        let chart = Chart::toward(self.lens, &[foot, head]);
+        let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
+        match (end(foot), end(head)) {
             (Some(foot), Some(head)) => {
-                self.constraints.uprights.push(Upright { foot, head, height, plane, source });
+                self.constraints.uprights.push(Upright { chart, foot, head, height, plane, source });
             }
             _ => self.constraints.invalid.push((source, InvalidSegment::OutsideLens)),
         }
@@ -232,31 +237,25 @@ fn direction_of(
 
 /// What the coordinates of an end point may be.
 trait OfLens: Number {
-    /// Where a raw pixel is undistorted, with the covariance of unit noise there.
-    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint<Self>>;
+    /// Where a raw pixel is undistorted or in a chart, with the covariance of unit noise there.
+    fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>>;
 }
 
 impl OfLens for f64 {
-    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint> {
-        let (undistorted, jacobian) = lens.undistort_with_jacobian(pixel)?;
-        let Pixel { u: cu, v: cv } = lens.principal_point;
-        Some(Endpoint {
-            point: [undistorted.u - cu, undistorted.v - cv],
-            covariance: covariance_of_unit_noise(jacobian),
-        })
+    fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint> {
+        let point = lens.in_chart(pixel, chart)?;
+        Some(Endpoint { point: point.at, covariance: covariance_of_unit_noise(point.jacobian) })
     }
 }
 
 impl OfLens for ByLens {
-    fn endpoint(pixel: Pixel, lens: &Lens) -> Option<Endpoint<Self>> {
-        let (undistorted, jacobian) = lens.undistort_with_jacobian(pixel)?;
-        let by = lens.undistort_by_coefficients(pixel, undistorted);
-        let Pixel { u: cu, v: cv } = lens.principal_point;
-        let at = [undistorted.u - cu, undistorted.v - cv];
-        let point = [0, 1].map(|axis| Self { value: at[axis], gradient: by.map(|by| by.at[axis]) });
+    fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>> {
+        let found = lens.in_chart(pixel, chart)?;
+        let by = lens.in_chart_by_coefficients(pixel, &found, chart);
+        let point = [0, 1].map(|axis| Self { value: found.at[axis], gradient: by.map(|by| by.at[axis]) });
         let jacobian = [0, 1].map(|row| {
             [0, 1].map(|column| Self {
-                value: jacobian[row][column],
+                value: found.jacobian[row][column],
                 gradient: by.map(|by| by.jacobian[row][column]),
             })
         });
@@ -277,9 +276,9 @@ fn with_length<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], In
 /// Two points that determine the line as all its points do: the centroid plus and minus the standard
 /// deviation along the line, each with half of the weight of them all. Their moments of first and second
 /// order along the line are those of the polyline.
-fn line_ends<E: OfLens>(points: &[Pixel], lens: &Lens) -> Option<[Endpoint<E>; 2]> {
+fn line_ends<E: OfLens>(points: &[Pixel], lens: &Lens, chart: Option<&Chart>) -> Option<[Endpoint<E>; 2]> {
     let ends: Vec<Endpoint<E>> =
-        points.iter().map(|&pixel| E::endpoint(pixel, lens)).collect::<Option<_>>()?;
+        points.iter().map(|&pixel| E::endpoint(pixel, lens, chart)).collect::<Option<_>>()?;
     if let [first, last] = ends[..] {
         return Some([first, last]);
     }
@@ -336,7 +335,7 @@ mod tests {
     fn a_polyline_of_many_points_weighs_as_much_as_its_points() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let points: Vec<Pixel> = (0..9).map(|i| Pixel::new(f64::from(i) * 10.0, 3.0)).collect();
-        let [a, b] = line_ends::<f64>(&points, &lens).unwrap();
+        let [a, b] = line_ends::<f64>(&points, &lens, None).unwrap();
         assert!((a.point[1] - 3.0).abs() < 1e-12 && (b.point[0] - a.point[0]) > 40.0);
         assert!((a.covariance[0] - 2.0 / 9.0).abs() < 1e-12);
     }

@@ -20,7 +20,7 @@ use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
-use crate::single::minima::{Minimum, Solutions, weak_prior};
+use crate::single::minima::{Minimum, Solutions, USUAL_FOCAL, weak_prior};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, is_misfit, solve_without_outliers};
 use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
@@ -67,6 +67,14 @@ impl FitOptions<'_> {
             keep: &[],
             has_neighbours: false,
         }
+    }
+}
+
+impl FitOptions<'_> {
+    /// Width of the image of a usual field of view that has this focal: that of the image, but for a wide lens, whose
+    /// own focal is near that of the camera.
+    fn width(&self) -> f64 {
+        if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL } else { self.size[0] }
     }
 }
 
@@ -129,7 +137,7 @@ impl Fit {
     /// When the constraints, with the weak prior on the focal, do not determine the camera.
     pub fn new(constraints: &Constraints, options: &FitOptions) -> Result<Self, Failure> {
         let sigma = options.sigma.unwrap_or(1.0);
-        let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
+        let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.width());
         check_not_empty(&problem)?;
         let keep = |source: Source| options.keep.contains(&source.annotation);
         let search = OutlierSearch {
@@ -144,7 +152,7 @@ impl Fit {
         let weak_prior_used =
             found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
         if weak_prior_used {
-            problem.priors.weak_log_focal = Some(weak_prior(options.size[0]));
+            problem.priors.weak_log_focal = Some(weak_prior(options.width()));
         }
         let chosen = choose(&found.minima, &problem, options).ok_or(Failure::NoOrientation)?;
         let dof = problem.dof();

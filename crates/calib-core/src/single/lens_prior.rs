@@ -1,5 +1,5 @@
 //! What is believed of lenses before anything is drawn: normal priors on the coefficients of the Brown-Conrady
-//! model, with coordinates divided by half the diagonal of the image.
+//! model, with coordinates divided by half the diagonal of the image, and of the Kannala-Brandt model.
 //!
 //! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of `OpenCV`)
 //! have k1 between -0.27 and 0.16, of barrels k2 within 0.1 of k1 squared, and |p1|, |p2| below 0.003. So where
@@ -13,6 +13,10 @@ const K2: f64 = 0.1;
 const K3: f64 = 0.1;
 const TANGENTIAL: f64 = 0.003;
 
+/// Standard deviations of k1 to k4 of a fisheye. Of the families that lenses are designed by, k1 and k2 are 0 and 0
+/// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
+const FISHEYE: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
+
 /// `(value - expected) / sigma` of one coefficient, with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
@@ -21,9 +25,13 @@ pub(crate) struct LensResidual {
     pub(crate) sigma: f64,
 }
 
-/// The residuals of these coefficients of a lens, by their indices; none of models other than Brown-Conrady.
+/// The residuals of these coefficients of a lens, by their indices; none of the division model.
 pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
-    let Distortion::BrownConrady(brown) = lens.distortion else { return Vec::new() };
+    let brown = match lens.distortion {
+        Distortion::BrownConrady(brown) => brown,
+        Distortion::KannalaBrandt { k } => return fisheye_prior(&k, fitted),
+        _ => return Vec::new(),
+    };
     let row = DistortionModel::BrownConrady.row();
     // Coefficients of r^n in units of half the diagonal are those in units of the focal times this to the n.
     let ratio = 0.5 * size[0].hypot(size[1]) / lens.focal;
@@ -48,6 +56,16 @@ pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<L
         LensResidual { value: value / sigma, by, sigma: sigma / scale }
     };
     fitted.iter().map(residual).collect()
+}
+
+/// Those of a fisheye, as near to equidistant as the lenses that are built.
+fn fisheye_prior(k: &[f64; 4], fitted: &[usize]) -> Vec<LensResidual> {
+    let residual = |&index: &usize| {
+        let (sigma, mut by) = (FISHEYE[index], [0.0; Distortion::MOST]);
+        by[index] = sigma.recip();
+        LensResidual { value: k[index] / sigma, by, sigma }
+    };
+    fitted.iter().filter(|&&index| index < FISHEYE.len()).map(residual).collect()
 }
 
 #[cfg(test)]

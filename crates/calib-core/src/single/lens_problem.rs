@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::camera::{Lens, Pixel};
+use crate::camera::{ByCoefficients, Chart, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
@@ -112,8 +112,7 @@ impl LensProblem<'_> {
         let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
         let some = LensProblem { edges, times, fitted: self.fitted.clone(), ..*self };
         let covariance = some.covariance(values)?;
-        let lens = self.lens(values);
-        let by = lens.undistort_by_coefficients(corner, lens.undistort(corner)?);
+        let by = shown_by_coefficients(&self.lens(values), corner)?;
         let jacobian: Vec<[f64; 2]> = self.fitted.indices().iter().map(|&k| by[k].at).collect();
         let pairs = (0..values.len()).flat_map(|i| (0..values.len()).map(move |j| (i, j)));
         let along = |(i, j): (usize, usize)| {
@@ -159,6 +158,23 @@ impl LensProblem<'_> {
             })
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
+}
+
+/// How the straight image of a place changes with the coefficients; of a wide lens in the chart about it. Outside the
+/// lens, that of the last place toward the principal point.
+pub(super) fn shown_by_coefficients(lens: &Lens, place: Pixel) -> Option<ByCoefficients> {
+    const STEPS: usize = 40;
+    let centre = lens.principal_point;
+    let toward = |k: usize| {
+        let share = 1.0 - k as f64 / STEPS as f64;
+        Pixel::new(centre.u + share * (place.u - centre.u), centre.v + share * (place.v - centre.v))
+    };
+    let tried = if lens.distortion.is_wide() { STEPS } else { 1 };
+    (0..tried).map(toward).find_map(|pixel| {
+        let chart = Chart::toward(lens, &[pixel]);
+        let point = lens.in_chart(pixel, chart.as_ref())?;
+        Some(lens.in_chart_by_coefficients(pixel, &point, chart.as_ref()))
+    })
 }
 
 /// Normal equations of a fit of a lens.

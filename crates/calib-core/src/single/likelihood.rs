@@ -24,7 +24,7 @@ use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{
     CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, floor_length,
 };
-use crate::single::vanishing_point::line_through;
+use crate::single::vanishing_point::unrolled;
 
 /// The fit of one camera: constraints, what is fixed, and priors.
 #[derive(Clone, Debug)]
@@ -141,8 +141,7 @@ impl<'a> Problem<'a> {
             (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
         for line in self.lines() {
             let Direction::Floor { group, orthogonal } = line.direction else { continue };
-            let unroll = |[x, y]: [f64; 2]| [x * cr - y * sr, x * sr + y * cr];
-            let [a, b, c] = line_through(unroll(line.ends[0].point), unroll(line.ends[1].point));
+            let [a, b, c] = unrolled(line, [sr, cr]);
             // The direction in which the viewing plane of the segment cuts the floor. An axis has no sign:
             // its doubled angle is averaged.
             let (x, y) = (cp * c - sp * f * b, -f * a);
@@ -162,11 +161,12 @@ impl<'a> Problem<'a> {
         let planes = self.constraints.plane_frames(&parameters, &nuisance);
         for length in self.lengths() {
             let log_length = match length.plane.map(|plane| &planes[plane]) {
-                None => floor_length(&at, &length.ends)?.0,
+                None => floor_length(&at, length.chart.as_ref(), &length.ends)?.0,
                 Some(plane) => {
                     let plane = plane.as_ref()?;
                     let at = CameraTerms::<f64>::new(&plane.parameters, plane.tilt);
-                    floor_length(&at, &length.ends)?.0 - plane.log_ratio(parameters[LOG_HEIGHT])
+                    floor_length(&at, length.chart.as_ref(), &length.ends)?.0
+                        - plane.log_ratio(parameters[LOG_HEIGHT])
                 }
             };
             totals[length.group].0 += log_length;
@@ -322,7 +322,7 @@ impl<'a, E: Number> Problem<'a, E> {
         let directions = Directions::new(self.constraints, &state.parameters, &state.nuisance, at)?;
         for line in self.lines() {
             let scale = self.sigma_of(line.source).recip();
-            let vanishing = directions.of(line);
+            let vanishing = directions.of(line).in_chart(line.chart.as_ref());
             let residual = LineResidual::new(&line.ends, vanishing.at);
             let value = N::from(residual.pixels) * scale;
             if !N::HAS_GRADIENT {

@@ -39,6 +39,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .into_iter()
                 .enumerate()
                 .map(|(i, (ends, group, orthogonal))| Line {
+                    chart: None,
                     ends,
                     direction: direction(group, orthogonal),
                     // The direction of the first group deviates at right angles, that of the second along it.
@@ -57,7 +58,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .map(|(i, (ends, group))| {
                     // Those of the first group lie on a plane.
                     let plane = (group == 0).then_some(0);
-                    Length { ends, group, spread: 0.01, plane, source: source(100 + i) }
+                    Length { chart: None, ends, group, spread: 0.01, plane, source: source(100 + i) }
                 })
                 .collect(),
             length_groups: vec![None, Some(Known::fixed(2.0)), Some(Known::prior(3.0, 0.1))],
@@ -67,7 +68,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .map(|(i, (foot, head, height))| {
                     let height = Known::prior(height, 0.05);
                     let plane = (i == 1).then_some(0);
-                    Upright { foot, head, height, plane, source: source(200 + i) }
+                    Upright { chart: None, foot, head, height, plane, source: source(200 + i) }
                 })
                 .collect(),
             deviations: vec![
@@ -199,7 +200,7 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
         let step = 700.0 * share / length;
         let b =
             [a[0] + step * way[0] - noise * way[1] / length, a[1] + step * way[1] + noise * way[0] / length];
-        Some(Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) })
+        Some(Line { chart: None, ends: [end(a), end(b)], direction, deviation: None, source: source(i) })
     });
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
@@ -238,8 +239,13 @@ impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn>
 #[test]
 fn the_executor_of_argmin_walks_the_same_way() {
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
-    let line =
-        |a, b, direction, i| Line { ends: [end(a), end(b)], direction, deviation: None, source: source(i) };
+    let line = |a, b, direction, i| Line {
+        chart: None,
+        ends: [end(a), end(b)],
+        direction,
+        deviation: None,
+        source: source(i),
+    };
     let floor = Direction::Floor { group: 0, orthogonal: false };
     let constraints = Constraints {
         lines: vec![

@@ -14,6 +14,8 @@ use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
 /// Pitches, in degrees, where the verticals do not tie pitch to focal.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
+/// The focal of usual cameras in widths of their image.
+pub(crate) const USUAL_FOCAL: f64 = 0.8;
 /// Standard deviation of the log focal above which the weak prior enters.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
 /// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the
@@ -22,7 +24,7 @@ const MAX_STEPS: usize = 60;
 
 /// The weak prior: installed cameras have a focal of about 0.8 image widths, within a factor of 1.4.
 pub(crate) fn weak_prior(width: f64) -> Prior {
-    Prior { value: (0.8 * width).ln(), sigma: 0.35 }
+    Prior { value: (USUAL_FOCAL * width).ln(), sigma: 0.35 }
 }
 
 /// A minimum of the likelihood.

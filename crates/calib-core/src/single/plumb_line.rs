@@ -15,7 +15,7 @@
 use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
 use crate::single::constraints::Source;
 use crate::single::fitted::Fitted;
-use crate::single::lens_problem::LensProblem;
+use crate::single::lens_problem::{LensProblem, shown_by_coefficients};
 use crate::single::straightness::{Edge, edge_redundancy, straightness, times_drawn};
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
@@ -213,8 +213,7 @@ fn map_error(
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
     let variance = |place: [f64; 2]| {
         let place = Pixel::from(place);
-        let straight = lens.undistort(place)?;
-        let by = lens.undistort_by_coefficients(place, straight);
+        let by = shown_by_coefficients(&lens, place)?;
         let jacobian: Vec<[f64; 2]> = problem.fitted.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
         for i in 0..values.len() {
@@ -225,7 +224,7 @@ fn map_error(
         }
         let model_variance = match rejected {
             Some((other, probability)) => {
-                let apart = straight.distance(other.undistort(place)?);
+                let apart = lens.undistort(place)?.distance(other.undistort(place)?);
                 probability * apart * apart
             }
             None => 0.0,

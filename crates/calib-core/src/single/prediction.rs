@@ -90,7 +90,8 @@ pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) ->
     };
     constraints.lines.retain(|line| is_above(line.deviation));
     constraints.lengths.retain(|length| {
-        at(length.plane, Measured::OnPlane).is_some_and(|at| floor_length(&at, &length.ends).is_some())
+        at(length.plane, Measured::OnPlane)
+            .is_some_and(|at| floor_length(&at, length.chart.as_ref(), &length.ends).is_some())
     });
     constraints.uprights.retain(|upright| {
         let at = at(upright.plane, Measured::Upright);

@@ -9,6 +9,7 @@
 //! The information of a sum of two variances is concave in the shares, so that no way of drawing a thing again says
 //! more than drawing it once.
 
+use crate::camera::Chart;
 use crate::optimize::Number;
 use crate::single::annotation::Known;
 use crate::single::constraints::{Constraints, Direction};
@@ -23,7 +24,8 @@ pub(crate) fn share_redrawn<E: Number>(drawn: &mut Constraints<E>) {
 }
 
 fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
-    let drawn: Vec<_> = constraints.lines.iter().map(|line| polyline(line.ends.each_ref())).collect();
+    let drawn: Vec<_> =
+        constraints.lines.iter().map(|line| polyline(line.chart.as_ref(), line.ends.each_ref())).collect();
     let group = |line: usize| match constraints.lines[line].direction {
         Direction::Floor { group, .. } => Some(group),
         Direction::Vertical => None,
@@ -59,7 +61,11 @@ fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
 }
 
 fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
-    let drawn: Vec<_> = constraints.lengths.iter().map(|length| polyline(length.ends.each_ref())).collect();
+    let drawn: Vec<_> = constraints
+        .lengths
+        .iter()
+        .map(|length| polyline(length.chart.as_ref(), length.ends.each_ref()))
+        .collect();
     let of_group = |length: usize, is_of: fn(&Option<Known>) -> bool| {
         Some(constraints.lengths[length].group).filter(|&group| is_of(&constraints.length_groups[group]))
     };
@@ -85,7 +91,8 @@ fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
 }
 
 fn share_uprights<E: Number>(constraints: &mut Constraints<E>) {
-    let drawn: Vec<_> = constraints.uprights.iter().map(|of| polyline([&of.foot, &of.head])).collect();
+    let drawn: Vec<_> =
+        constraints.uprights.iter().map(|of| polyline(of.chart.as_ref(), [&of.foot, &of.head])).collect();
     let times = Overlaps::new(&drawn).times();
     for (upright, times) in constraints.uprights.iter_mut().zip(&times) {
         [&mut upright.foot, &mut upright.head].into_iter().for_each(|end| scale_variance(end, *times));
@@ -100,8 +107,10 @@ fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
     }
 }
 
-fn polyline<E: Number>(ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
-    ends.map(|end| end.point.map(Number::value)).to_vec()
+/// The ends in one image for all lines: undistorted, or of a wide lens equidistant.
+fn polyline<E: Number>(chart: Option<&Chart>, ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
+    let points = ends.map(|end| end.point.map(Number::value));
+    points.map(|point| chart.map_or(point, |chart| chart.flat(point))).to_vec()
 }
 
 /// For every group the sum of the shares of its members, and their number.

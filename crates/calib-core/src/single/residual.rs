@@ -48,6 +48,7 @@
 //! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
 //! foot, head and height propagated to it, to first order.
 
+use crate::camera::Chart;
 use crate::optimize::{Number, NumberOver};
 use crate::single::constraints::{Endpoint, Upright};
 use crate::single::vanishing_point::line_through;
@@ -68,6 +69,7 @@ pub(crate) type Tilt = [f64; 2];
 pub(crate) const TILT: usize = 4;
 
 /// A vanishing point relative to the principal point, homogeneous, with its derivatives.
+#[derive(Clone, Copy)]
 pub(crate) struct VanishingPoint {
     pub(crate) at: [f64; 3],
     pub(crate) d_roll: [f64; 3],
@@ -75,6 +77,18 @@ pub(crate) struct VanishingPoint {
     pub(crate) d_log_focal: [f64; 3],
     /// Of a floor direction by its angle and its elevation, of the nadir by the two tilts.
     pub(crate) d_own: [[f64; 3]; 2],
+}
+
+impl VanishingPoint {
+    /// The same in the chart of a wide lens.
+    #[inline]
+    pub(crate) fn in_chart(self, chart: Option<&Chart>) -> Self {
+        let Some(chart) = chart else { return self };
+        let Self { at, d_roll, d_pitch, d_log_focal, d_own } = self;
+        let [at, d_roll, d_pitch, d_log_focal] =
+            [at, d_roll, d_pitch, d_log_focal].map(|vector| chart.carried(vector));
+        Self { at, d_roll, d_pitch, d_log_focal, d_own: d_own.map(|vector| chart.carried(vector)) }
+    }
 }
 
 /// Sines, cosines and focal at some parameters: the vanishing points of directions.
@@ -255,8 +269,12 @@ impl<N: Number> CameraTerms<N> {
 #[inline]
 pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
+    chart: Option<&Chart>,
     ends: &[Endpoint<E>; 2],
 ) -> Option<(N, N)> {
+    if let Some(chart) = chart {
+        return at.floor_length_in(chart, ends);
+    }
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
     let one = N::constant(1.0);
     let on_floor = |end: &Endpoint<E>| {
@@ -302,6 +320,9 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     upright: &Upright<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
+    if let Some(chart) = &upright.chart {
+        return at.upright_in(chart, upright, sigma);
+    }
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *at;
     let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
     let [x, y] = upright.foot.point;
@@ -345,14 +366,129 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     let cab = huv + b_by_v * (a_by_u * fuv + a_by_v * fvv) + a_by_h * b_by_h * square;
     let cbb = hvv + b_by_v * b_by_v * fvv + b_by_h * b_by_h * square;
     let [hx, hy] = upright.head.point;
-    let (da, db) = (a - (cr * hx - sr * hy), b - (sr * hx + cr * hy));
-    // Whitened with the lower Cholesky factor of the covariance.
+    let off = [a - (cr * hx - sr * hy), b - (sr * hx + cr * hy)];
+    Some(whitened(off, [caa, cab, cbb]).map(|residual| residual * sigma.recip()))
+}
+
+/// A difference over the lower Cholesky factor of its covariance.
+fn whitened<N: Number>([da, db]: [N; 2], [caa, cab, cbb]: [N; 3]) -> [N; 2] {
     let l11 = caa.sqrt();
     let l21 = cab / l11;
     let l22 = (cbb - l21 * l21).sqrt();
     let first = da / l11;
-    let second = (db - l21 * first) / l22;
-    Some([first * sigma.recip(), second * sigma.recip()])
+    [first, (db - l21 * first) / l22]
+}
+
+/// A vector of three components that may depend on the camera, times a column of constants, row by row.
+fn rows<N: Number>(matrix: &[[f64; 3]; 3], [x, y, w]: [N; 3]) -> [N; 3] {
+    matrix.map(|[a, b, c]| x * a + y * b + w * c)
+}
+
+/// Columns u and v of the map from a chart to bearings.
+fn columns(chart: &Chart) -> [[f64; 3]; 2] {
+    [0, 1].map(|k| chart.to_bearing().map(|row| row[k]))
+}
+
+/// Lengths and uprights in the chart of a wide lens: the formulas of [`floor_length`] and [`upright_residuals`] with a
+/// homogeneous bearing (x, y, w) for the undistorted pixel (x, y, 1).
+impl<N: Number> CameraTerms<N> {
+    /// `D`, `X D` and `Y D` as linear forms of a bearing.
+    fn forms(&self) -> [[N; 3]; 3] {
+        let Self { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *self;
+        let none = N::constant(0.0);
+        [[cp * sr, cp * cr, sp * f], [cr, -sr, none], [-(sp * sr), -(sp * cr), cp * f]]
+    }
+
+    fn floor_length_in<E: Number>(&self, chart: &Chart, ends: &[Endpoint<E>; 2]) -> Option<(N, N)>
+    where
+        N: NumberOver<E>,
+    {
+        let forms = self.forms();
+        let on_floor = |end: &Endpoint<E>| {
+            let bearing = bearing::<E, N>(chart, end.point);
+            let [depth, x, y] = forms.map(|form| product(form, bearing));
+            // A millionth of a radian below the horizon.
+            let is_below = depth.value() > 1e-6 * self.focal.value();
+            is_below.then(|| (depth, [x / depth, y / depth]))
+        };
+        let (first, second) = (on_floor(&ends[0])?, on_floor(&ends[1])?);
+        let off = [first.1[0] - second.1[0], first.1[1] - second.1[1]];
+        let square = off[0] * off[0] + off[1] * off[1];
+        if square.value() <= 0.0 {
+            return None;
+        }
+        // d log length / d (u, v) of one end.
+        let variance = |(depth, at): (N, [N; 2]), end: &Endpoint<E>| {
+            let by = columns(chart).map(|column| {
+                let [d_depth, d_x, d_y] = forms.map(|form| constant_product(form, column));
+                (off[0] * (d_x - at[0] * d_depth) + off[1] * (d_y - at[1] * d_depth)) / (depth * square)
+            });
+            quadratic(by, end.covariance)
+        };
+        let noise = (variance(first, &ends[0]) + variance(second, &ends[1])).sqrt();
+        Some((square.ln() * 0.5, noise))
+    }
+
+    fn upright_in<E: Number>(&self, chart: &Chart, upright: &Upright<E>, sigma: f64) -> Option<[N; 2]>
+    where
+        N: NumberOver<E>,
+    {
+        let Self { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *self;
+        let foot = bearing::<E, N>(chart, upright.foot.point);
+        let [form, ..] = self.forms();
+        let depth = product(form, foot);
+        if depth.value() <= 1e-6 * f.value() {
+            return None;
+        }
+        // Up, as a bearing, per D; the head is the foot and k of it.
+        let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
+        let up = [cr * right - sr * up_y, -(sr * right) - cr * up_y, -(up_w / f)];
+        let per_depth = per_height * upright.height.value;
+        let k = depth * per_depth;
+        let head = rows(chart.from_bearing(), [0, 1, 2].map(|i| foot[i] + k * up[i]));
+        if head[2].value() <= 1e-6 {
+            return None;
+        }
+        let at = [head[0] / head[2], head[1] / head[2]];
+        let moved = |change: [N; 3]| {
+            let [x, y, w] = rows(chart.from_bearing(), change);
+            [(x - at[0] * w) / head[2], (y - at[1] * w) / head[2]]
+        };
+        let by_foot = columns(chart).map(|column| {
+            let d_k = constant_product(form, column) * per_depth;
+            moved([0, 1, 2].map(|i| d_k * up[i] + N::constant(column[i])))
+        });
+        let by_height = moved(up.map(|c| c * depth * per_height));
+        let height_sigma = upright.height.sigma.unwrap_or(0.0) / sigma;
+        let ([huu, huv, hvv], square) = (upright.head.covariance, height_sigma * height_sigma);
+        let [fuu, fuv, fvv] = upright.foot.covariance;
+        let of_foot = |i: usize, j: usize| {
+            let [by_u, by_v] = by_foot;
+            by_u[i] * by_u[j] * fuu + (by_u[i] * by_v[j] + by_v[i] * by_u[j]) * fuv + by_v[i] * by_v[j] * fvv
+        };
+        let entry = |own: E, i: usize, j: usize| of_foot(i, j) + by_height[i] * by_height[j] * square + own;
+        let covariance = [entry(huu, 0, 0), entry(huv, 0, 1), entry(hvv, 1, 1)];
+        let off = [at[0] - upright.head.point[0], at[1] - upright.head.point[1]];
+        Some(whitened(off, covariance).map(|residual| residual * sigma.recip()))
+    }
+}
+
+/// The bearing of a chart point.
+fn bearing<E: Number, N: NumberOver<E>>(chart: &Chart, [u, v]: [E; 2]) -> [N; 3] {
+    chart.to_bearing().map(|[a, b, c]| N::from(u * a + v * b + c))
+}
+
+fn product<N: Number>(form: [N; 3], [x, y, w]: [N; 3]) -> N {
+    form[0] * x + form[1] * y + form[2] * w
+}
+
+fn constant_product<N: Number>(form: [N; 3], [x, y, w]: [f64; 3]) -> N {
+    form[0] * x + form[1] * y + form[2] * w
+}
+
+/// `g' C g`.
+fn quadratic<E: Number, N: NumberOver<E>>([u, v]: [N; 2], [uu, uv, vv]: [E; 3]) -> N {
+    u * u * uu + u * v * (uv * 2.0) + v * v * vv
 }
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ impl<E: Number> Problem<'_, E> {
         length: &Length<E>,
     ) -> Option<(N, NuisanceJacobian)> {
         let scale = self.sigma_of(length.source).recip();
-        let (log_length, noise) = floor_length(at, &length.ends)?;
+        let (log_length, noise) = floor_length(at, length.chart.as_ref(), &length.ends)?;
         let noise = with_spread(noise, length.spread * scale);
         let index = self.nuisances().length(length.group);
         if let Some(Known { value, sigma: None, .. }) = self.constraints.length_groups[length.group] {

@@ -6,7 +6,7 @@
 //! it. The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three
 //! times, with the weights of the line before.
 
-use crate::camera::{ByCoefficient, ByCoefficients, Lens, Matrix2, Pixel};
+use crate::camera::{ByCoefficient, ByCoefficients, Chart, ChartPoint, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 use crate::single::overlaps::Overlaps;
@@ -64,8 +64,10 @@ pub(crate) fn straightness_with_jacobian(
     let distances = polyline.distances();
     let by: Vec<ByCoefficients> = points
         .iter()
-        .zip(&polyline.points)
-        .map(|(&raw, &straight)| lens.undistort_by_coefficients(raw, straight.into()))
+        .zip(polyline.points.iter().zip(&polyline.jacobians))
+        .map(|(&raw, (&at, &jacobian))| {
+            lens.in_chart_by_coefficients(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref())
+        })
         .collect();
     let columns = coefficients.iter().map(|&k| polyline.jacobian_column(|i| by[i][k])).collect();
     Some((distances, columns))
@@ -76,6 +78,8 @@ pub(crate) fn straightness_with_jacobian(
 /// The weights `w = 1 / |J' n|^2` of the points depend on the line's direction, slowly: three fits are
 /// enough.
 struct UndistortedPolyline {
+    /// Where the points are given, of a wide lens.
+    chart: Option<Chart>,
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
@@ -91,9 +95,10 @@ impl UndistortedPolyline {
     fn new(lens: &Lens, raw: &[Pixel]) -> Option<Self> {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
         let mut jacobians = Vec::with_capacity(raw.len());
+        let chart = Chart::toward(lens, raw);
         for &point in raw {
-            let (at, jacobian) = lens.undistort_with_jacobian(point)?;
-            points.push(at.into());
+            let ChartPoint { at, jacobian } = lens.in_chart(point, chart.as_ref())?;
+            points.push(at);
             jacobians.push(jacobian);
         }
         let weights_of = |([x, y], _): &([f64; 2], f64)| -> Vec<f64> {
@@ -113,7 +118,7 @@ impl UndistortedPolyline {
         let ([x, y], (start, end)) = (third.0, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
         let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
-        Some(Self { points, jacobians, lines, weights, sign })
+        Some(Self { chart, points, jacobians, lines, weights, sign })
     }
 
     /// `(n . u - c) sqrt(w)` of every point.

@@ -11,6 +11,22 @@ pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E;
     [y1 - y2, x2 - x1, x1 * y2 - y1 * x2]
 }
 
+/// The line through the ends of a segment, homogeneous, of bearings.
+fn of_bearings(line: &Line) -> [f64; 3] {
+    let through = line_through(line.ends[0].point, line.ends[1].point);
+    line.chart.map_or(through, |chart| chart.line_of_bearings(through))
+}
+
+/// The line through the ends of a segment, homogeneous, in a camera turned back by its roll of this sine and cosine.
+pub(crate) fn unrolled(line: &Line, [sin, cos]: [f64; 2]) -> [f64; 3] {
+    if line.chart.is_some() {
+        let [a, b, c] = of_bearings(line);
+        return [a * cos - b * sin, a * sin + b * cos, c];
+    }
+    let [a, b] = line.ends.map(|end| end.point).map(|[x, y]| [x * cos - y * sin, x * sin + y * cos]);
+    line_through(a, b)
+}
+
 /// The point, homogeneous, whose distances from all lines have the least sum of squares.
 ///
 /// It is the eigenvector of the least eigenvalue of the scatter matrix of the lines, each of unit normal, in
@@ -26,10 +42,12 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
         .iter()
         .flat_map(|line| line.ends)
         .fold(0.0_f64, |most, end| most.max(end.point[0].abs()).max(end.point[1].abs()));
-    let scatter = lines.iter().fold(Matrix3::zeros(), |sum, line| {
-        let [a, b] = line.ends.map(|end| end.point.map(|c| c / size));
-        let line = Vector3::from(line_through(a, b));
-        sum + line * line.transpose() / line.xy().norm_squared().max(f64::MIN_POSITIVE)
+    let scatter = lines.iter().fold(Matrix3::zeros(), |sum, drawn| {
+        let [a, b, c] = of_bearings(drawn);
+        let line = Vector3::new(a * size, b * size, c);
+        // Beside the camera a line has no normal in the image of a pinhole.
+        let of_normal = if drawn.chart.is_some() { line.norm_squared() } else { line.xy().norm_squared() };
+        sum + line * line.transpose() / of_normal.max(f64::MIN_POSITIVE)
     });
     let eigen = SymmetricEigen::try_new(scatter, f64::EPSILON, 200)?;
     let (least, _) = eigen.eigenvalues.argmin();
@@ -57,6 +75,7 @@ mod tests {
     fn line(a: [f64; 2], b: [f64; 2]) -> Line {
         let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
         Line {
+            chart: None,
             ends: [end(a), end(b)],
             direction: Direction::Vertical,
             deviation: None,

@@ -12,7 +12,7 @@ use crate::camera::distortion::model::{
     ByCoefficient, ByCoefficients, Matrix2, Model, RayByCoefficient, RayMatrix, radial,
 };
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
-use crate::camera::elementary::{atan, hypot, sin_cos, tan};
+use crate::camera::elementary::{angle_from_axis, atan, hypot, sin_cos, tan};
 use crate::camera::polynomial::OddPolynomial;
 
 pub(super) const ROW: ModelRow = ModelRow {
@@ -92,7 +92,7 @@ impl Model for KannalaBrandt {
 
     fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
         let across = hypot(x, y);
-        let theta = across.atan2(w);
+        let theta = angle_from_axis(across, w);
         let polynomial = self.polynomial();
         if theta > WIDEST || theta > polynomial.first_turn() {
             return None;
@@ -106,7 +106,7 @@ impl Model for KannalaBrandt {
         if radius < AXIS {
             return [[1.0, 0.0], [0.0, 1.0], [0.0; 2]];
         }
-        let turn = self.polynomial().derivative(sin.atan2(w)).recip();
+        let turn = self.polynomial().derivative(angle_from_axis(sin, w)).recip();
         let [u, v] = radial(bent, sin / radius, w * turn);
         [u, v, bent.map(|c| -sin * turn * c / radius)]
     }
@@ -121,7 +121,7 @@ impl Model for KannalaBrandt {
         if radius < AXIS {
             return by;
         }
-        let theta = sin.atan2(w);
+        let theta = angle_from_axis(sin, w);
         let (derivative, second) = (self.polynomial().derivative(theta), self.polynomial().curvature(theta));
         let turn = derivative.recip();
         for (by, power) in by.iter_mut().zip(POWERS) {
