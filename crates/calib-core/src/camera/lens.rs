@@ -107,9 +107,13 @@ impl Lens {
         })
     }
 
-    /// Whether every corner of an image of this width and height shows a ray: then all of it does.
+    /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
+    /// lens are beyond its image circle, and not asked.
     #[must_use]
     pub(crate) fn shows_image(&self, [w, h]: [f64; 2]) -> bool {
+        if self.distortion.is_wide() {
+            return true;
+        }
         let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]];
         corners.into_iter().all(|corner| self.distortion.reaches(self.normalised(corner)))
     }

@@ -78,6 +78,49 @@ impl LensProblem<'_> {
         Some((DVector::from_vec(residuals), jacobian))
     }
 
+    /// The same problem with the focal at which the edges are straightest, of a model that has one of its own.
+    ///
+    /// Straightness tells it where edges pass beside the camera, and the priors on the coefficients where they do not:
+    /// what is left open is the ratio of this focal and that of the camera, which stage 1 estimates.
+    pub(super) fn at_best_focal(self) -> Self {
+        /// Focals from a fisheye of 280 degrees to one of 60, in units of half the diagonal.
+        const LEAST: f64 = 0.3;
+        const RATIO: f64 = 1.15;
+        const COUNT: i32 = 14;
+        const ROUNDS: usize = 12;
+        let cost = |unit: f64| {
+            let at = LensProblem {
+                unit,
+                edges: self.edges.clone(),
+                times: self.times.clone(),
+                fitted: self.fitted.clone(),
+                ..self
+            };
+            at.solve(&[]).map_or(f64::INFINITY, |(_, cost)| cost)
+        };
+        let half_diagonal = 0.5 * self.size[0].hypot(self.size[1]);
+        let tried = (0..COUNT).map(|i| LEAST * half_diagonal * RATIO.powi(i)).map(|unit| (cost(unit), unit));
+        let Some((_, best)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { return self };
+        // Golden section of the log of the focal.
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let (mut low, mut high) = ((best / RATIO).ln(), (best * RATIO).ln());
+        let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
+        let mut at = inner(low, high);
+        let mut costs = at.map(|log| cost(log.exp()));
+        for _ in 0..ROUNDS {
+            if costs[0] < costs[1] {
+                high = at[1];
+                at = inner(low, high);
+                costs = [cost(at[0].exp()), costs[0]];
+            } else {
+                low = at[0];
+                at = inner(low, high);
+                costs = [costs[1], cost(at[1].exp())];
+            }
+        }
+        Self { unit: (0.5 * (low + high)).exp(), ..self }
+    }
+
     /// Minus twice the log of the evidence for what is fitted, up to what all models have in common.
     pub(super) fn evidence(&self, values: &[f64]) -> Option<f64> {
         let per_variance = (self.sigma * self.sigma).recip();

@@ -57,7 +57,7 @@ pub struct LensOptions {
     pub size: [f64; 2],
     /// Which coefficients to fit; selected by the data if absent.
     pub fitted: Option<Fitted>,
-    /// The focal that the coefficients refer to, of a model that has one of its own, in pixels.
+    /// The focal that the coefficients refer to, of a model that has one of its own, in pixels; fitted if absent.
     pub focal: Option<f64>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub sigma: f64,
@@ -98,6 +98,8 @@ impl LensFit {
         let model = match &options.fitted {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
+                let is_open = fitted.has_own_focal() && options.focal.is_none();
+                let problem = if is_open { problem.at_best_focal() } else { problem };
                 let solved = problem.solve(&[]);
                 solved.map_or(undistorted, |(values, _)| FittedModel::of(problem, values))
             }
