@@ -130,7 +130,10 @@ fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
     desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
     desk.wait(|app| app.editor.newer(0).is_some());
     let newer = desk.app().editor.newer(0).unwrap().clone();
-    assert_eq!((newer.camera.as_str(), newer.since.as_str()), ("store", "2026-06-01T09:00:00Z"));
+    assert_eq!(
+        (newer.ids.first().unwrap().as_str(), newer.since.as_str()),
+        ("store", "2026-06-01T09:00:00Z")
+    );
     assert_eq!((newer.comparison.became, desk.site().cameras.len()), (Became::TooFewEdges, 1));
     let bytes = std::fs::read(scratch.path("store_20260601_0900.png")).unwrap();
     let file = Chosen { name: "store_20260602_0900.png".into(), path: None, bytes: Some(bytes) };
