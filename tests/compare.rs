@@ -434,6 +434,40 @@ fn the_table_of_turns_and_zooms() {
     }
 }
 
+/// What errors beyond the bound come from: neighbours that one cause moves alike, cause by cause.
+#[test]
+#[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
+fn the_table_of_what_moves_neighbours_alike() {
+    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+    let same = Day { gamma: 1.0, gain: 1.0, noise: 0.0, quality: 100, shadows: 0, covered: 0.0 };
+    let days = [
+        ("nothing", Day { ..same }),
+        ("noise", Day { noise: 4.0, ..same }),
+        ("JPEG of 90", Day { quality: 90, ..same }),
+        ("JPEG of 50", Day { quality: 50, ..same }),
+        ("gamma", Day { gamma: 1.4, ..same }),
+        ("shadows", Day { shadows: 3, ..same }),
+        ("noise, JPEG of 50", Day { noise: 4.0, quality: 50, ..same }),
+    ];
+    println!("{HEAD}");
+    for ((name, day), moves) in days.iter().flat_map(|day| [(day, false), (day, true)]) {
+        let mut row = Row::default();
+        for (index, stills) in all.iter().enumerate().filter(|(_, stills)| !is_held_back(&stills.id)) {
+            let mut random = ChaCha8Rng::seed_from_u64(4000 + index as u64);
+            let other = &all[(index + 3) % all.len()].moments[0];
+            for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
+                let truth = moves.then(|| any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]));
+                let still = &stills.moments[0];
+                let still =
+                    truth.map_or_else(|| still.clone(), |truth| turned(still, &stills.camera, &truth, other));
+                let new = day.shown(still, other, &mut random);
+                row.add(&trial(stills, &new, &truth.unwrap_or_default()), moves);
+            }
+        }
+        println!("{}", row.text(&format!("{name}, {}", if moves { "turned" } else { "still" })));
+    }
+}
+
 /// Unchanged cameras, called so in how many of many trials: other people, other light, up to 60 % covered.
 #[test]
 #[ignore = "takes an hour: `cargo xtask accuracy --compare`"]
@@ -451,8 +485,13 @@ fn the_table_of_cameras_that_stand_still() {
         let own = trials / held_back.len() + usize::from(place < trials % held_back.len());
         for number in 0..own {
             let still = stills.moments[number % stills.moments.len()].clone();
-            let new = Day::any(&mut random, 0.6).shown(still, cover, &mut random);
-            *counts.entry(said(trial(stills, &new, &Turn::default()).became)).or_default() += 1;
+            let day = Day::any(&mut random, 0.6);
+            let new = day.shown(still, cover, &mut random);
+            let found = became(stills, &new);
+            if found.became != Became::Unchanged {
+                tell(&format!("{} {number}: {day:?}", stills.id), &found);
+            }
+            *counts.entry(said(found.became)).or_default() += 1;
         }
         println!("{}", counted(&stills.id, &counts));
         counts.into_iter().for_each(|(said, count)| *together.entry(said).or_default() += count);

@@ -140,7 +140,12 @@ fn the_table_of_cameras_that_moved() {
                 let by = if seed % 2 == 0 { one } else { other };
                 let (crowd, at) = archive(camera, by, 300);
                 let seed = 5000 + 100 * camera as u64 + seed;
-                row.add(camera, at, &watched(&cameras, &crowd.sightings(&cameras, seed)));
+                let health = watched(&cameras, &crowd.sightings(&cameras, seed));
+                if std::env::var_os("CALIB_WATCH_VERBOSE").is_some() {
+                    let of = &health[camera];
+                    println!("{camera} {name}: {:.1} clear, at least {:.4?}", clearest(of), of.smallest);
+                }
+                row.add(camera, at, &health);
             }
             println!("{}", row.text(&format!("{name}, {which}")));
         }
@@ -153,11 +158,16 @@ fn the_table_of_rows_a_second() {
     let cameras = cameras();
     let crowd = Crowd { has_scene: false, ..Crowd::new(6000, [MAY, MAY + DAY]) };
     let seen = crowd.sightings(&cameras, 9);
+    let cameras: Vec<(Camera, [f64; 2])> =
+        cameras.iter().map(|(camera, size)| (*camera, size.map(f64::from))).collect();
+    let mut watch = Watch::new(&cameras);
     let start = std::time::Instant::now();
-    let health = watched(&cameras, &seen);
+    seen.iter().for_each(|sighting| watch.see(sighting));
     let rate = seen.len() as f64 / start.elapsed().as_secs_f64();
-    println!("| rows | cameras | rows a second on one thread |\n|---|---|---|");
-    println!("| {} | {} | {rate:.0} |", seen.len(), health.len());
+    let start = std::time::Instant::now();
+    let health = watch.health();
+    println!("| rows | cameras | rows a second on one thread | seconds to judge |\n|---|---|---|---|");
+    println!("| {} | {} | {rate:.0} | {:.2} |", seen.len(), health.len(), start.elapsed().as_secs_f64());
 }
 
 /// The clearest change of every camera of so many days on which nothing happened, the clearest first.

@@ -74,6 +74,9 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     assert!(!desk.app().is_comparing());
     since(&mut desk, "2026-06-01T09:00:00Z");
     desk.keys(Modifiers::SHIFT, Key::R);
+    assert!(desk.app().is_comparing());
+    desk.tell(Command::DismissNewer);
+    assert_eq!(became(&desk), Some(Became::Moved), "what it is recovered from stays meanwhile");
     desk.wait(|app| !app.is_comparing());
     desk.harness.run_steps(3);
     let [new, old] = &desk.site().cameras[..] else { panic!("two periods: {:?}", desk.app().editor.error()) };

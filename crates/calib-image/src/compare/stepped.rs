@@ -47,11 +47,22 @@ impl Stepped {
         const CLEAR: f64 = 5.0;
         /// What it changes of what a turn tells, in pixels, root mean square.
         const LEAST: f64 = 0.5;
-        /// What is found is mostly not found by chance, which a step would be told of too.
-        const TIMES: f64 = 4.0;
         let is_better = self.0.voices(places) >= turned.voices(places);
-        let is_found = self.0.share() > TIMES * chance;
-        is_better && is_found && self.clear() > CLEAR && self.beside(camera, places, turned) > LEAST
+        is_better
+            && self.is_found(turned, chance)
+            && self.clear() > CLEAR
+            && self.beside(camera, places, turned) > LEAST
+    }
+
+    /// Whether what is found is mostly not found by chance, or clearly more than a turn finds: of what chance finds, a step
+    /// has some for every turn.
+    fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
+        const TIMES: f64 = 4.0;
+        /// Standard deviations of the difference of two numbers that chance makes (Poisson).
+        const CLEAR: f64 = 4.0;
+        let by_chance = chance * self.0.found.iter().flatten().count() as f64;
+        let [with, without] = [&self.0, turned].map(|found| found.agreeing() as f64);
+        with > TIMES * by_chance || with - without > CLEAR * (2.0 * by_chance).sqrt()
     }
 
     fn clear(&self) -> f64 {
