@@ -466,6 +466,37 @@ fn the_table_of_what_moves_neighbours_alike() {
         }
         println!("{}", row.text(&format!("{name}, {}", if moves { "turned" } else { "still" })));
     }
+    for (name, day) in &days {
+        for (how, row) in ["resampled", "rendered anew"].into_iter().zip(shop_turned(&all, day)) {
+            println!("{}", row.text(&format!("{name}, one shop turned, {how}")));
+        }
+    }
+}
+
+/// The rendered shop turned, its still resampled as those of streets are, and rendered as its camera takes it.
+fn shop_turned(all: &[Stills], day: &Day) -> [Row; 2] {
+    let shop = all.iter().find(|stills| stills.id == "shop-1").unwrap();
+    let other = &all[0].moments[0];
+    let size = [shop.moments[0].width(), shop.moments[0].height()];
+    // Neither is reduced from a larger picture: both are as sharp.
+    let shop = Stills {
+        id: shop.id.clone(),
+        camera: shop.camera,
+        moments: vec![calib_demo::render(&shop.camera, size)],
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(4100);
+    let mut rows = [Row::default(), Row::default()];
+    for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
+        let truth = any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]);
+        let stills = [
+            turned(&shop.moments[0], &shop.camera, &truth, other),
+            calib_demo::render(&truth.applied(&shop.camera), size),
+        ];
+        for (row, still) in rows.iter_mut().zip(stills) {
+            row.add(&trial(&shop, &day.shown(still, other, &mut random), &truth), true);
+        }
+    }
+    rows
 }
 
 /// Unchanged cameras, called so in how many of many trials: other people, other light, up to 60 % covered.
