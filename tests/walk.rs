@@ -123,6 +123,45 @@ fn a_fault_that_the_walk_can_tell_is_named() {
     assert!(right * 100 >= 90 * count, "{right} of {count}");
 }
 
+/// Faults of three of the sigmas that cameras claim, and of so many of what the walk tells: the culprit named first, in how
+/// many of so many walks; and who keeps what they claim.
+#[test]
+#[ignore = "takes minutes: `cargo xtask accuracy --watch`"]
+fn the_table_of_walks() {
+    let believed = believed();
+    let smallest = result(&believed, &walked(&believed, 1)).smallest;
+    let trials: u64 =
+        std::env::var("CALIB_WALK_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(12);
+    println!(
+        "| fault | three sigmas of the claim | of them named | the walk tells | at 1 | at 1.3 | at 1.6 |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    for parameter in [Covariance::Z, Covariance::YAW, Covariance::PITCH, Covariance::ROLL, Covariance::FOCAL]
+    {
+        let share = |size: &dyn Fn(usize) -> f64| {
+            let all = (0..believed.len()).flat_map(|of| (0..trials).map(move |seed| (of, 100 + seed)));
+            let is_named = |&(of, seed): &(usize, u64)| {
+                named(&believed, Some((of, parameter, size(of))), seed).first() == Some(&of)
+            };
+            100.0 * all.filter(is_named).count() as f64 / (believed.len() as u64 * trials) as f64
+        };
+        let claimed = 3.0 * believed[0].0.covariance.0[parameter][parameter].sqrt();
+        let told = [1.0, 1.3, 1.6].map(|times| share(&|of| times * smallest[of][parameter]));
+        let worst = (0..believed.len()).map(|of| smallest[of][parameter]).fold(0.0, f64::max);
+        println!(
+            "| {} | {claimed:.4} | {:.0} % | {worst:.4} | {:.0} % | {:.0} % | {:.0} % |",
+            Covariance::NAMES[parameter],
+            share(&|_| claimed),
+            told[0],
+            told[1],
+            told[2],
+        );
+    }
+    let quiet = 20 * trials;
+    let accused = (0..quiet).filter(|&seed| !named(&believed, None, seed).is_empty()).count();
+    println!("false accusations: {accused} of {quiet} walks");
+}
+
 #[test]
 fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
     let demo = demo_site();

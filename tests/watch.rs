@@ -83,6 +83,93 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+/// A number that the environment may say.
+fn asked(name: &str, usual: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
+/// Cameras that moved so, each in as many archives: found, dated to a tenth of the window, and others accused with them.
+#[derive(Default)]
+struct Found {
+    trials: usize,
+    found: usize,
+    dated: usize,
+    accused: usize,
+    off: Vec<f64>,
+}
+
+impl Found {
+    fn add(&mut self, camera: usize, at: i64, health: &[CameraHealth]) {
+        self.trials += 1;
+        self.accused +=
+            health.iter().enumerate().filter(|(i, of)| *i != camera && of.change.is_some()).count();
+        let Some(change) = health[camera].change else { return };
+        let off = (change.since - at).abs() as f64 / (14 * DAY) as f64;
+        self.found += 1;
+        self.dated += usize::from(off < 0.1);
+        self.off.push(off);
+    }
+
+    fn text(&self, name: &str) -> String {
+        let mut off = self.off.clone();
+        off.sort_by(f64::total_cmp);
+        let median = off.get(off.len() / 2).map_or(f64::NAN, |off| 100.0 * off);
+        let Self { trials, found, dated, accused, .. } = self;
+        format!("| {name} | {trials} | {found} | {dated} | {median:.1} % | {accused} |")
+    }
+}
+
+#[test]
+#[ignore = "takes minutes: `cargo xtask accuracy --watch`"]
+fn the_table_of_cameras_that_moved() {
+    let (cameras, trials) = (cameras(), asked("CALIB_WATCH_TRIALS", 4));
+    let zoomed = |share: f64| Movement { zoom: (1.0 + share).ln(), ..Movement::default() };
+    let moved = [
+        ("pan 1 deg", degrees(1.0, 0.0, 0.0), degrees(-1.0, 0.0, 0.0)),
+        ("tilt 1 deg", degrees(0.0, 1.0, 0.0), degrees(0.0, -1.0, 0.0)),
+        ("roll 1 deg", degrees(0.0, 0.0, 1.0), degrees(0.0, 0.0, -1.0)),
+        ("zoom 3 %", zoomed(0.03), zoomed(-0.03)),
+    ];
+    println!("| moved, 300 tracks after | trials | found | dated to a tenth | median off | others accused |");
+    println!("|---|---|---|---|---|---|");
+    for (name, one, other) in moved {
+        // Who stands alone has nobody who tells where people truly are.
+        for (which, range) in [("seen by others", 0..3), ("alone", 3..5)] {
+            let mut row = Found::default();
+            for (camera, seed) in range.flat_map(|camera| (0..trials).map(move |seed| (camera, seed))) {
+                let by = if seed % 2 == 0 { one } else { other };
+                let (crowd, at) = archive(camera, by, 300);
+                let seed = 5000 + 100 * camera as u64 + seed;
+                let health = watched(&cameras, &crowd.sightings(&cameras, seed));
+                if std::env::var_os("CALIB_WATCH_VERBOSE").is_some() {
+                    let of = &health[camera];
+                    println!("{camera} {name}: {:.1} clear, at least {:.4?}", clearest(of), of.smallest);
+                }
+                row.add(camera, at, &health);
+            }
+            println!("{}", row.text(&format!("{name}, {which}")));
+        }
+    }
+}
+
+#[test]
+#[ignore = "measures time: `cargo xtask accuracy --watch`"]
+fn the_table_of_rows_a_second() {
+    let cameras = cameras();
+    let crowd = Crowd { has_scene: false, ..Crowd::new(6000, [MAY, MAY + DAY]) };
+    let seen = crowd.sightings(&cameras, 9);
+    let cameras: Vec<(Camera, [f64; 2])> =
+        cameras.iter().map(|(camera, size)| (*camera, size.map(f64::from))).collect();
+    let mut watch = Watch::new(&cameras);
+    let start = std::time::Instant::now();
+    seen.iter().for_each(|sighting| watch.see(sighting));
+    let rate = seen.len() as f64 / start.elapsed().as_secs_f64();
+    let start = std::time::Instant::now();
+    let health = watch.health();
+    println!("| rows | cameras | rows a second on one thread | seconds to judge |\n|---|---|---|---|");
+    println!("| {} | {} | {rate:.0} | {:.2} |", seen.len(), health.len(), start.elapsed().as_secs_f64());
+}
+
 /// The clearest change of every camera of so many days on which nothing happened, the clearest first.
 fn quiet_days(seeds: std::ops::Range<u64>) -> Vec<(f64, usize)> {
     let cameras = cameras();

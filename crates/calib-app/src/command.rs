@@ -3,7 +3,7 @@
 use calib_editor::command::{
     Files, Gesture, Group, Newer, Nudge, Proposing, Selection, Solving, Switch, View,
 };
-use calib_editor::{Action, OnNewer, OnProposed, Pane};
+use calib_editor::{Action, OnNewer, OnProposed, Pane, Period};
 use egui::{Context, Modifiers, Vec2};
 
 pub use calib_editor::Command;
@@ -67,7 +67,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::AddImages => app.ask(Purpose::AddImages),
         Files::LoadPlan => app.ask(Purpose::LoadPlan),
         Files::ReplaceStill => {
-            app.replaced = app.editor.session().entry().map_or_else(String::new, |entry| entry.id.clone());
+            app.replaced = app.editor.session().entry().map(Period::of).unwrap_or_default();
             app.ask(Purpose::ReplaceStill);
         }
         Files::Compare => app.ask(Purpose::Compare),
@@ -89,6 +89,10 @@ fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
         Newer::CompareStill => app.ask(Purpose::NewerStill),
         Newer::NextLook => app.glance.showing = app.glance.showing.next(),
         Newer::Recover => app.recover_newer(ctx),
+        Newer::DismissNewer if app.is_recovering_in_hand() => {
+            let note = "It is being recovered from: cancel that first, or put it aside afterwards.";
+            app.act(Action::Note(note.into()));
+        }
         Newer::DismissNewer => app.act(Action::Newer(OnNewer::Dismiss)),
     }
 }

@@ -72,7 +72,9 @@ impl Floor<'_> {
     /// The images laid on the floor.
     pub fn paint_images(&self, painter: &Painter, pictures: &Pictures) {
         for index in 0..self.session.site.cameras.len() {
-            if !(self.blend || index == self.session.camera) || self.opacity <= 0.0 {
+            let is_asked =
+                self.blend && !self.session.site.is_followed(index) || index == self.session.camera;
+            if !is_asked || self.opacity <= 0.0 {
                 continue;
             }
             let Some(entry) = self.session.site.cameras.get(index) else { continue };

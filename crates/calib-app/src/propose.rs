@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::SiteCamera;
+use calib_editor::Period;
 use calib_image::{LineSegment, Proposal};
 use egui::Context;
 use image::RgbImage;
@@ -33,10 +34,10 @@ impl Proposing {
         Self { camera, image, step: Step::Reading }
     }
 
-    /// The id of the camera.
+    /// The camera.
     #[must_use]
-    pub fn camera(&self) -> &str {
-        &self.camera.id
+    pub fn of(&self) -> Period {
+        Period::of(&self.camera)
     }
 
     /// The name of its image.

@@ -36,13 +36,13 @@ pub(crate) fn blend_old(
     mapping: &Mapping,
     [w, h]: [f64; 2],
 ) {
-    let Some(OldStill { camera: own, image: name, share, .. }) = app.editor.old_still().cloned() else {
+    let Some(OldStill { of, image: name, share, .. }) = app.editor.old_still().cloned() else {
         return;
     };
     let images = &app.editor.session().images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
     if let Some(picture) =
-        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| entry.id == own))
+        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| of.is_of(entry)))
     {
         let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
         whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));

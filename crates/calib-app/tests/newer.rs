@@ -74,6 +74,9 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     assert!(!desk.app().is_comparing());
     since(&mut desk, "2026-06-01T09:00:00Z");
     desk.keys(Modifiers::SHIFT, Key::R);
+    assert!(desk.app().is_comparing());
+    desk.tell(Command::DismissNewer);
+    assert_eq!(became(&desk), Some(Became::Moved), "what it is recovered from stays meanwhile");
     desk.wait(|app| !app.is_comparing());
     desk.harness.run_steps(3);
     let [new, old] = &desk.site().cameras[..] else { panic!("two periods: {:?}", desk.app().editor.error()) };
@@ -130,7 +133,10 @@ fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
     desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
     desk.wait(|app| app.editor.newer(0).is_some());
     let newer = desk.app().editor.newer(0).unwrap().clone();
-    assert_eq!((newer.camera.as_str(), newer.since.as_str()), ("store", "2026-06-01T09:00:00Z"));
+    assert_eq!(
+        (newer.ids.first().unwrap().as_str(), newer.since.as_str()),
+        ("store", "2026-06-01T09:00:00Z")
+    );
     assert_eq!((newer.comparison.became, desk.site().cameras.len()), (Became::TooFewEdges, 1));
     let bytes = std::fs::read(scratch.path("store_20260601_0900.png")).unwrap();
     let file = Chosen { name: "store_20260602_0900.png".into(), path: None, bytes: Some(bytes) };

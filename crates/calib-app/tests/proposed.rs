@@ -6,7 +6,7 @@ mod desk;
 
 use calib_app::demo;
 use calib_core::{Annotation, Camera, Kind, Options, Site, SiteCamera, Solution};
-use calib_editor::{Action, Images, Pane};
+use calib_editor::{Action, Images, Pane, Period};
 use calib_image::{LineSegment, Proposal, Still, Verdict};
 use desk::Desk;
 use egui::{Key, Modifiers};
@@ -93,7 +93,7 @@ fn proposed() -> Desk {
         drawn.filter(|drawn| matches!(drawn.kind, Kind::Vertical | Kind::Parallel)).map(group).collect();
     let nothing = Proposal::new(&Still::new(Vec::new(), [1920, 1080]));
     let proposal = Proposal { verdict: Verdict::Check, reasons: Vec::new(), groups, ..nothing };
-    desk.app().act(Action::Propose("a".into(), Box::new(proposal)));
+    desk.app().act(Action::Propose(Period { camera: "a".into(), from: None }, Box::new(proposal)));
     desk.harness.run_steps(3);
     desk
 }

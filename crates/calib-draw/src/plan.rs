@@ -57,11 +57,14 @@ impl<'a> PlanView<'a> {
         Self { first: Some(camera), ..self }
     }
 
-    /// The cameras that are drawn, from the lowest up.
+    /// The cameras that are drawn, from the lowest up: what a camera saw before it was recalibrated is seen when it is in
+    /// hand.
     fn cameras(&self) -> impl Iterator<Item = (usize, Camera)> {
         let count = self.scene.site().cameras.len();
         let uppermost = self.first.filter(|&camera| camera < count);
-        let below = (0..count).filter(move |&camera| Some(camera) != uppermost);
+        let is_below =
+            move |&camera: &usize| Some(camera) != uppermost && !self.scene.site().is_followed(camera);
+        let below = (0..count).filter(is_below);
         below.chain(uppermost).filter_map(|camera| {
             let solution =
                 if self.is_placed { self.scene.placed(camera) } else { self.scene.solution(camera) };

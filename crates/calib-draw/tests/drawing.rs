@@ -297,6 +297,28 @@ fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
 }
 
 #[test]
+fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_hand() {
+    let mut site = solved().clone();
+    let bump = Some("2026-06-01T09:00:00Z".to_owned());
+    site.cameras.push(calib_core::SiteCamera { valid_to: bump.clone(), ..site.cameras[0].clone() });
+    site.cameras[0].valid_from = bump;
+    let old = site.cameras.len() - 1;
+    let fields = |view: PlanView| -> Vec<usize> {
+        let items = on_plan(&view, &[PlanLayer::Efovs]);
+        let of = items.iter().filter_map(|item| match item.meaning {
+            Meaning::Efov(index) => Some(index),
+            _ => None,
+        });
+        of.collect()
+    };
+    assert_eq!(fields(PlanView::new(&site)), (0..old).collect::<Vec<_>>());
+    assert_eq!(fields(PlanView::new(&site).with_uppermost(old)).last(), Some(&old));
+    // It has ended, and nothing came after it.
+    site.cameras.remove(0);
+    assert!(fields(PlanView::new(&site)).contains(&(old - 1)));
+}
+
+#[test]
 fn a_cone_opens_about_the_way_its_camera_looks() {
     let [foot, left, right] = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
     let way = [0.6, -0.8];

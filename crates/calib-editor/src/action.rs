@@ -13,6 +13,7 @@ use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};
 use crate::hit::Part;
 use crate::images::Images;
 use crate::newer::OnNewer;
+use crate::period::Period;
 use crate::planes::Planes;
 use crate::proposed::OnProposed;
 use crate::tools::{Pane, Pointer};
@@ -116,7 +117,7 @@ pub enum Action {
     Lines(Lines),
 
     /// The still of the camera of this id proposes this.
-    Propose(String, Box<Proposal>),
+    Propose(Period, Box<Proposal>),
     /// Decides on what the still of the camera in hand proposes.
     OnProposed(OnProposed),
     /// A command on what is proposed.
@@ -129,8 +130,8 @@ pub enum Action {
     Cameras(Cameras),
     /// A still becomes a camera.
     AddCamera(NewStill),
-    /// Another still of the camera of this id: what is drawn stays where it is, in pixels.
-    ReplaceStill(String, NewStill),
+    /// Another still of a camera: what is drawn stays where it is, in pixels.
+    ReplaceStill(Period, NewStill),
     /// How much of the still that was replaced shows.
     BlendOldStill(f32),
     /// The still that was replaced is no longer of interest.

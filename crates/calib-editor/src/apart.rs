@@ -53,6 +53,9 @@ fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoin
 
 /// How far the points that two cameras show are apart on the floor, root mean square, and how far they may be.
 pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
+    if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
+        return None;
+    }
     let both = |link: &Link| {
         let plane = plane_of(session, link);
         let [a, b] = pair.map(|camera| {
@@ -76,6 +79,9 @@ pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
 /// square, in metres.
 #[must_use]
 pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
+    if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
+        return None;
+    }
     let put = |link: &Link, camera: usize| {
         let id = &session.site.cameras.get(camera)?.id;
         let seen = link.seen.iter().find(|seen| seen.camera == *id)?;
@@ -91,8 +97,11 @@ pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2])
 /// Of the links of which a camera shows a part: how many are farther apart than chance explains, and of how many.
 #[must_use]
 pub fn far_links(session: &Session, camera: usize) -> (usize, usize) {
-    let id = session.site.cameras.get(camera).map_or("", |camera| &camera.id);
-    let own = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == id);
+    if !session.site.has_shared(camera) {
+        return (0, 0);
+    }
+    let id = &session.site.cameras[camera].id;
+    let own = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == *id);
     let known = session.site.links.iter().filter(own).filter_map(|link| apart(session, link));
     known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_far()), all + 1))
 }

@@ -314,16 +314,19 @@ pub(crate) fn forget_shared(site: &mut Site, id: &str) {
 }
 
 /// Moves all that is drawn on the image of a camera to an image of another size.
-pub(crate) fn scale_camera(site: &mut Site, id: &str, ratio: [f64; 2]) {
-    let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
+    let has_shared = site.has_shared(index);
+    let Some(entry) = site.cameras.get_mut(index) else { return };
+    let id = entry.id.clone();
     for annotation in &mut entry.annotations {
         scale(annotation, ratio);
     }
     let points = entry.efov_px.iter_mut().flatten();
     let points = points.chain(entry.control_points.iter_mut().map(|point| &mut point.px));
     let pins = site.marks.iter_mut().flat_map(|mark| &mut mark.seen);
-    let pins = pins.filter(|seen| seen.camera == id).map(|seen| &mut seen.px);
-    let sightings = site.links.iter_mut().flat_map(|link| &mut link.seen).filter(|seen| seen.camera == id);
+    let pins = pins.filter(|seen| has_shared && seen.camera == id).map(|seen| &mut seen.px);
+    let sightings = site.links.iter_mut().flat_map(|link| &mut link.seen);
+    let sightings = sightings.filter(|seen| has_shared && seen.camera == id);
     let sightings = sightings.flat_map(|seen| {
         let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
         ends.chain(seen.segment.iter_mut().flatten())

@@ -9,6 +9,7 @@ use crate::command::{self, Command, Needs};
 use crate::family::Family;
 use crate::images::Images;
 use crate::newer::Newer;
+use crate::period::Period;
 use crate::preview::Preview;
 use crate::session::Session;
 use crate::tools::{TOOLS, Tool};
@@ -16,8 +17,8 @@ use crate::tools::{TOOLS, Tool};
 /// The still that a camera had before the one it has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OldStill {
-    /// Id of the camera.
-    pub camera: String,
+    /// The camera.
+    pub of: Period,
     /// What the site called it.
     pub image: String,
     /// How much of it shows.

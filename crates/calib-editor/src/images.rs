@@ -140,12 +140,18 @@ impl Images {
     #[must_use]
     pub fn rebased(&self, site: &Site, folder: &Path) -> Site {
         let mut site = site.clone();
-        let is_path = |image: &String| !self.stored.contains_key(image) && !image.starts_with("data:");
-        for image in images_mut(&mut site).filter(|image| is_path(image)) {
-            let from = self.folder.as_ref().map_or_else(|| PathBuf::from(&*image), |f| f.join(&*image));
-            *image = relative(&from, folder);
-        }
+        images_mut(&mut site).for_each(|image| *image = self.rebased_name(image, folder));
         site
+    }
+
+    /// The name of an image as seen from another folder: what is stored has the same everywhere.
+    #[must_use]
+    pub fn rebased_name(&self, image: &str, folder: &Path) -> String {
+        if self.stored.contains_key(image) || image.starts_with("data:") {
+            return image.to_owned();
+        }
+        let from = self.folder.as_ref().map_or_else(|| PathBuf::from(image), |own| own.join(image));
+        relative(&from, folder)
     }
 
     fn path(&self, name: &str) -> PathBuf {

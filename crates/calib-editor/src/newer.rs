@@ -3,6 +3,7 @@
 //! They stand beside the site, not in it nor in its history: the still of a camera that was recovered is the newer one, and
 //! undone it is the old one again, which the newer one was compared with.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use calib_core::{Camera, Recovered, Site, SiteCamera};
@@ -15,8 +16,8 @@ use crate::session::Session;
 /// A newer still of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Newer {
-    /// The id of the camera.
-    pub camera: String,
+    /// The id of the camera, and every other that it was given since: a new id may be undone.
+    pub ids: BTreeSet<String>,
     /// The period of the entry that it was compared with: its `valid_from` and `valid_to`.
     pub period: [Option<String>; 2],
     /// The still that it was compared with, as the site calls it.
@@ -40,7 +41,20 @@ impl Newer {
     pub fn is_of(&self, entry: &SiteCamera) -> bool {
         let is_period = self.period.each_ref().map(Option::as_ref)
             == [entry.valid_from.as_ref(), entry.valid_to.as_ref()];
-        self.camera == entry.id && self.old == entry.image && entry.image.is_some() && is_period
+        self.ids.contains(&entry.id) && self.old == entry.image && entry.image.is_some() && is_period
+    }
+
+    /// Whether another one tells of the same entry.
+    #[must_use]
+    pub fn is_beside(&self, other: &Self) -> bool {
+        (&self.old, &self.period) == (&other.old, &other.period) && !self.ids.is_disjoint(&other.ids)
+    }
+
+    /// Whether it was taken before another one; where a time is not known, it was not.
+    #[must_use]
+    pub fn is_before(&self, other: &Self) -> bool {
+        let [own, other] = [&self.since, &other.since].map(|time| nanoseconds(time.trim()));
+        own.zip(other).is_some_and(|(own, other)| own < other)
     }
 
     /// Whether the camera turned or zoomed in its place: then it may be recovered.
@@ -59,9 +73,13 @@ pub fn held_since(session: &Session, camera: usize) -> Option<u64> {
         time_in_name(&camera_name(Path::new(&name)))
     };
     let valid_from = entry.valid_from.clone().or_else(of_still)?;
-    let [from, _] =
-        SiteCamera { valid_from: Some(valid_from), ..SiteCamera::new("", [1, 1]) }.period_ns().ok()?;
-    u64::try_from(from / 1_000_000_000).ok()
+    u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
+}
+
+/// A time (RFC 3339) in nanoseconds since 1970.
+fn nanoseconds(time: &str) -> Option<i64> {
+    let entry = SiteCamera { valid_from: Some(time.to_owned()), ..SiteCamera::new("", [1, 1]) };
+    entry.period_ns().ok().map(|[from, _]| from)
 }
 
 /// What is done with newer stills.

@@ -7,6 +7,7 @@
 use calib_core::{Annotation, DistortionEntry, Kind, Orientation, Pixel, SiteCamera};
 use calib_image::{Group, Proposal, Reason, Verdict};
 
+use crate::period::Period;
 use crate::{hit, suggest};
 
 /// Lines of a kind that are proposed together.
@@ -93,8 +94,8 @@ pub enum OnProposed {
 /// What the still of one camera proposes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposed {
-    /// The id of the camera.
-    pub camera: String,
+    /// The camera.
+    pub of: Period,
     /// Whether to believe it.
     pub verdict: Verdict,
     /// Why it is not sure.
@@ -133,7 +134,7 @@ impl Proposed {
         let groups = named.map(|(group, (_, direction))| ProposedGroup::of(group, direction.clone(), entry));
         let groups = std::iter::once(straight).chain(groups).filter(|group| !group.lines.is_empty());
         Self {
-            camera: entry.id.clone(),
+            of: Period::of(entry),
             verdict: proposal.verdict,
             reasons: proposal.reasons.clone(),
             groups: groups.collect(),

@@ -143,7 +143,7 @@ impl Session {
     #[must_use]
     pub fn proposed(&self) -> Option<&Proposed> {
         let camera = self.entry()?;
-        self.proposed.iter().find(|own| own.camera == camera.id)
+        self.proposed.iter().find(|own| own.of.is_of(camera))
     }
 
     /// The group and line that are chosen of it.
@@ -163,14 +163,27 @@ impl Session {
         let (before, site) = (self.history.cameras(), &self.site);
         let still = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
         let is_stale = |own: &Proposed| {
-            let now = site.cameras.iter().find(|camera| camera.id == own.camera);
-            let was = before.iter().find(|camera| camera.id == own.camera);
+            let now = site.cameras.iter().find(|camera| own.of.is_of(camera));
+            let was = before.iter().find(|camera| own.of.is_of(camera));
             now.is_none_or(|now| was.is_some_and(|was| still(now) != still(was)))
         };
         if self.proposed.iter().any(is_stale) {
             Arc::make_mut(&mut self.proposed).retain(|own| !is_stale(own));
             self.picked = None;
         }
+    }
+
+    /// Whether a camera may show links and marks; says why where it may not: those of an id are drawn on the still of its
+    /// newest period.
+    pub(crate) fn may_share(&mut self, camera: usize) -> bool {
+        let may = self.site.has_shared(camera);
+        if !may && let Some(entry) = self.site.cameras.get(camera) {
+            let id = &entry.id;
+            self.note = Some(format!(
+                "This calibration of {id} has ended: links and pins are drawn on the newest still of {id}."
+            ));
+        }
+        may
     }
 
     /// The result of the camera in hand.

@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use calib_core::{Kind, Pixel, Site, SiteCamera};
-use calib_editor::{Action, Editor, Images, NewStill, OnProposed, Opened, Pane, Phase, Pointer, command};
+use calib_editor::{
+    Action, Editor, Images, NewStill, OnProposed, Opened, Pane, Period, Phase, Pointer, command,
+};
 use calib_image::{Group, Proposal, Still, Verdict};
 
 /// The first camera of the demonstration with nothing drawn, beside another.
@@ -56,7 +58,7 @@ fn proposal() -> Proposal {
 fn proposed() -> Editor {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::Propose(camera, Box::new(proposal())));
+    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(proposal())));
     editor
 }
 
@@ -191,7 +193,7 @@ fn what_is_drawn_already_is_not_proposed() {
     let count = editor.session().proposed().unwrap().count();
     do_it(&mut editor, OnProposed::Accept(0));
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::Propose(camera, Box::new(proposal())));
+    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(proposal())));
     let drawn =
         editor.site().cameras[0].annotations.iter().flat_map(calib_core::Annotation::polylines).count();
     assert!(drawn > 0);
@@ -207,7 +209,7 @@ fn a_proposal_goes_with_its_camera_and_its_still() {
     assert!(editor.session().proposed().is_none(), "it is the other camera's");
     editor.apply(Action::Choose(0));
     let still = NewStill { image: "other.png".into(), title: "other".into(), size: [1920, 1080] };
-    editor.apply(Action::ReplaceStill("renamed".into(), still));
+    editor.apply(Action::ReplaceStill(Period { camera: "renamed".into(), from: None }, still));
     assert!(editor.session().proposed().is_none(), "another still proposes something else");
     undo(&mut editor);
     assert!(editor.session().proposed().is_some(), "with the old still");
@@ -218,7 +220,7 @@ fn what_is_not_believed_is_accepted_by_groups_alone() {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
     let unsure = Proposal { verdict: Verdict::None, ..proposal() };
-    editor.apply(Action::Propose(camera, Box::new(unsure)));
+    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(unsure)));
     let groups = kinds(&editor).len();
     do_it(&mut editor, OnProposed::AcceptAll);
     assert!(editor.site().cameras[0].annotations.is_empty() && kinds(&editor).len() == groups);

@@ -136,6 +136,9 @@ enum Heavy {
         /// Of how cameras moved between two stills, in place of simulated
         #[arg(long, conflicts_with_all = ["real", "proposals"])]
         compare: bool,
+        /// Of how moved cameras are found by the people that they see, in place of simulated
+        #[arg(long, conflicts_with_all = ["real", "proposals", "compare"])]
+        watch: bool,
     },
 }
 

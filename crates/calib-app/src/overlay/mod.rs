@@ -292,7 +292,8 @@ impl Overlay<'_> {
 
     /// Where this view must show the link that another view shows.
     fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_core::Link) {
-        if self.session.solved.placed(self.camera).is_none() {
+        let may_show = self.session.site.has_shared(self.camera);
+        if !may_show || self.session.solved.placed(self.camera).is_none() {
             return;
         }
         let trace = link.seen.iter().find_map(|seen| {

@@ -170,8 +170,8 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
 
 /// The still before this one, blended over it, to see whether the camera moved.
 pub fn old_still(app: &mut App, ui: &mut Ui) {
-    let Some(OldStill { camera, mut share, size, .. }) = app.editor.old_still().cloned() else { return };
-    let Some(entry) = app.editor.session().entry().filter(|entry| entry.id == camera) else { return };
+    let Some(OldStill { of, mut share, size, .. }) = app.editor.old_still().cloned() else { return };
+    let Some(entry) = app.editor.session().entry().filter(|entry| of.is_of(entry)) else { return };
     let [w, h] = entry.size_px;
     let palette = theme::palette(ui.ctx());
     let (mut done, shown) = (false, share);

@@ -64,7 +64,8 @@ fn grant(app: &mut App, wish: Wish) {
 fn linked(app: &App) -> Vec<usize> {
     let site = app.editor.site();
     let is_linked = |id: &str| site.links.iter().any(|link| link.seen.iter().any(|seen| seen.camera == id));
-    (0..site.cameras.len()).filter(|&camera| is_linked(&site.cameras[camera].id)).collect()
+    let is_asked = |&camera: &usize| site.has_shared(camera) && is_linked(&site.cameras[camera].id);
+    (0..site.cameras.len()).filter(is_asked).collect()
 }
 
 fn titles(ui: &mut Ui, cameras: &[usize]) {

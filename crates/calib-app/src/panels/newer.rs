@@ -13,6 +13,7 @@ use crate::theme::{self, Palette};
 /// The panel, while there is one.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(newer) = app.editor.newer_in_hand().filter(|_| app.mode == Mode::Image).cloned() else { return };
+    let is_held = app.is_recovering_in_hand();
     section(ui, |ui| {
         heading(ui, "Newer still", &newer.title);
         judgement(ui, &newer);
@@ -26,7 +27,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                     app.tell(Command::Recover);
                 }
             }
-            if ui.button("Put aside").clicked() {
+            // What it is recovered with is not to change meanwhile.
+            let waits = "It is being recovered from; cancel that first";
+            let button = egui::Button::new("Put aside");
+            if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
                 app.tell(Command::DismissNewer);
             }
         });
@@ -125,7 +129,10 @@ fn since(app: &mut App, ui: &mut Ui, newer: &Newer) {
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Holds since").color(palette.text2));
         let field = TextEdit::singleline(&mut text).hint_text("2026-05-01T08:00:00Z");
-        ui.add(field.desired_width(f32::INFINITY)).labelled_by(label.id);
+        let field = field.desired_width(f32::INFINITY);
+        let waits = "It is being recovered from as of this time; cancel that first";
+        let is_free = !app.is_recovering_in_hand();
+        ui.add_enabled(is_free, field).on_disabled_hover_text(waits).labelled_by(label.id);
     });
     if text != newer.since {
         app.send(Action::Newer(OnNewer::Since(text)));

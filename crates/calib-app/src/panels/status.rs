@@ -143,7 +143,8 @@ fn place(app: &App, ui: &mut Ui) {
             let seen = (0..app.editor.session().site.cameras.len())
                 .filter(|&i| {
                     let field = app.editor.session().solved.solution(i).map(|solution| &solution.efov_m);
-                    field.is_some_and(|field| calib_editor::is_inside(field, at))
+                    let holds = !app.editor.site().is_followed(i);
+                    holds && field.is_some_and(|field| calib_editor::is_inside(field, at))
                 })
                 .map(|i| app.editor.session().site.cameras[i].id.as_str());
             let seen: Vec<&str> = seen.collect();

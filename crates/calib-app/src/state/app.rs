@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use calib_core::{LensEntry, Site};
-use calib_editor::{Action, Command, Edge, Editor, Pane, Part, TOOLS, edges, edit, hit};
+use calib_editor::{Action, Command, Edge, Editor, Pane, Part, Period, TOOLS, edges, edit, hit};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
@@ -113,8 +113,8 @@ pub struct App {
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
     pub(crate) pictured: Option<Vec<u8>>,
     pub(crate) adding: Vec<Task<Read>>,
-    /// The id of the camera whose still is asked for, or read.
-    pub(crate) replaced: String,
+    /// The camera whose still is asked for, or read.
+    pub(crate) replaced: Period,
     pub(crate) replacing: Option<Task<Read>>,
     pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
@@ -180,7 +180,7 @@ impl App {
             picture: None,
             pictured: None,
             adding: Vec::new(),
-            replaced: String::new(),
+            replaced: Period::default(),
             replacing: None,
             planning: None,
             refining: None,

@@ -1,7 +1,7 @@
 //! Newer stills that are being compared, and a camera that is being recovered.
 
 use calib_core::{Camera, Recovered, Site, SiteCamera};
-use calib_editor::NewStill;
+use calib_editor::{NewStill, Period};
 use calib_image::Comparison;
 
 use super::Read;
@@ -44,7 +44,7 @@ impl Comparing {
 /// A camera that is being recovered.
 #[derive(Debug)]
 pub(crate) struct Recovering {
-    pub(crate) camera: String,
+    pub(crate) of: Period,
     /// The site when it was asked for.
     pub(crate) from: Site,
     pub(crate) task: Task<Result<Recovered, String>>,

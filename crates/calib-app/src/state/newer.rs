@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::NewStill as RecoveredStill;
-use calib_editor::{Action, Newer, OnNewer};
+use calib_editor::{Action, Newer, OnNewer, Period};
 use calib_image::{OtherSize, Uncompared};
 use egui::Context;
 
@@ -17,10 +17,16 @@ impl App {
         !self.comparing.is_empty() || self.recovering.is_some()
     }
 
+    /// Whether the camera in hand is being recovered: what that was asked with is not to change meanwhile.
+    pub(crate) fn is_recovering_in_hand(&self) -> bool {
+        let entry = self.editor.session().entry();
+        self.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.is_of(entry))
+    }
+
     /// What is being done, in words.
     pub(crate) fn doing_newer(&self) -> Option<String> {
         if let Some(recovering) = &self.recovering {
-            return Some(format!("recovering {}", recovering.camera));
+            return Some(format!("recovering {}", recovering.of.camera));
         }
         let first = self.comparing.front()?;
         let others = match self.comparing.len() {
@@ -72,7 +78,7 @@ impl App {
                     found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
                 self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
-                    camera: entry.id,
+                    ids: [entry.id].into(),
                     period: [entry.valid_from, entry.valid_to],
                     old: entry.image,
                     image: still.image,
@@ -126,6 +132,7 @@ impl App {
         let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
             return;
         };
+        let of = Period::of(entry);
         let why_not = match entry.is_valid_at(newer.since.trim()) {
             Err(_) => Some("enter since when it stands so, such as 2026-05-01T08:00:00Z"),
             Ok(false) => Some("its calibration does not hold at this time; enter one within its period"),
@@ -136,7 +143,7 @@ impl App {
             Ok(true) => None,
         };
         if let Some(why) = why_not {
-            return self.act(Action::Note(format!("{}: {why}.", newer.camera)));
+            return self.act(Action::Note(format!("{}: {why}.", of.camera)));
         }
         let name = entry.image.clone().unwrap_or_default();
         let stills =
@@ -145,7 +152,7 @@ impl App {
             return self.act(Action::Note("Its stills are being read: recover again in a moment.".into()));
         };
         self.act(Action::Drop);
-        let (session, camera) = (self.editor.session(), newer.camera);
+        let session = self.editor.session();
         let from = session.site.clone();
         let asked = Recovery {
             site: session.solved.write_into(&from),
@@ -153,7 +160,7 @@ impl App {
             comparison: newer.comparison,
             still: RecoveredStill { image: newer.image, since: newer.since.trim().to_owned() },
         };
-        self.recovering = Some(Recovering { camera, from, task: Here::recover(ctx, asked, [old, new]) });
+        self.recovering = Some(Recovering { of, from, task: Here::recover(ctx, asked, [old, new]) });
     }
 
     pub(crate) fn poll_recovering(&mut self) {
@@ -162,7 +169,8 @@ impl App {
             self.recovering = Some(recovering);
             return;
         };
-        let Recovering { camera, from, .. } = recovering;
+        let Recovering { of, from, .. } = recovering;
+        let camera = of.camera;
         match found.map_err(|Lost| "it ended without a result".to_owned()).flatten() {
             Ok(found) => self.act(Action::Newer(OnNewer::Recovered(camera, Box::new((from, found))))),
             Err(why) => self.act(Action::Complain(format!("{camera} is not recovered: {why}."))),

@@ -93,9 +93,10 @@ impl App {
 
     pub(crate) fn poll_proposing(&mut self, ctx: &Context) {
         let Some(mut proposing) = self.proposing.take() else { return };
-        let camera = proposing.camera().to_owned();
+        let of = proposing.of();
+        let camera = of.camera.clone();
         let is_asked =
-            |entry: &SiteCamera| entry.id == camera && entry.image.as_deref() == Some(proposing.image());
+            |entry: &SiteCamera| of.is_of(entry) && entry.image.as_deref() == Some(proposing.image());
         // A camera that is gone, or has another still by now, is not what was asked about.
         if !self.editor.site().cameras.iter().any(is_asked) {
             return;
@@ -106,7 +107,7 @@ impl App {
         }
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));
         match proposing.poll(ctx, picture.as_ref()) {
-            Some(Ok(proposal)) => self.act(Action::Propose(camera, Box::new(proposal))),
+            Some(Ok(proposal)) => self.act(Action::Propose(of, Box::new(proposal))),
             Some(Err(error)) => {
                 self.act(Action::Complain(format!("{camera}: looking for a proposal stopped: {error}")));
             }

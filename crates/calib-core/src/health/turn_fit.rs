@@ -111,12 +111,6 @@ impl EdgeOffset {
     pub fn told(&self, estimate: &DVector<f64>) -> f64 {
         (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
     }
-
-    /// The part of it that the step alone tells.
-    #[must_use]
-    pub fn told_by_step(&self, estimate: &DVector<f64>) -> f64 {
-        (Turn::SIZE + TONE..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
-    }
 }
 
 impl TurnFit {
@@ -146,6 +140,13 @@ impl TurnFit {
     #[must_use]
     pub fn turn(&self) -> Turn {
         Turn::of(std::array::from_fn(|i| self.estimate[i]))
+    }
+
+    /// The step; none where it is not estimated.
+    #[must_use]
+    pub fn step(&self) -> [f64; STEP] {
+        const FROM: usize = Turn::SIZE + TONE;
+        std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
     }
 
     /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.

@@ -122,6 +122,19 @@ impl Site {
         }
     }
 
+    /// Whether another period of its camera follows an entry: then it tells nothing of today.
+    #[must_use]
+    pub fn is_followed(&self, index: usize) -> bool {
+        let Some(entry) = self.cameras.get(index).filter(|entry| entry.valid_to.is_some()) else {
+            return false;
+        };
+        let begins = |other: &SiteCamera| {
+            let (own, other) = entry.period_ns().ok().zip(other.period_ns().ok())?;
+            Some(other[0] >= own[1])
+        };
+        self.cameras.iter().any(|other| other.id == entry.id && begins(other) == Some(true))
+    }
+
     /// Whether links and marks that name the id of an entry are of this one: of several periods, the first.
     #[must_use]
     pub fn has_shared(&self, index: usize) -> bool {
@@ -193,6 +206,7 @@ mod tests {
         let mut site = Site { cameras: vec![period(None, Some(bump))], ..Site::new() };
         assert_eq!(site.camera("door"), Some(&site.cameras[0]));
         assert_eq!(site.camera_at("door", Some("2026-07-01T00:00:00Z")), Err(NoCamera::NoneThen));
+        assert!(!site.is_followed(0), "it has ended, and nothing is newer");
         site.cameras.push(period(Some(bump), None));
         assert_eq!((site.camera("door"), site.camera("roof")), (None, None));
         assert_eq!(site.camera_at("door", None), Err(NoCamera::SeveralPeriods));
@@ -206,6 +220,7 @@ mod tests {
         assert_eq!((entry("2026-05-31T23:00:00Z"), entry(bump)), (Some(0), Some(1)));
         assert_eq!(site.entry_at("door", None), Some(1), "that without an end");
         assert_eq!([0, 1, 2].map(|index| site.has_shared(index)), [true, false, false]);
+        assert_eq!([0, 1, 2].map(|index| site.is_followed(index)), [true, false, false]);
         assert_eq!(site.cameras[1].is_divided_at(bump), Ok(false), "it begins then");
         assert_eq!(site.cameras[1].is_divided_at("2026-07-01T00:00:00Z"), Ok(true));
     }

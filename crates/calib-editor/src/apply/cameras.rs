@@ -5,6 +5,7 @@ use calib_core::SiteCamera;
 use crate::action::NewStill;
 use crate::command::Cameras;
 use crate::editor::{Editor, OldStill};
+use crate::period::Period;
 use crate::{edit, import, steps};
 
 impl Editor {
@@ -41,13 +42,13 @@ impl Editor {
         self.session.commit(format!("add {id}"));
     }
 
-    pub(super) fn replace_still(&mut self, id: &str, still: NewStill) {
+    pub(super) fn replace_still(&mut self, of: Period, still: NewStill) {
         let NewStill { image, size, .. } = still;
-        let Some(entry) = self.session.site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let Some(entry) = self.session.site.cameras.iter_mut().find(|entry| of.is_of(entry)) else { return };
         let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
         let size = Some(from).filter(|from| *from != size);
-        self.old_still = old.map(|image| OldStill { camera: id.to_owned(), image, share: 0.5, size });
-        self.session.commit(format!("replace the still of {id}"));
+        self.session.commit(format!("replace the still of {}", of.camera));
+        self.old_still = old.map(|image| OldStill { of, image, share: 0.5, size });
         if let Some([w, h]) = size {
             self.session.note = Some(format!(
                 "The old still was {w} \u{d7} {h} px: what is drawn can be rescaled in the panel."
@@ -63,16 +64,17 @@ impl Editor {
 
     /// Brings everything that is drawn on the replaced still to the size of the new one.
     pub(super) fn rescale_to_still(&mut self) {
-        let Some(OldStill { camera: id, size, .. }) = &mut self.old_still else { return };
-        let (id, Some(from)) = (id.clone(), size.take()) else { return };
+        let Some(OldStill { of, size, .. }) = &mut self.old_still else { return };
+        let (of, Some(from)) = (of.clone(), size.take()) else { return };
         let site = &mut self.session.site;
-        let Some(entry) = site.cameras.iter_mut().find(|camera| camera.id == id) else { return };
+        let Some(index) = of.index(site) else { return };
+        let entry = &mut site.cameras[index];
         let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
         if let Some(lens) = &mut entry.lens {
             import::scale_lens(lens, ratio[0]);
         }
-        edit::scale_camera(site, &id, ratio);
-        self.session.commit(format!("rescale what is drawn on {id}"));
+        edit::scale_camera(site, index, ratio);
+        self.session.commit(format!("rescale what is drawn on {}", of.camera));
     }
 
     pub(super) fn name_camera(&mut self, name: String) {
@@ -95,17 +97,19 @@ impl Editor {
             session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
         let marks =
             session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
-        let proposed = std::sync::Arc::make_mut(&mut session.proposed).iter_mut().map(|own| &mut own.camera);
+        let proposed =
+            std::sync::Arc::make_mut(&mut session.proposed).iter_mut().map(|own| &mut own.of.camera);
         let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
         for name in links.chain(marks).chain(like).chain(proposed).filter(|name| **name == old) {
             id.clone_into(name);
         }
         session.commit(format!("rename {old}"));
-        if let Some(still) = self.old_still.as_mut().filter(|still| still.camera == old) {
-            id.clone_into(&mut still.camera);
+        if let Some(still) = self.old_still.as_mut().filter(|still| still.of.camera == old) {
+            id.clone_into(&mut still.of.camera);
         }
-        for newer in self.newer.iter_mut().filter(|newer| newer.camera == old) {
-            id.clone_into(&mut newer.camera);
+        // Undone, it has its old id again.
+        for newer in self.newer.iter_mut().filter(|newer| newer.ids.contains(&old)) {
+            newer.ids.insert(id.to_owned());
         }
     }
 
@@ -116,7 +120,9 @@ impl Editor {
             return;
         }
         let had_shared = session.site.has_shared(session.camera);
-        let id = session.site.cameras.remove(session.camera).id;
+        let removed = session.site.cameras.remove(session.camera);
+        let of = Period::of(&removed);
+        let id = removed.id;
         // What was shared is drawn on the still of the first period alone.
         if had_shared {
             edit::forget_shared(&mut session.site, &id);
@@ -128,7 +134,7 @@ impl Editor {
         edit::keep_distances(&mut session.site);
         session.selection.clear();
         session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
-        if self.old_still.as_ref().is_some_and(|old| old.camera == id) {
+        if self.old_still.as_ref().is_some_and(|old| old.of == of) {
             self.old_still = None;
         }
         self.session.commit(format!("remove {id}"));

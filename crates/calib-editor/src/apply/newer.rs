@@ -24,8 +24,18 @@ impl Editor {
     }
 
     fn keep_newer(&mut self, newer: Newer) {
-        self.session.note = Some(format!("{}: {}.", newer.camera, newer.comparison.became));
-        self.newer.retain(|known| known.camera != newer.camera || known.old != newer.old);
+        let camera = newer.ids.first().cloned().unwrap_or_default();
+        let became = newer.comparison.became;
+        // Stills are done in any order: the one taken last tells what is so now.
+        if let Some(known) = self.newer.iter().find(|known| newer.is_beside(known) && newer.is_before(known))
+        {
+            let (title, since) = (&known.title, &known.since);
+            self.session.note =
+                Some(format!("{camera}: {became} before {since}; {title} is newer, and stays."));
+            return;
+        }
+        self.session.note = Some(format!("{camera}: {became}."));
+        self.newer.retain(|known| !newer.is_beside(known));
         self.newer.push(newer);
     }
 

@@ -7,13 +7,15 @@ use calib_image::{Proposal, Verdict};
 
 use crate::command::Proposing;
 use crate::editor::Editor;
+use crate::period::Period;
 use crate::proposed::{OnProposed, Proposed, ProposedGroup};
 
 impl Editor {
     /// Shows what the still of a camera proposes, in place of what was shown before.
-    pub(super) fn propose(&mut self, camera: &str, proposal: &Proposal) {
+    pub(super) fn propose(&mut self, of: &Period, proposal: &Proposal) {
         self.cancel();
-        let Some(entry) = self.session.site.cameras.iter().find(|entry| entry.id == camera) else { return };
+        let Some(entry) = self.session.site.cameras.iter().find(|entry| of.is_of(entry)) else { return };
+        let camera = &of.camera;
         let proposed = Proposed::new(entry, proposal);
         let note = match (proposed.count(), proposed.verdict) {
             (0, Verdict::None) => Some(format!("The still of {camera} proposes nothing.")),
@@ -22,7 +24,7 @@ impl Editor {
             _ => None,
         };
         let all = Arc::make_mut(&mut self.session.proposed);
-        all.retain(|known| known.camera != camera);
+        all.retain(|known| known.of != *of);
         all.push(proposed);
         self.session.picked = None;
         self.session.commit(format!("propose lines on {camera}"));
@@ -89,7 +91,7 @@ impl Editor {
         let name = match chosen().collect::<Vec<_>>()[..] {
             [] => return,
             [one] if proposed.groups.len() > 1 => format!("{verb} {}", proposed.groups[one].title()),
-            _ => format!("accept all that is proposed on {}", proposed.camera),
+            _ => format!("accept all that is proposed on {}", proposed.of.camera),
         };
         if let Some(entry) = self.session.entry_mut() {
             *entry = proposed.drawn(entry, &which);
@@ -116,19 +118,19 @@ impl Editor {
 
     /// Changes what is proposed for the camera in hand; without a group there is nothing proposed.
     fn change_proposed(&mut self, change: impl FnOnce(&mut Proposed)) {
-        let Some(camera) = self.session.entry().map(|entry| entry.id.clone()) else { return };
+        let Some(of) = self.session.entry().map(Period::of) else { return };
         let all = Arc::make_mut(&mut self.session.proposed);
-        if let Some(own) = all.iter_mut().find(|own| own.camera == camera) {
+        if let Some(own) = all.iter_mut().find(|own| own.of == of) {
             change(own);
         }
-        all.retain(|own| own.camera != camera || !own.groups.is_empty());
+        all.retain(|own| own.of != of || !own.groups.is_empty());
         self.session.picked = None;
     }
 
     fn dismiss_proposed(&mut self) {
-        let Some(camera) = self.session.proposed().map(|own| own.camera.clone()) else { return };
-        Arc::make_mut(&mut self.session.proposed).retain(|own| own.camera != camera);
+        let Some(of) = self.session.proposed().map(|own| own.of.clone()) else { return };
+        Arc::make_mut(&mut self.session.proposed).retain(|own| own.of != of);
         self.session.picked = None;
-        self.session.commit(format!("dismiss what is proposed on {camera}"));
+        self.session.commit(format!("dismiss what is proposed on {}", of.camera));
     }
 }

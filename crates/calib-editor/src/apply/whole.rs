@@ -32,6 +32,12 @@ impl Editor {
     pub(super) fn saved(&mut self, path: PathBuf, folder: Option<PathBuf>) {
         // From now on images are looked for beside the file.
         if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
+            let images = self.session.images.clone();
+            let names = self.newer.iter_mut().flat_map(|newer| [Some(&mut newer.image), newer.old.as_mut()]);
+            let old = self.old_still.as_mut().map(|still| &mut still.image);
+            for name in names.chain([old]).flatten() {
+                *name = images.rebased_name(name, &folder);
+            }
             self.session.rebase(&folder);
         }
         self.session.saved = self.session.generation;

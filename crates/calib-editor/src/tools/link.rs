@@ -51,6 +51,9 @@ impl Linking {
     }
 
     fn finish(&mut self, session: &mut Session, camera: usize, start: Pixel, pointer: &Pointer) {
+        if !session.may_share(camera) {
+            return;
+        }
         let Some(id) = session.site.cameras.get(camera).map(|camera| camera.id.clone()) else { return };
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);

@@ -65,6 +65,11 @@ impl MarkDrag {
     }
 
     pub(super) fn start(session: &mut Session, mark: usize, pointer: &Pointer) -> Option<Self> {
+        if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt)
+            && !session.may_share(camera)
+        {
+            return None;
+        }
         let drawn = session.site.marks.get(mark)?;
         let at = drawn.at_m;
         let started = Pixel::from(pointer.at);

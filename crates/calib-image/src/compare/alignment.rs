@@ -3,6 +3,7 @@
 use calib_core::{Camera, EdgeOffset, Estimated, Turn, TurnFit};
 
 use crate::compare::luma::Luma;
+use crate::compare::motion::Motion;
 use crate::compare::place::Place;
 use crate::compare::search::Search;
 
@@ -11,32 +12,31 @@ const AGREES: f64 = 1.0;
 
 /// Two stills laid on each other.
 pub(crate) struct Alignment {
-    pub(crate) turn: Turn,
-    /// What the edges say of the turn that is still to be made, about nothing.
+    pub(crate) motion: Motion,
+    /// What the edges say of the motion that is still to be made, about nothing.
     pub(crate) fit: TurnFit,
-    /// The offsets of places that were found.
-    pub(crate) offsets: Vec<EdgeOffset>,
     /// Of every place whether the new still shows it, and whether its edge is where it is told.
     pub(crate) found: Vec<Option<bool>>,
 }
 
 impl Alignment {
-    /// The alignment nearest to a turn, looked for within so many pixels, pass by pass.
+    /// The alignment nearest to a motion, looked for within so many pixels, pass by pass.
     pub(crate) fn new(
         camera: &Camera,
         luma: &Luma,
         places: &[Place],
-        mut turn: Turn,
+        mut motion: Motion,
+        of: Estimated,
         reaches: &[usize],
     ) -> Option<Self> {
         let mut last = None;
         for &reach in reaches {
-            let search = Search::new(camera, luma, &turn);
+            let search = Search::new(camera, luma, &motion);
             let offsets: Vec<Option<EdgeOffset>> =
                 places.iter().map(|place| search.offset(place, reach)).collect();
             let told: Vec<EdgeOffset> = offsets.iter().flatten().copied().collect();
-            let fit = TurnFit::new(&told, Estimated::TurnAndTone)?;
-            turn = turn.then(&fit.turn());
+            let fit = TurnFit::new(&told, of)?;
+            motion = motion.then(&fit);
             last = Some((search, offsets, fit));
         }
         let (search, offsets, fit) = last?;
@@ -47,7 +47,7 @@ impl Alignment {
             search.shows(place).then_some(agrees)
         });
         let found = found.collect();
-        Some(Self { turn, offsets: offsets.into_iter().flatten().collect(), found, fit })
+        Some(Self { motion, found, fit })
     }
 
     /// The share of places that are found again, of those that the new still shows.
@@ -81,7 +81,7 @@ pub(crate) fn by_chance(camera: &Camera, luma: &Luma, places: &[Place], turn: &T
     const ASIDE: [[f64; 2]; 4] = [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {
         let [u, v] = aside.map(|pixels| pixels / camera.focal);
-        let search = Search::new(camera, luma, &turn.then(&Turn::of([v, u, 0.0, 0.0])));
+        let search = Search::new(camera, luma, &turn.then(&Turn::of([v, u, 0.0, 0.0])).into());
         let shown: Vec<&Place> = places.iter().filter(|place| search.shows(place)).collect();
         let near = |place: &&&Place| search.offset(place, 3).is_some_and(|row| row.offset.abs() < AGREES);
         shown.iter().filter(near).count() as f64 / shown.len().max(1) as f64

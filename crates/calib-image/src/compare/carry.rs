@@ -126,7 +126,7 @@ impl Carry<'_> {
         const NEAR: f64 = 1.0;
         const REACH: usize = 3;
         let edges: Vec<Edge> = points.windows(2).map(|pair| [pair[0], pair[1]]).collect();
-        let search = Search::new(self.camera, &self.new, &self.turn);
+        let search = Search::new(self.camera, &self.new, &self.turn.into());
         let places = places(self.camera, &self.old, &edges);
         let shown: Vec<_> = places.iter().filter(|place| search.shows(place)).collect();
         let near = shown.iter().filter(|place| {

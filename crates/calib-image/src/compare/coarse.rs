@@ -10,12 +10,11 @@
 //! (Brown, Hartley, Nister 2007). Of many pairs the one is taken that most others agree with (Fischler and Bolles 1981),
 //! counted by parts of the image: a pallet full of corners has one voice.
 
-use calib_core::{
-    Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel, ray_in_camera,
-};
+use calib_core::{Camera, EdgeOffset, Estimated, Pixel, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel};
 
 use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::luma::Luma;
+use crate::compare::motion::Sight;
 
 /// Focals farther from the old one than by this factor are not looked for.
 const ZOOM: f64 = 2.2;
@@ -29,28 +28,35 @@ const PARTS: [usize; 2] = [12, 8];
 const VOICE: usize = 3;
 
 /// A match as rays and pixels.
-struct Seen {
-    ray: [f64; 3],
+pub(crate) struct Seen {
+    pub(crate) sight: Sight,
+    /// Where the new still shows it.
+    pub(crate) at: Pixel,
     new: UndistortedPixel,
-    near: f64,
-    part: usize,
+    /// How far it may be from where it is told, in pixels.
+    pub(crate) near: f64,
+    pub(crate) part: usize,
 }
 
-/// The turn that corners tell; `None` where too few look the same.
-pub(crate) fn coarse(camera: &Camera, old: &Luma, new: &Luma) -> Option<Turn> {
-    /// Fewer agree by chance.
-    const LEAST: usize = 8;
+/// The corners of a still that another one shows, the surest first.
+pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<Seen> {
     let found = matches(&features(old, &[0.0]), &features(new, &[-LEAN, 0.0, LEAN]));
     let seen = |found: &Match| -> Option<Seen> {
         let [c, r] = [found.old.u / old.width as f64, found.old.v / old.height as f64];
         let [columns, rows] = PARTS;
         let part = (r * rows as f64) as usize * columns + (c * columns as f64) as usize;
-        let new = camera.undistort(found.new)?;
-        Some(Seen { ray: ray_in_camera(camera, found.old)?, new, near: NEAR * found.size, part })
+        let (sight, new) = (Sight::new(camera, found.old)?, camera.undistort(found.new)?);
+        Some(Seen { sight, at: found.new, new, near: NEAR * found.size, part })
     };
-    let seen: Vec<Seen> = found.iter().filter_map(seen).collect();
-    let (turn, voices) = most_agreed(camera, &seen)?;
-    (voices >= LEAST).then(|| refined(camera, &seen, turn))
+    found.iter().filter_map(seen).collect()
+}
+
+/// The turn that corners tell; `None` where too few look the same.
+pub(crate) fn coarse(camera: &Camera, seen: &[Seen]) -> Option<Turn> {
+    /// Fewer agree by chance.
+    const LEAST: usize = 8;
+    let (turn, voices) = most_agreed(camera, seen)?;
+    (voices >= LEAST).then(|| refined(camera, seen, turn))
 }
 
 /// The turn of the pair that most agree with, and with how many voices.
@@ -76,15 +82,20 @@ fn most_agreed(camera: &Camera, seen: &[Seen]) -> Option<(Turn, usize)> {
 }
 
 fn voices(turned: &Turned, seen: &[Seen]) -> usize {
+    voices_of(seen.iter().filter(|seen| agrees(turned, seen)))
+}
+
+/// How many parts of the image these corners are in, each counted up to a few.
+pub(crate) fn voices_of<'a>(seen: impl Iterator<Item = &'a Seen>) -> usize {
     let mut parts = [0; PARTS[0] * PARTS[1] + PARTS[0]];
-    for seen in seen.iter().filter(|seen| agrees(turned, seen)) {
+    for seen in seen {
         parts[seen.part] += 1;
     }
     parts.iter().map(|&count: &usize| count.min(VOICE)).sum()
 }
 
 fn agrees(turned: &Turned, seen: &Seen) -> bool {
-    turned.shown_undistorted(seen.ray).is_some_and(|shown| shown.distance(seen.new) < seen.near)
+    turned.shown_undistorted(seen.sight.ray).is_some_and(|shown| shown.distance(seen.new) < seen.near)
 }
 
 /// The turns that lead two rays to their new pixels.
@@ -93,7 +104,7 @@ fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
     let [p, q] = [a.new, b.new].map(|pixel| [pixel.u - centre.u, pixel.v - centre.v]);
     let flat = |p: [f64; 2], q: [f64; 2]| p[0] * q[0] + p[1] * q[1];
     let (pq, pp, qq) = (flat(p, q), flat(p, p), flat(q, q));
-    let [r, s] = [a.ray, b.ray].map(unit);
+    let [r, s] = [a.sight.ray, b.sight.ray].map(unit);
     let square = dot(r, s).powi(2);
     let (two, one, none) = (1.0 - square, 2.0 * pq - square * (pp + qq), pq * pq - square * pp * qq);
     let inner = one * one - 4.0 * two * none;
@@ -138,7 +149,7 @@ fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
 /// Both coordinates of a match as offsets of two edges.
 fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
     const ASIDE: f64 = 1e-5;
-    let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.ray);
+    let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.sight.ray);
     let Some(here) = shown(turn) else { return [None; 2] };
     let mut by = [[0.0; Turn::SIZE]; 2];
     for k in 0..Turn::SIZE {
@@ -161,10 +172,10 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
 }
 
 /// Numbers that look like chance and are the same on every machine (Marsaglia 2003).
-struct Chance(u64);
+pub(crate) struct Chance(pub(crate) u64);
 
 impl Chance {
-    fn below(&mut self, count: usize) -> usize {
+    pub(crate) fn below(&mut self, count: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;

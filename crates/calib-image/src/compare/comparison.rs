@@ -1,15 +1,17 @@
 //! What became of a camera between two stills.
 
+use std::cell::OnceCell;
 use std::fmt;
 
-use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, STEP, SiteCamera, Turn, TurnFit};
+use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, SiteCamera, Turn};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
 use crate::compare::alignment::{Alignment, by_chance};
-use crate::compare::coarse::coarse;
+use crate::compare::coarse::{Seen, coarse, corners};
 use crate::compare::luma::Luma;
 use crate::compare::place::{Place, places};
+use crate::compare::stepped::Stepped;
 use crate::edges::{Edge, find};
 
 /// Smoothing of both stills before edges are compared, in pixels.
@@ -166,7 +168,7 @@ impl Comparison {
         let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTH));
         let edges: Vec<Edge> = drawn.iter().copied().chain(find(old)).collect();
         let places = places(camera, &fine, &edges);
-        let stills = Stills { camera, before, after, later, places };
+        let stills = Stills { camera, before, after, later, places, corners: OnceCell::new() };
         Ok(stills.compared(new))
     }
 
@@ -244,6 +246,7 @@ struct Stills<'a> {
     after: Luma,
     later: Luma,
     places: Vec<Place>,
+    corners: OnceCell<Vec<Seen>>,
 }
 
 impl Stills<'_> {
@@ -259,7 +262,7 @@ impl Stills<'_> {
             return self.without(Became::TooDark, 0.0);
         }
         let Some(found) = self.alignment() else { return self.without(self.blind(new), 0.0) };
-        let chance = by_chance(self.camera, &self.later, &self.places, &found.turn);
+        let chance = by_chance(self.camera, &self.later, &self.places, &found.motion.turn);
         if !self.is_found(&found, chance) {
             return Comparison { found: found.share(), ..self.without(self.blind(new), chance) };
         }
@@ -271,13 +274,14 @@ impl Stills<'_> {
         /// With so many places found again nothing else is looked for.
         const PLENTY: f64 = 0.5;
         let from = |turn: Turn, reaches: &[usize]| {
-            Alignment::new(self.camera, &self.later, &self.places, turn, reaches)
+            let of = Estimated::TurnAndTone;
+            Alignment::new(self.camera, &self.later, &self.places, turn.into(), of, reaches)
         };
         let still = from(Turn::default(), &[5, 3, 2, 2]);
         if still.as_ref().is_some_and(|found| found.share() > PLENTY) {
             return still;
         }
-        let turned = coarse(self.camera, &self.before, &self.after);
+        let turned = coarse(self.camera, self.corners());
         let turned = turned.and_then(|turn| from(turn, &[10, 5, 3, 2, 2]));
         let both = [still, turned].into_iter().flatten();
         both.max_by_key(|found| found.voices(&self.places))
@@ -296,8 +300,8 @@ impl Stills<'_> {
         let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
         let clear = self.clear(found);
-        let shift = self.shift(&found.turn);
-        let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found)) {
+        let shift = self.shift(&found.motion.turn);
+        let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found, chance)) {
             (_, true) => Became::Shifted,
             (true, false) => Became::Moved,
             (false, false) => Became::Unchanged,
@@ -305,7 +309,7 @@ impl Stills<'_> {
         let seen = self.places.iter().zip(&found.found).map(|(place, found)| (place.at, *found)).collect();
         Comparison {
             became,
-            turn: found.turn,
+            turn: found.motion.turn,
             covariance,
             bound,
             clear,
@@ -319,28 +323,27 @@ impl Stills<'_> {
 
     /// How clear it is that the turn is one.
     fn clear(&self, found: &Alignment) -> f64 {
-        let [x, y, z] = found.turn.vector;
+        let [x, y, z] = found.motion.turn.vector;
         let mut whole = found.fit.clone();
-        whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.turn.zoom]);
+        whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.motion.turn.zoom]);
         whole.clear(0, Turn::SIZE)
     }
 
+    /// Corners that both stills show, found when they are first asked for.
+    fn corners(&self) -> &[Seen] {
+        self.corners.get_or_init(|| corners(self.camera, &self.before, &self.after))
+    }
+
     /// Whether near and far edges contradict a turn.
-    fn is_shifted(&self, found: &Alignment) -> bool {
-        /// Clearer than a turn must be: a lens that is not quite known bends near and far alike.
-        const CLEAR: f64 = 5.0;
-        /// In pixels, root mean square.
-        const LEAST: f64 = 0.5;
-        let Some(fit) = TurnFit::new(&found.offsets, Estimated::Step) else { return false };
-        let square: f64 = found.offsets.iter().map(|row| row.told_by_step(&fit.estimate).powi(2)).sum();
-        let clear = fit.clear(fit.estimate.len() - STEP, fit.estimate.len());
-        (square / found.offsets.len() as f64).sqrt() > LEAST && clear > CLEAR
+    fn is_shifted(&self, found: &Alignment, chance: f64) -> bool {
+        let all = Stepped::all(self.camera, &self.later, &self.places, || self.corners(), found);
+        all.iter().any(|stepped| stepped.is_clear(self.camera, &self.places, found, chance))
     }
 
     /// How far the turn moves the image, root mean square, in pixels.
     fn shift(&self, turn: &Turn) -> f64 {
         let turned = turn.at(self.camera);
-        let moved = |place: &Place| Some(turned.shown(place.rays[0])?.distance(place.at).powi(2));
+        let moved = |place: &Place| Some(turned.shown(place.sights[0].ray)?.distance(place.at).powi(2));
         let squares: Vec<f64> = self.places.iter().filter_map(moved).collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }

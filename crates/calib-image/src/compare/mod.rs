@@ -6,15 +6,17 @@
 //! - `luma` brightness on a scale that light and exposure shift; `feature` corners found again; `coarse` the turn that most
 //!   parts of the image agree on;
 //! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
-//!   by pass; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
+//!   by pass; `motion` what it is told by; `stepped` whether the camera stands elsewhere; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
 //!   solved from it: [`recovered`]. What edges say together is `TurnFit` of the core.
 
 mod luma;
+mod motion;
 mod feature;
 mod coarse;
 mod place;
 mod search;
 mod alignment;
+mod stepped;
 mod comparison;
 mod carry;
 mod recovery;

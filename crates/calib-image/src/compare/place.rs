@@ -1,8 +1,9 @@
 //! Places along the edges of the old still, each with what brightness does across it.
 
-use calib_core::{Camera, Pixel, TONE, floor_nearness, ray_in_camera};
+use calib_core::{Camera, Pixel, TONE};
 
 use crate::compare::luma::{Luma, cubic};
+use crate::compare::motion::Sight;
 use crate::edges::Edge;
 
 /// Half the length of a profile across an edge, in pixels of the old still.
@@ -23,11 +24,9 @@ pub(crate) const BLOCKS: [usize; 2] = [8, 6];
 /// A place on an edge.
 pub(crate) struct Place {
     pub(crate) at: Pixel,
-    /// Rays to it, and to a pixel farther along and across the edge.
-    pub(crate) rays: [[f64; 3]; 3],
+    /// What is seen there, and a pixel farther along and across the edge.
+    pub(crate) sights: [Sight; 3],
     pub(crate) profile: [f64; LENGTH],
-    /// One over the depth of the floor there, per metre.
-    pub(crate) nearness: f64,
     /// Its contrast, positive where it is brighter across it, by powers of its level.
     pub(crate) tone: [f64; TONE],
     pub(crate) block: usize,
@@ -83,15 +82,14 @@ impl Place {
         for (i, value) in profile.iter_mut().enumerate() {
             *value = frame.brightness(luma, i as f64 - HALF as f64)?;
         }
-        let beside = |way: [f64; 2]| ray_in_camera(camera, Pixel::new(at.u + way[0], at.v + way[1]));
-        let rays = [ray_in_camera(camera, at)?, beside(along)?, beside(across)?];
+        let beside = |way: [f64; 2]| Sight::new(camera, Pixel::new(at.u + way[0], at.v + way[1]));
+        let sights = [Sight::new(camera, at)?, beside(along)?, beside(across)?];
         let [column, row] = [at.u / luma.width as f64, at.v / luma.height as f64];
         let block = (row * BLOCKS[1] as f64) as usize * BLOCKS[0] + (column * BLOCKS[0] as f64) as usize;
-        let nearness = floor_nearness(camera, rays[0]);
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
         let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
         let tone = tone(&profile, mean);
-        (contrast.sqrt() > LEAST).then_some(Self { at, rays, profile, nearness, tone, block })
+        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block })
     }
 }
 

@@ -1,41 +1,34 @@
 //! An edge of the old still looked for in the new one, across itself, to a fraction of a pixel.
 
-use calib_core::{Camera, EdgeOffset, Pixel, STEP, Turn, Turned};
+use calib_core::{Camera, EdgeOffset};
 
 use crate::compare::luma::Luma;
+use crate::compare::motion::{Motion, Moved};
 use crate::compare::place::{Frame, HALF, LENGTH, Likeness, Place, likeness};
 
 /// What looks the same correlates by so much.
 const ALIKE: f64 = 0.8;
 /// Another edge nearer in likeness than this might be meant.
 const OTHER: f64 = 0.06;
-/// Of a pixel's ray, in radians: what derivatives are differences of.
-const ASIDE: f64 = 1e-5;
 /// Pixels across an edge that share their noise: those of one smoothing.
 const SHARED: f64 = 2.5;
 
-/// A turn, and turns and steps a little beside it.
+/// The new still of a camera that moved so.
 pub(crate) struct Search<'a> {
     luma: &'a Luma,
-    here: Turned,
-    beside: [Turned; Turn::SIZE],
+    moved: Moved,
 }
 
 impl<'a> Search<'a> {
-    pub(crate) fn new(camera: &Camera, luma: &'a Luma, turn: &Turn) -> Self {
-        let beside = std::array::from_fn(|k| {
-            let mut step = [0.0; Turn::SIZE];
-            step[k] = ASIDE;
-            turn.then(&Turn::of(step)).at(camera)
-        });
-        Self { luma, here: turn.at(camera), beside }
+    pub(crate) fn new(camera: &Camera, luma: &'a Luma, motion: &Motion) -> Self {
+        Self { luma, moved: motion.at(camera) }
     }
 
     /// Whether the new still shows a place, so far from its border that the edge can be told.
     pub(crate) fn shows(&self, place: &Place) -> bool {
         const MARGIN: f64 = 2.0 * LENGTH as f64;
         let within = |at: f64, side: usize| at > MARGIN && at < side as f64 - MARGIN;
-        let shown = self.here.shown(place.rays[0]);
+        let shown = self.moved.shown(&place.sights[0]);
         shown.is_some_and(|at| within(at.u, self.luma.width) && within(at.v, self.luma.height))
     }
 
@@ -56,19 +49,21 @@ impl<'a> Search<'a> {
             .sum();
         let scale = frame.across[0].hypot(frame.across[1]);
         let normal = frame.across.map(|c| c / scale);
+        let across = |slope: [f64; 2]| slope[0] * normal[0] + slope[1] * normal[1];
+        let by = self.moved.slopes(&place.sights[0])?;
         Some(EdgeOffset {
             offset: scale * (start - reach as f64),
             sigma: scale * (SHARED * noise / slopes.max(f64::MIN_POSITIVE)).sqrt(),
-            turn: self.by_turn(place, frame.at, normal)?,
+            turn: by.turn.map(across),
             tone: place.tone,
-            step: self.by_step(place, frame.at, normal)?,
+            step: by.step.map(across),
             block: place.block,
         })
     }
 
     /// Where the edge is told to run.
     fn frame(&self, place: &Place) -> Option<Frame> {
-        let [at, along, across] = place.rays.map(|ray| self.here.shown(ray));
+        let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.shown(sight));
         let (at, along, across) = (at?, along?, across?);
         let along = [along.u - at.u, along.v - at.v];
         let length = along[0].hypot(along[1]);
@@ -76,30 +71,6 @@ impl<'a> Search<'a> {
         let scale = (across.u - at.u) * normal[0] + (across.v - at.v) * normal[1];
         (scale > 0.1 && length > 0.1).then(|| Frame { at, along, across: normal.map(|c| scale * c) })
     }
-
-    /// Derivatives of the edge across itself by a turn.
-    fn by_turn(&self, place: &Place, at: Pixel, normal: [f64; 2]) -> Option<[f64; Turn::SIZE]> {
-        let mut by = [0.0; Turn::SIZE];
-        for (slope, beside) in by.iter_mut().zip(&self.beside) {
-            *slope = across(at, beside.shown(place.rays[0])?, normal) / ASIDE;
-        }
-        Some(by)
-    }
-
-    /// The same by a step, of what lies on the floor.
-    fn by_step(&self, place: &Place, at: Pixel, normal: [f64; 2]) -> Option<[f64; STEP]> {
-        let mut by = [0.0; STEP];
-        for (k, slope) in by.iter_mut().enumerate() {
-            let mut ray = place.rays[0];
-            ray[k] -= ASIDE;
-            *slope = place.nearness * across(at, self.here.shown(ray)?, normal) / ASIDE;
-        }
-        Some(by)
-    }
-}
-
-fn across(from: Pixel, to: Pixel, normal: [f64; 2]) -> f64 {
-    (to.u - from.u) * normal[0] + (to.v - from.v) * normal[1]
 }
 
 /// Where a profile is in a longer one, to a pixel; `None` where nothing is alike, or two are.

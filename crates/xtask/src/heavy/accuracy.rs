@@ -46,6 +46,12 @@ pub(crate) fn compare() -> anyhow::Result<()> {
     of_test("compare", &["the_table", "--ignored"])
 }
 
+/// Prints the tables of cameras that moved, of walks and of time, by detections alone.
+pub(crate) fn watch() -> anyhow::Result<()> {
+    of_test("watch", &["the_table", "alarms", "--ignored"])?;
+    of_test("walk", &["the_table", "--ignored"])
+}
+
 /// Runs the tests that print a table.
 fn of_test(name: &str, which: &[&str]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");

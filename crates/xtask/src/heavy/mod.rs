@@ -54,6 +54,7 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
         Heavy::Accuracy { real: true, .. } => coverage::run(),
         Heavy::Accuracy { proposals: true, .. } => accuracy::proposals(),
         Heavy::Accuracy { compare: true, .. } => accuracy::compare(),
+        Heavy::Accuracy { watch: true, .. } => accuracy::watch(),
         Heavy::Accuracy { scenes, draws, .. } => {
             accuracy::run(&accuracy::Extent { scenes, draws });
             Ok(())

@@ -1,0 +1,152 @@
+//! Whether a camera stands elsewhere: near and far then do not agree with a turn.
+//!
+//! A turn `x` and a step `t` move what lies on the floor, at depth `z`, by `a' x + b' t / z`; the floor's depth is known
+//! from the calibration. Both are estimated together from all edges, as if each lay on the floor or far away; those that
+//! do not are outliers, as things are that moved by themselves. Where the floor moved farther than edges are looked for,
+//! corners tell the step first.
+
+use calib_core::{Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit};
+use nalgebra::{DMatrix, DVector};
+
+use crate::compare::alignment::Alignment;
+use crate::compare::coarse::{Chance, Seen, voices_of};
+use crate::compare::luma::Luma;
+use crate::compare::motion::{Motion, Moved};
+use crate::compare::place::Place;
+
+/// Two stills laid on each other by a turn and a step.
+pub(crate) struct Stepped(Alignment);
+
+impl Stepped {
+    /// From the turn alone, and from the step that corners tell beside it; none where no floor is seen.
+    pub(crate) fn all<'a>(
+        camera: &Camera,
+        luma: &Luma,
+        places: &[Place],
+        corners: impl FnOnce() -> &'a [Seen],
+        turned: &Alignment,
+    ) -> Vec<Self> {
+        /// With so many places found again nothing is farther than edges are looked for.
+        const ALL: f64 = 0.9;
+        let far = if turned.share() > ALL { None } else { coarse(camera, corners(), turned.motion) };
+        let from =
+            |motion: Motion| Alignment::new(camera, luma, places, motion, Estimated::Step, &[5, 3, 2, 2]);
+        [Some(turned.motion), far].into_iter().flatten().filter_map(from).map(Self).collect()
+    }
+
+    /// Whether the step is clear, and the camera found again with it as well as without; `chance` is the share of places
+    /// that look found where nothing is.
+    pub(crate) fn is_clear(
+        &self,
+        camera: &Camera,
+        places: &[Place],
+        turned: &Alignment,
+        chance: f64,
+    ) -> bool {
+        /// Clearer than a turn must be: a lens that is not quite known bends near and far alike.
+        const CLEAR: f64 = 5.0;
+        /// What it changes of what a turn tells, in pixels, root mean square.
+        const LEAST: f64 = 0.5;
+        let is_better = self.0.voices(places) >= turned.voices(places);
+        is_better
+            && self.is_found(turned, chance)
+            && self.clear() > CLEAR
+            && self.beside(camera, places, turned) > LEAST
+    }
+
+    /// Whether what is found is mostly not found by chance, or clearly more than a turn finds: of what chance finds, a step
+    /// has some for every turn.
+    fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
+        const TIMES: f64 = 4.0;
+        /// Standard deviations of the difference of two numbers that chance makes (Poisson).
+        const CLEAR: f64 = 4.0;
+        let by_chance = chance * self.0.found.iter().flatten().count() as f64;
+        let [with, without] = [&self.0, turned].map(|found| found.agreeing() as f64);
+        with > TIMES * by_chance || with - without > CLEAR * (2.0 * by_chance).sqrt()
+    }
+
+    fn clear(&self) -> f64 {
+        let from = Turn::SIZE + TONE;
+        let mut whole = self.0.fit.clone();
+        whole.estimate.rows_mut(from, STEP).copy_from_slice(&self.0.motion.step);
+        whole.clear(from, from + STEP)
+    }
+
+    /// How far it shows the floor from where a turn alone does, root mean square, in pixels.
+    fn beside(&self, camera: &Camera, places: &[Place], turned: &Alignment) -> f64 {
+        let [with, without] = [self.0.motion, turned.motion].map(|motion| motion.at(camera));
+        let apart = |place: &Place| {
+            let sight = &place.sights[0];
+            Some(with.shown(sight)?.distance(without.shown(sight)?).powi(2))
+        };
+        let squares: Vec<f64> = places.iter().filter_map(apart).collect();
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+/// The step that most corners agree on, beside a turn that some do; `None` where none does.
+fn coarse(camera: &Camera, seen: &[Seen], turned: Motion) -> Option<Motion> {
+    /// Pairs that are tried.
+    const PAIRS: usize = 2000;
+    /// Fewer agree by chance.
+    const LEAST: usize = 8;
+    let here = turned.at(camera);
+    let rows: Vec<Option<[EdgeOffset; 2]>> = seen.iter().map(|seen| rows(&here, seen)).collect();
+    let mut chance = Chance(0x2545_f491_4f6c_dd1d);
+    let mut best: Option<(Motion, usize)> = None;
+    for _ in 0..PAIRS {
+        let [a, b] = [0, 1].map(|_| chance.below(seen.len().max(1)));
+        let (Some(a), Some(b)) = (rows.get(a)?, rows.get(b)?) else { continue };
+        let Some(step) = of_pair([a, b]) else { continue };
+        let motion = Motion { step: std::array::from_fn(|k| turned.step[k] + step[k]), ..turned };
+        let voices = voices(&motion.at(camera), seen);
+        if best.is_none_or(|(_, most)| voices > most) {
+            best = Some((motion, voices));
+        }
+    }
+    let (motion, _) = best.filter(|(_, voices)| *voices >= LEAST)?;
+    Some(refined(camera, seen, motion))
+}
+
+fn voices(moved: &Moved, seen: &[Seen]) -> usize {
+    voices_of(seen.iter().filter(|seen| agrees(moved, seen)))
+}
+
+fn agrees(moved: &Moved, seen: &Seen) -> bool {
+    moved.shown(&seen.sight).is_some_and(|shown| shown.distance(seen.at) < seen.near)
+}
+
+/// The step of two corners, by least squares.
+fn of_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP]> {
+    let rows: Vec<&EdgeOffset> = pair.into_iter().flatten().collect();
+    let slopes = DMatrix::from_fn(rows.len(), STEP, |i, k| rows[i].step[k]);
+    let offsets = DVector::from_fn(rows.len(), |i, _| rows[i].offset);
+    let step = (slopes.transpose() * &slopes).cholesky()?.solve(&(slopes.transpose() * offsets));
+    Some([step[0], step[1], step[2]])
+}
+
+/// The turn and step that all corners which agree tell together.
+fn refined(camera: &Camera, seen: &[Seen], mut motion: Motion) -> Motion {
+    for _ in 0..6 {
+        let moved = motion.at(camera);
+        let agreeing = seen.iter().filter(|seen| agrees(&moved, seen));
+        let rows: Vec<EdgeOffset> = agreeing.filter_map(|seen| rows(&moved, seen)).flatten().collect();
+        let Some(fit) = TurnFit::new(&rows, Estimated::Step) else { return motion };
+        motion = motion.then(&fit);
+    }
+    motion
+}
+
+/// Both coordinates of a corner as offsets of two edges.
+fn rows(moved: &Moved, seen: &Seen) -> Option<[EdgeOffset; 2]> {
+    let (at, slopes) = (moved.shown(&seen.sight)?, moved.slopes(&seen.sight)?);
+    let off = [seen.at.u - at.u, seen.at.v - at.v];
+    Some([0, 1].map(|axis| EdgeOffset {
+        offset: off[axis],
+        sigma: 0.2 * seen.near,
+        turn: slopes.turn.map(|slope| slope[axis]),
+        tone: [0.0; TONE],
+        step: slopes.step.map(|slope| slope[axis]),
+        block: seen.part,
+    }))
+}
