@@ -62,6 +62,7 @@ fn synthetic_edges_give_the_lens_back() {
         let edges = drawn(&mut random, &lens, size);
         let options = LensOptions {
             principal_point: lens.principal_point,
+            centre_is_held: true,
             size,
             fitted: None,
             focal: None,
@@ -142,6 +143,7 @@ fn wide_lenses_come_back_from_synthetic_edges() {
             let fisheye = matches!(family, Family::Fisheye);
             let options = LensOptions {
                 principal_point: lens.principal_point,
+                centre_is_held: true,
                 size,
                 fitted: match family {
                     Family::Brown2 | Family::Brown3 => None,
@@ -214,7 +216,8 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
     let principal_point = Pixel::new(960.0, 536.0);
     let lens = Lens { principal_point, focal: 1453.0, distortion: Distortion::BrownConrady(brown) };
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    let options = LensOptions { principal_point, size, fitted: None, focal: None, sigma: 1.0 };
+    let options =
+        LensOptions { principal_point, centre_is_held: true, size, fitted: None, focal: None, sigma: 1.0 };
     for _ in 0..20 {
         let mut lines = vec![seen(&lens, [[150.0, 160.0], [1600.0, 220.0]], 8, 1.0, &mut random)];
         for u in [930.0, 960.0, 1000.0] {
@@ -239,7 +242,8 @@ fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
     let mut random = ChaCha8Rng::seed_from_u64(9);
     // Short edges in the middle, and a hand that trembles.
     let fitted = Some(Fitted::first(DistortionModel::BrownConrady, 2));
-    let options = LensOptions { principal_point, size, fitted, focal: None, sigma: 1.0 };
+    let options =
+        LensOptions { principal_point, centre_is_held: true, size, fitted, focal: None, sigma: 1.0 };
     for _ in 0..20 {
         let lines = [
             [[700.0, 400.0], [1200.0, 420.0]],
@@ -269,8 +273,14 @@ fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
         focal: 1450.0,
         distortion: Distortion::BrownConrady(brown),
     };
-    let options =
-        LensOptions { principal_point: lens.principal_point, size, fitted: None, focal: None, sigma: 0.3 };
+    let options = LensOptions {
+        principal_point: lens.principal_point,
+        centre_is_held: true,
+        size,
+        fitted: None,
+        focal: None,
+        sigma: 0.3,
+    };
     let fit = LensFit::new(&rim(&lens, 0.0), &options).unwrap();
     let apart = map_distance(&fit.lens, &lens, size);
     assert!(apart < 2.0, "{:?}: {apart} px", fit.fitted);
@@ -414,8 +424,14 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
     for (fitted, most) in
         [(None, 0.10), (Some(k1_k2), 0.095), (Some(Fitted::first(DistortionModel::Division, 1)), 0.10)]
     {
-        let options =
-            LensOptions { principal_point: reference.principal_point, size, fitted, focal: None, sigma: 0.1 };
+        let options = LensOptions {
+            principal_point: reference.principal_point,
+            centre_is_held: true,
+            size,
+            fitted,
+            focal: None,
+            sigma: 0.1,
+        };
         let fit = LensFit::new(&edges, &options).unwrap();
         // The reference's figure is the mean over the polylines.
         let mean = fit.residuals.iter().map(|(_, px)| px).sum::<f64>() / fit.residuals.len() as f64;
@@ -488,8 +504,14 @@ fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
         focal: 0.5 * f64::hypot(size[0], size[1]),
         distortion: Distortion::BrownConrady(brown),
     };
-    let options =
-        LensOptions { principal_point: lens.principal_point, size, fitted: None, focal: None, sigma: 0.3 };
+    let options = LensOptions {
+        principal_point: lens.principal_point,
+        centre_is_held: true,
+        size,
+        fitted: None,
+        focal: None,
+        sigma: 0.3,
+    };
     (drawn(random, &lens, size), options)
 }
 

@@ -385,6 +385,7 @@ fn edges_of_the_scene_find_the_lenses() {
         let size: [f64; 2] = serde_json::from_value(camera["size"].clone()).unwrap();
         let options = LensOptions {
             principal_point: given.principal_point,
+            centre_is_held: true,
             size,
             fitted: None,
             focal: None,

@@ -48,7 +48,7 @@ impl LensProblem<'_> {
 
     /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
     /// refitted, so it is eliminated. `None` where the lens folds back on itself before a corner of the image.
-    fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let lens = self.lens(values);
         let indices = &self.fitted.indices()[..values.len()];
         if !lens.shows_image(self.size) {
@@ -76,49 +76,6 @@ impl LensProblem<'_> {
         };
         let jacobian = DMatrix::from_iterator(count, values.len(), (0..values.len()).flat_map(column));
         Some((DVector::from_vec(residuals), jacobian))
-    }
-
-    /// The same problem with the focal at which the edges are straightest, of a model that has one of its own.
-    ///
-    /// Straightness tells it where edges pass beside the camera, and the priors on the coefficients where they do not:
-    /// what is left open is the ratio of this focal and that of the camera, which stage 1 estimates.
-    pub(super) fn at_best_focal(self) -> Self {
-        /// Focals from a fisheye of 280 degrees to one of 60, in units of half the diagonal.
-        const LEAST: f64 = 0.3;
-        const RATIO: f64 = 1.15;
-        const COUNT: i32 = 14;
-        const ROUNDS: usize = 12;
-        let cost = |unit: f64| {
-            let at = LensProblem {
-                unit,
-                edges: self.edges.clone(),
-                times: self.times.clone(),
-                fitted: self.fitted.clone(),
-                ..self
-            };
-            at.solve(&[]).map_or(f64::INFINITY, |(_, cost)| cost)
-        };
-        let half_diagonal = 0.5 * self.size[0].hypot(self.size[1]);
-        let tried = (0..COUNT).map(|i| LEAST * half_diagonal * RATIO.powi(i)).map(|unit| (cost(unit), unit));
-        let Some((_, best)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { return self };
-        // Golden section of the log of the focal.
-        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-        let (mut low, mut high) = ((best / RATIO).ln(), (best * RATIO).ln());
-        let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
-        let mut at = inner(low, high);
-        let mut costs = at.map(|log| cost(log.exp()));
-        for _ in 0..ROUNDS {
-            if costs[0] < costs[1] {
-                high = at[1];
-                at = inner(low, high);
-                costs = [cost(at[0].exp()), costs[0]];
-            } else {
-                low = at[0];
-                at = inner(low, high);
-                costs = [costs[1], cost(at[1].exp())];
-            }
-        }
-        Self { unit: (0.5 * (low + high)).exp(), ..self }
     }
 
     /// Minus twice the log of the evidence for what is fitted, up to what all models have in common.
@@ -232,19 +189,31 @@ impl LeastSquares for LensProblem<'_> {
 
     fn linearize(&self, values: &Vec<f64>) -> Option<(f64, Normal)> {
         let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
-        let cost = residuals.norm_squared();
-        let normal = Normal { square: jacobian.tr_mul(&jacobian), gradient: jacobian.tr_mul(&residuals) };
+        let (cost, normal) = Normal::new(&residuals, &jacobian);
         cost.is_finite().then_some((cost, normal))
     }
 
     fn step(&self, values: &Vec<f64>, normal: &Normal, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
-        let mut damped = normal.square.clone();
+        normal.step(values, damping)
+    }
+}
+
+impl Normal {
+    /// Those of some residuals with their Jacobian, and the sum of squares.
+    pub(super) fn new(residuals: &DVector<f64>, jacobian: &DMatrix<f64>) -> (f64, Self) {
+        let normal = Self { square: jacobian.tr_mul(jacobian), gradient: jacobian.tr_mul(residuals) };
+        (residuals.norm_squared(), normal)
+    }
+
+    /// The damped step: where it leads, by how much it should lower the cost, and its largest component.
+    pub(super) fn step(&self, values: &[f64], damping: f64) -> Option<(Vec<f64>, f64, f64)> {
+        let mut damped = self.square.clone();
         for i in 0..values.len() {
             damped[(i, i)] *= 1.0 + damping;
         }
-        let step = damped.cholesky()?.solve(&(-&normal.gradient));
+        let step = damped.cholesky()?.solve(&(-&self.gradient));
         let predicted: f64 = (0..values.len())
-            .map(|i| step[i] * (damping * normal.square[(i, i)] * step[i] - normal.gradient[i]))
+            .map(|i| step[i] * (damping * self.square[(i, i)] * step[i] - self.gradient[i]))
             .sum();
         let next = values.iter().zip(step.iter()).map(|(value, step)| value + step).collect();
         Some((next, predicted, step.amax()))

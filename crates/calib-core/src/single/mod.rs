@@ -7,7 +7,7 @@
 //!   known size; `scene_errors` how far the scene may be
 //!   from it; `constraints` the same, undistorted, by `drawn_constraints`; `overlaps`, `repeats`, `redrawing` what of
 //!   it is drawn more than once, and counts once;
-//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `lens_problem`, `plumb_line` the distortion from straight edges: residuals, which edges
+//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `lens_problem`, `open_lens`, `plumb_line` the distortion from straight edges: residuals, which edges
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
@@ -33,6 +33,7 @@ mod edge_information;
 mod fitted;
 mod lens_prior;
 mod lens_problem;
+mod open_lens;
 mod plumb_line;
 mod vanishing_point;
 mod orientation;

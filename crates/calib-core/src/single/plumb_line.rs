@@ -51,8 +51,10 @@ pub struct LensFit {
 /// Everything that a fit of a lens needs besides the polylines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensOptions {
-    /// Principal point, raw pixel.
+    /// Principal point, raw pixel; of a fisheye whose focal is fitted, where it is believed to be.
     pub principal_point: Pixel,
+    /// Whether it is held then, too.
+    pub centre_is_held: bool,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
     /// Which coefficients to fit; selected by the data if absent.
@@ -99,7 +101,7 @@ impl LensFit {
             Some(fitted) => {
                 let problem = problem(fitted.clone());
                 let is_open = fitted.has_own_focal() && options.focal.is_none();
-                let problem = if is_open { problem.at_best_focal() } else { problem };
+                let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
                 let solved = problem.solve(&[]);
                 solved.map_or(undistorted, |(values, _)| FittedModel::of(problem, values))
             }
@@ -119,7 +121,11 @@ impl LensFit {
             (edge.source, square.sqrt())
         };
         Self {
-            lens: if values.is_empty() { Lens::pinhole(options.principal_point) } else { lens },
+            lens: if values.is_empty() && !problem.fitted.has_own_focal() {
+                Lens::pinhole(options.principal_point)
+            } else {
+                lens
+            },
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
             straightness: [cost_before, *cost].map(|cost| (cost / points).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),

@@ -46,7 +46,9 @@ impl Site {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
         let owner = like.unwrap_or(entry);
         let mut lens_estimate = self.own_lens_estimate(owner, lenses);
-        lens_estimate.lens.principal_point = entry.principal_point();
+        if like.is_some() || !lens_estimate.has_own_centre(entry) {
+            lens_estimate.lens.principal_point = entry.principal_point();
+        }
         if like.is_some() {
             lens_estimate.fit = None;
         }
@@ -78,6 +80,7 @@ impl Site {
         let focal = distortion.and_then(|d| d.focal_px).or(focal);
         let options = LensOptions {
             principal_point: entry.principal_point(),
+            centre_is_held: entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some()),
             size: entry.size(),
             // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
             focal: focal.filter(|_| fitted.as_ref().is_some_and(Fitted::has_own_focal)),
@@ -118,6 +121,12 @@ impl Site {
 }
 
 impl LensEstimate {
+    /// Whether the principal point was fitted with the lens of a camera.
+    fn has_own_centre(&self, entry: &SiteCamera) -> bool {
+        let is_given = entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some());
+        self.lens.distortion.is_wide() && self.fit.is_some() && !is_given
+    }
+
     /// The same lens on another camera.
     pub(crate) fn shared_by(&self, entry: &SiteCamera) -> Self {
         let lens = Lens { principal_point: entry.principal_point(), ..self.lens };
