@@ -71,6 +71,15 @@ pub enum Finding {
         /// The line with the largest residual, and the residual in pixels.
         worst: Option<(Source, f64)>,
     },
+    /// One upright gives the camera another height than all else does, where residuals are too large.
+    HeightApart {
+        /// The upright.
+        upright: Source,
+        /// Height of the camera by it alone, in metres.
+        height: f64,
+        /// Height of the camera by the others, in metres.
+        others: f64,
+    },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
         /// Sum of the squared residuals over their variances.
@@ -179,6 +188,21 @@ pub enum Finding {
         stored: Option<f64>,
         /// Its residual now, in pixels; `None` of what is not there any more, or cannot be where it is.
         now: Option<f64>,
+    },
+    /// Points that are drawn lie outside the image.
+    PointsOutside {
+        /// How many.
+        outside: usize,
+        /// How many are drawn.
+        drawn: usize,
+        /// Width and height of the image, in pixels.
+        size: [u32; 2],
+        /// All would lie inside if u and v, or width and height, were exchanged.
+        fits_exchanged: bool,
+        /// Too many for what is drawn to be of this image.
+        is_other_image: bool,
+        /// What the first of them is of.
+        first: Subject,
     },
     /// The camera stands below the floor.
     BelowFloor {
@@ -289,6 +313,8 @@ impl Finding {
             Self::FewResiduals { .. } => Code::FewResiduals,
             Self::UncertaintyUnknown => Code::UncertaintyUnknown,
             Self::OutOfDate { .. } => Code::OutOfDate,
+            Self::PointsOutside { is_other_image: false, .. } => Code::PointsOutside,
+            Self::PointsOutside { is_other_image: true, .. } => Code::NotThisImage,
             Self::BelowFloor { .. } => Code::BelowFloor,
             Self::LineOutlier { .. }
             | Self::ControlPointOutlier { .. }
@@ -296,6 +322,7 @@ impl Finding {
             | Self::DistanceOutlier { .. } => Code::Outlier,
             Self::Misfit { .. }
             | Self::JointMisfit { .. }
+            | Self::HeightApart { .. }
             | Self::BentEdges { .. }
             | Self::HiddenControlPoints { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
@@ -341,6 +368,7 @@ impl Finding {
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
+            | Self::HeightApart { upright: line, .. }
             | Self::OutsideLens { line }
             | Self::NoLength { line } => Subject::Line(*line),
             Self::UninformativeEdges { edges, .. } => {
@@ -364,7 +392,7 @@ impl Finding {
                 Subject::ControlPoint { camera: *camera, point: *point }
             }
             Self::ElementOutlier { element, .. } => *element,
-            Self::OutOfDate { what, .. } => *what,
+            Self::OutOfDate { what, .. } | Self::PointsOutside { first: what, .. } => *what,
             Self::DistanceOutlier { distance } => Subject::Distance(*distance),
             Self::NotConnected { cameras, .. } => {
                 cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
