@@ -187,7 +187,7 @@ fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
 
 #[test]
 fn a_report_without_a_walk_does_not_take_what_is_said_of_one() {
-    let scratch = Scratch::new("report-alone");
+    let scratch = Scratch::new();
     for alone in [["--max-error-m", "1"], ["--camera-column", "camera"]] {
         let args = [&["report", "site.json", "-o", "report.html"], &alone[..]].concat();
         let run = scratch.calib(&args).expect_code(2);

@@ -4,7 +4,7 @@ use crate::outcome::{Finding, Suggestion, WhyUnused};
 use crate::site::document::Site;
 use crate::site::english::phrase::{
     English, Names, bent, corners, efov, estimator, evidence, few_residuals, field, floor, from_prior,
-    joint_misfit, open_focal, other_minima, scale_conflict, unchecked,
+    joint_misfit, open_focal, other_minima, scale_assumed, scale_conflict, unchecked,
 };
 use crate::site::english::suggestion::what_to_draw;
 use crate::site::solution::Warning;
@@ -62,9 +62,7 @@ impl English<'_> {
             F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
-            F::ScaleAssumed { height } => {
-                format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
-            }
+            F::ScaleAssumed { height } => scale_assumed(*height),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {

@@ -356,6 +356,10 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
     }
 }
 
+pub(super) fn scale_assumed(height: f64) -> String {
+    format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
+}
+
 pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {
     format!(
         "The camera is {estimated:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
