@@ -157,3 +157,20 @@ def test_boxes_are_as_uncertain_as_their_feet(camera: calib.Camera) -> None:
         for part, expected in zip(found, camera.floor_covariance(*feet, **options), strict=True):  # type: ignore[arg-type]
             assert part.shape == (1, 2, 2, 2)
             np.testing.assert_array_equal(part, expected)
+
+
+def test_a_misfit_names_the_uprights_that_contradict_each_other() -> None:
+    still = calib.Site(calib.site_document([calib.camera_entry("door", (1920, 1080), LINES[:2], height_m={"value": 2.9, "sigma": 0.02})]))
+    camera = still.calibrate().camera("door")
+
+    def person(x: float, y: float, height: float) -> dict[str, object]:
+        foot, head = camera.to_pixel(x, y, 0.0)[:2], camera.to_pixel(x, y, height)[:2]
+        return calib.upright(foot, head, 1.75, keep=True)
+
+    def messages(*heights: float) -> list[str]:
+        people = [person(x, y, height) for (x, y), height in zip([(-1, 4), (0, 5), (1, 4.5)], heights, strict=True)]
+        site = calib.Site(calib.site_document([calib.camera_entry("door", (1920, 1080), [*LINES[:2], *people])]))
+        return [found.message for found in site.calibrate().findings if found.code == "misfit"]
+
+    assert messages(1.75, 1.75, 1.75) == []
+    assert any(re.search(r"Uprights contradict each other: the camera is .* m high by U2 .*, and .* m by", said) for said in messages(1.75, 2.3, 1.75))

@@ -71,14 +71,12 @@ pub enum Finding {
         /// The line with the largest residual, and the residual in pixels.
         worst: Option<(Source, f64)>,
     },
-    /// One upright gives the camera another height than all else does, where residuals are too large.
-    HeightApart {
-        /// The upright.
-        upright: Source,
-        /// Height of the camera by it alone, in metres.
-        height: f64,
-        /// Height of the camera by the others, in metres.
-        others: f64,
+    /// Uprights contradict each other about the height of the camera, where residuals are too large.
+    HeightsApart {
+        /// The one by which the camera is lowest, and that height in metres.
+        lowest: (Source, f64),
+        /// The one by which it is highest, and that height in metres.
+        highest: (Source, f64),
     },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
@@ -322,7 +320,7 @@ impl Finding {
             | Self::DistanceOutlier { .. } => Code::Outlier,
             Self::Misfit { .. }
             | Self::JointMisfit { .. }
-            | Self::HeightApart { .. }
+            | Self::HeightsApart { .. }
             | Self::BentEdges { .. }
             | Self::HiddenControlPoints { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
@@ -368,7 +366,7 @@ impl Finding {
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
-            | Self::HeightApart { upright: line, .. }
+            | Self::HeightsApart { lowest: (line, _), .. }
             | Self::OutsideLens { line }
             | Self::NoLength { line } => Subject::Line(*line),
             Self::UninformativeEdges { edges, .. } => {

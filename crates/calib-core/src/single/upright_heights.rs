@@ -1,4 +1,4 @@
-//! How high a camera is by each upright alone: where they contradict each other, that tells which.
+//! How high a camera is by each upright alone: where they contradict each other, the wrong one is at an end.
 //!
 //! Under an orientation, the ray of the foot meets the floor at the distance `z |f|` from the point below the camera,
 //! `z` being the camera's height and `f` what the ray moves along the floor while it falls one metre. The ray of the
@@ -9,39 +9,21 @@ use crate::camera::{Camera, Pixel};
 use crate::single::annotation::Annotation;
 use crate::single::constraints::Source;
 
-/// An upright that says another height of the camera than the rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct HeightApart {
-    pub(crate) upright: Source,
-    /// Height of the camera by it, in metres.
-    pub(crate) height: f64,
-    /// Height by the others: the median, in metres.
-    pub(crate) others: f64,
-}
-
-/// The upright that is farthest from the rest, if it is far: the heights that are known otherwise are among these.
-pub(crate) fn height_apart(
-    camera: &Camera,
-    annotations: &[Annotation],
-    known: Option<f64>,
-) -> Option<HeightApart> {
-    /// Ratio of heights beyond which they contradict each other, whatever noise a foot and a head are drawn with.
-    const FAR: f64 = 1.1;
+/// The uprights by which a camera is lowest and highest, each with that height in metres, where these contradict each
+/// other.
+pub(crate) fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
+    /// Ratio of heights that a foot and a head drawn with the usual noise do not reach.
+    const APART: f64 = 1.04;
     let on = annotations.iter().enumerate().filter(|(_, annotation)| !annotation.off);
-    let heights: Vec<(Source, f64)> = on
+    let mut heights: Vec<(Source, f64)> = on
         .filter_map(|(index, annotation)| {
             let height = height_by(camera, annotation)?;
             Some((Source { annotation: index, segment: 0 }, height))
         })
         .collect();
-    let apart = |&(upright, height): &(Source, f64)| {
-        let others = heights.iter().filter(|(other, _)| *other != upright).map(|(_, height)| *height);
-        let others = median(others.chain(known).collect())?;
-        Some(HeightApart { upright, height, others })
-    };
-    let ratio = |apart: &HeightApart| (apart.height / apart.others).ln().abs();
-    let farthest = heights.iter().filter_map(apart).max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
-    farthest.filter(|apart| ratio(apart) > FAR.ln())
+    heights.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (lowest, highest) = (*heights.first()?, *heights.last()?);
+    (highest.1 > APART * lowest.1).then_some([lowest, highest])
 }
 
 /// How high a camera of this orientation is by an upright of known height on the floor.
@@ -56,12 +38,6 @@ fn height_by(camera: &Camera, annotation: &Annotation) -> Option<f64> {
     let forward = (along[0] * u + along[1] * v) / reach;
     let height = upright * forward / (forward + reach * rise);
     (fall < 0.0 && forward > 0.0 && height.is_finite() && height > 0.0).then_some(height)
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len().checked_sub(1)? / 2;
-    Some(if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle] + values[middle + 1]) })
 }
 
 #[cfg(test)]
@@ -95,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn of_three_uprights_the_wrong_one_is_found() {
+    fn uprights_that_contradict_each_other_are_the_lowest_and_the_highest() {
         let camera = Camera {
             position: WorldPoint::new(0.0, 0.0, 3.0),
             yaw: 0.0,
@@ -106,18 +82,16 @@ mod tests {
             covariance: crate::camera::Covariance::EXACT,
         };
         let at = |place, said| upright(&camera, place, 1.75, said);
-        let all: Vec<Annotation> = [at([-1.0, 5.0], 1.75), at([1.0, 6.0], 1.4), at([0.5, 4.5], 1.75)]
+        let mut all: Vec<Annotation> = [at([-1.0, 5.0], 1.75), at([1.0, 6.0], 1.4), at([0.5, 4.5], 1.76)]
             .into_iter()
             .flatten()
             .collect();
         assert_eq!(all.len(), 3, "the camera shows them");
-        let wrong = height_apart(&camera, &all, None);
-        assert!(
-            wrong.is_some_and(|wrong| wrong.upright.annotation == 1 && (wrong.height - 2.4).abs() < 1e-6)
-        );
-        assert!(wrong.is_some_and(|wrong| (wrong.others - 3.0).abs() < 1e-6));
-        assert_eq!(height_apart(&camera, &all[..1], None), None, "nothing to compare it with");
-        assert!(height_apart(&camera, &all[1..2], Some(3.0)).is_some(), "a height that is known");
-        assert_eq!(height_apart(&camera, &[all[0].clone(), all[2].clone()], None), None);
+        let [(wrong, low), (right, high)] = heights_apart(&camera, &all).unwrap();
+        assert_eq!([wrong.annotation, right.annotation], [1, 2]);
+        assert!((low - 2.4).abs() < 1e-6 && (high - 3.0 * 1.76 / 1.75).abs() < 1e-6, "{low} {high}");
+        all[1].off = true;
+        assert_eq!(heights_apart(&camera, &all), None, "what is left agrees");
+        assert_eq!(heights_apart(&camera, &all[..1]), None, "nothing to compare it with");
     }
 }

@@ -6,9 +6,7 @@ use crate::bundle::{CameraEstimate, PlaneEstimate};
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint, Plane};
 use crate::floor::{default_efov, efov_on_plane};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
-use crate::single::{
-    Constraints, HeightApart, InvalidSegment, OPEN_FOCAL, PlanePrior, height_apart, is_inconsistent,
-};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent};
 use crate::site::bounds::At;
 use crate::site::bundle_step::{BundleResult, refine_lenses};
 use crate::site::camera_result::CameraResult;
@@ -289,13 +287,12 @@ fn efov(
     efov.polygon
 }
 
-/// Where residuals are too large, the upright that gives another height than the rest.
+/// Where residuals are too large, the uprights that contradict each other: what is drawn wrong moves heights together
+/// with the orientation, so that its own residual need not be the largest.
 fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) -> Option<Finding> {
     let is_misfit = findings.iter().any(|finding| finding.code() == Code::Misfit);
-    let known = entry.height_m.map(|height| height.value);
-    let HeightApart { upright, height, others } =
-        height_apart(camera, &entry.annotations, known).filter(|_| is_misfit)?;
-    Some(Finding::HeightApart { upright, height, others })
+    let [lowest, highest] = heights_apart(camera, &entry.annotations).filter(|_| is_misfit)?;
+    Some(Finding::HeightsApart { lowest, highest })
 }
 
 /// Whether the lens folds back on itself inside the image.

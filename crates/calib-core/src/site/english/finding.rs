@@ -40,7 +40,7 @@ impl English<'_> {
             F::NoFloor => "The camera sees no floor where its field of view is.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
-            F::HeightApart { upright, height, others } => self.height_apart(*upright, *height, *others),
+            F::HeightsApart { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
             F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
@@ -99,7 +99,7 @@ fn advice(finding: &Finding) -> String {
         F::Weak { scale_rel: Some(scale), next: None, .. }
         | F::Unusable { scale_rel: Some(scale), next: None, .. } => measure_one(*scale),
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
-        F::HeightApart { .. } => HEIGHT_APART.into(),
+        F::HeightsApart { .. } => HEIGHTS_APART.into(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),
         F::PointsOutside { fits_exchanged, is_other_image, .. } => {
             advice_on_points(*fits_exchanged, *is_other_image).into()
@@ -108,7 +108,7 @@ fn advice(finding: &Finding) -> String {
     }
 }
 
-const HEIGHT_APART: &str = "Check its height, its foot and its head: it must stand on the floor. Switch it off to see what the others give.";
+const HEIGHTS_APART: &str = "Check the heights, feet and heads of both: they must stand on the floor. Switch one off to see what the others give.";
 
 const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
 
@@ -170,7 +170,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::Weak { .. }
         | F::Unusable { .. }
         | F::Unchecked { .. }
-        | F::HeightApart { .. }
+        | F::HeightsApart { .. }
         | F::PointsOutside { .. }
         | F::Unused { .. } => "",
     }

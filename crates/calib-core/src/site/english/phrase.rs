@@ -105,9 +105,12 @@ impl English<'_> {
         }
     }
 
-    pub(super) fn height_apart(&self, upright: Source, height: f64, others: f64) -> String {
-        let upright = self.line_of(upright);
-        format!("By {upright} alone the camera is {height:.2} m high, by the others {others:.2} m.")
+    pub(super) fn heights_apart(&self, lowest: (Source, f64), highest: (Source, f64)) -> String {
+        let [(low, lowest), (high, highest)] =
+            [lowest, highest].map(|(line, height)| (self.line_of(line), height));
+        format!(
+            "Uprights contradict each other: the camera is {lowest:.2} m high by {low}, and {highest:.2} m by {high}."
+        )
     }
 
     pub(super) fn too_few(&self, annotation: usize, by: Estimator, [drawn, least]: [usize; 2]) -> String {

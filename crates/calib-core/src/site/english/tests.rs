@@ -60,7 +60,7 @@ fn number(finding: &Finding) -> usize {
         F::ScaleAssumed { .. } => 29,
         F::PointsOutside { is_other_image: false, .. } => 39,
         F::PointsOutside { is_other_image: true, .. } => 40,
-        F::HeightApart { .. } => 41,
+        F::HeightsApart { .. } => 41,
     }
 }
 
@@ -130,7 +130,7 @@ fn of_the_site() -> Vec<(Finding, Subject)> {
         (F::UnusedEvidence { evidence: SharedEvidence::Marks, count: 3 }, Subject::Site),
         (points_outside(false), Subject::Efov),
         (points_outside(true), Subject::Efov),
-        (F::HeightApart { upright: LINE, height: 3.6, others: 2.9 }, Subject::Line(LINE)),
+        (F::HeightsApart { lowest: (LINE, 2.9), highest: (LINE, 3.6) }, Subject::Line(LINE)),
     ]
 }
 
