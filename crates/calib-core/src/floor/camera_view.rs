@@ -195,7 +195,7 @@ impl CameraView {
         status: &mut [u8],
     ) {
         assert!(boxes.len() == status.len(), "columns of one length");
-        each_foot(form, boxes, |range, feet| {
+        form.each_foot(boxes, |range, feet| {
             let floor = [&mut x[range.clone()], &mut y[range.clone()]];
             self.to_floor(height, feet, floor, &mut status[range]);
         });
@@ -214,7 +214,7 @@ impl CameraView {
         [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
         assert!(boxes.len() == pixel.len(), "columns of one length");
-        each_foot(form, boxes, |range, feet| {
+        form.each_foot(boxes, |range, feet| {
             let parts = [&mut pixel[range.clone()], &mut calibration[range]];
             self.covariances(height, feet, sigma, parts);
         });
@@ -385,19 +385,6 @@ impl CameraView {
                 v.iter_mut().for_each(|v| *v = self.map.in_stream(1, *v));
             }
         });
-    }
-}
-
-/// Goes through the feet of boxes, chunk by chunk.
-fn each_foot(form: BoxForm, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
-    let mut feet = [[0.0; CHUNK]; 2];
-    for first in (0..boxes.len()).step_by(CHUNK) {
-        let range = first..boxes.len().min(first + CHUNK);
-        for (i, &one) in boxes[range.clone()].iter().enumerate() {
-            [feet[0][i], feet[1][i]] = form.foot(one);
-        }
-        let feet = [&feet[0][..range.len()], &feet[1][..range.len()]];
-        each(range, feet);
     }
 }
 
