@@ -223,3 +223,13 @@ fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
         assert!(page.contains("<section id=\"shop-2\">") && page.matches("</html>").count() == 1);
     }
 }
+
+#[test]
+fn a_report_without_a_walk_does_not_take_what_is_said_of_one() {
+    let scratch = Scratch::new();
+    for alone in [["--max-error-m", "1"], ["--camera-column", "camera"]] {
+        let args = [&["report", "site.json", "-o", "report.html"], &alone[..]].concat();
+        let run = scratch.calib(&args).expect_code(2);
+        assert!(run.stderr.contains("--walk"), "{alone:?} says nothing without a walk: {}", run.stderr);
+    }
+}

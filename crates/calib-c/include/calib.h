@@ -171,6 +171,38 @@ enum CalibResult calib_site_camera_id(const struct CalibSite *site,
 // `site` is null, or a handle that is not used any more.
 void calib_site_free(struct CalibSite *site);
 
+// Writes the metres that a pixel of the plan is wide; `CALIB_RESULT_REFUSED` where the site has no plan.
+//
+// # Safety
+// `site` is a handle that is not freed meanwhile, and `*metres` can be written.
+enum CalibResult calib_site_plan_metres_per_px(const struct CalibSite *site, double *metres);
+
+// Points of the floor, in metres, to pixels of the plan from its upper left corner, y down.
+//
+// All arrays have `count` values. Arrays that are written to overlap no other. `CALIB_RESULT_REFUSED` where the site has
+// no plan.
+//
+// # Safety
+// `site` is a handle that is not freed meanwhile; `count` values can be read of `x`, `y`, and written of `px`, `py`, and
+// nobody else writes to them meanwhile.
+enum CalibResult calib_site_floor_to_plan(const struct CalibSite *site,
+                                          size_t count,
+                                          const double *x,
+                                          const double *y,
+                                          double *px,
+                                          double *py);
+
+// Pixels of the plan to points of the floor, in metres: the way back of `calib_site_floor_to_plan`.
+//
+// # Safety
+// As for `calib_site_floor_to_plan`.
+enum CalibResult calib_site_plan_to_floor(const struct CalibSite *site,
+                                          size_t count,
+                                          const double *px,
+                                          const double *py,
+                                          double *x,
+                                          double *y);
+
 // The calibrated camera of an id.
 //
 // `at` is a time such as "2026-05-01T08:00:00Z"; needed where a camera that was moved has several periods, null
@@ -194,6 +226,78 @@ enum CalibResult calib_site_camera(const struct CalibSite *site,
 // # Safety
 // `camera` is null, or a handle that is not used any more.
 void calib_camera_free(struct CalibCamera *camera);
+
+// Writes the id of a camera as `calib_site_json` writes its text.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; `size` bytes of `buffer` and `*needed` can be written.
+enum CalibResult calib_camera_id(const struct CalibCamera *camera, char *buffer, size_t size, size_t *needed);
+
+// Width and height of the still that was calibrated, in pixels.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; `*width` and `*height` can be written.
+enum CalibResult calib_camera_size(const struct CalibCamera *camera, uint32_t *width, uint32_t *height);
+
+// x, y and z of the camera, three values, in metres.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; three values of `position` can be written.
+enum CalibResult calib_camera_position(const struct CalibCamera *camera, double *position);
+
+// Yaw, pitch and roll, three values, in degrees: yaw counter-clockwise about the vertical, seen from above, 0 along y;
+// pitch positive looking down; roll positive where the camera is turned clockwise, seen from behind.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; three values of `degrees` can be written.
+enum CalibResult calib_camera_angles(const struct CalibCamera *camera,
+                                     double *degrees);
+
+// Writes 1 into `*known` where something gives the scale of a camera: a height, a length, a distance, control points, or a
+// place on the plan; 0 where nothing does: it is taken to be 3 m high, its metres are right in their proportions alone,
+// and the calibration's part of every covariance is NaN.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; `*known` can be written.
+enum CalibResult calib_camera_scale_known(const struct CalibCamera *camera,
+                                          uint8_t *known);
+
+// The focal in pixels of the stream, one value; `CALIB_RESULT_REFUSED` where the stream is stretched and has no one focal.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; `*focal_px` can be written.
+enum CalibResult calib_camera_focal(const struct CalibCamera *camera,
+                                    double *focal_px);
+
+// K, nine values row by row: points of the camera's axes to undistorted pixels of the stream, as OpenCV takes it where
+// the stream has `CALIB_ORIGIN_CENTRE`; `CALIB_RESULT_REFUSED` where the stream is stretched.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; nine values of `matrix` can be written.
+enum CalibResult calib_camera_matrix(const struct CalibCamera *camera,
+                                     double *matrix);
+
+// The distortion: the name of its model into `*model`, null where there is none, which nobody frees; five coefficients in
+// the order of the model, zeros after its last; and the focal that they are for, in pixels of the stream.
+//
+// "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3), "division" lambda, and "kannala-brandt" k1 to
+// k4. `CALIB_RESULT_REFUSED` where the stream is stretched.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; `*model`, five values of `coefficients` and `*focal_px` can be written.
+enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
+                                         const char **model,
+                                         double *coefficients,
+                                         double *focal_px);
+
+// Covariance of the unknowns, 144 values row by row: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the
+// still) and five coefficients of the distortion; zeros for what was not estimated, infinite variances where nothing is
+// known of the errors, as of z where nothing gives the scale.
+//
+// # Safety
+// `camera` is a handle that is not freed meanwhile; 144 values of `covariance` can be written.
+enum CalibResult calib_camera_covariance(const struct CalibCamera *camera,
+                                         double *covariance);
 
 // Pixels to points of the plane `height_m` metres above the floor.
 //
@@ -233,7 +337,7 @@ enum CalibResult calib_camera_boxes_to_floor(const struct CalibCamera *camera,
 // `pixel` and `calibration` get four values for each of `count` pixels: the covariances xx, xy, yx, yy in square
 // metres. The pixel's part is independent from detection to detection; the calibration's is common to all of a
 // camera, so that a filter must not average it away. NaN where there is no point, and in `calibration` where
-// nothing is known of its errors.
+// nothing is known of its errors, or nothing gives its scale (`calib_camera_scale_known`).
 //
 // # Safety
 // `camera` is a handle that is not freed meanwhile; `count` values can be read of `u`, `v`, and four times as many
@@ -246,6 +350,36 @@ enum CalibResult calib_camera_floor_covariance(const struct CalibCamera *camera,
                                                const double *v,
                                                double *pixel,
                                                double *calibration);
+
+// How uncertain the points are on which the contents of boxes stand, for a standard deviation of `sigma_px` pixels of
+// each coordinate of the middle of their lower edges.
+//
+// `form` and `boxes` are as for `calib_camera_boxes_to_floor`, the others as for `calib_camera_floor_covariance`.
+//
+// # Safety
+// As for `calib_camera_floor_covariance`; four times `count` values can be read of `boxes`.
+enum CalibResult calib_camera_boxes_covariance(const struct CalibCamera *camera,
+                                               double height_m,
+                                               double sigma_px,
+                                               uint32_t form,
+                                               size_t count,
+                                               const double *boxes,
+                                               double *pixel,
+                                               double *calibration);
+
+// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the errors
+// of the calibration: their covariance is `calib_camera_covariance`.
+//
+// `jacobian` gets twenty-four values for each of `count` pixels: twelve of x, then twelve of y, in metres per unit of the
+// unknown; NaN where there is no floor point.
+//
+// # Safety
+// As for `calib_camera_to_floor`; twenty-four times `count` values can be written of `jacobian`.
+enum CalibResult calib_camera_floor_jacobian(const struct CalibCamera *camera,
+                                             size_t count,
+                                             const double *u,
+                                             const double *v,
+                                             double *jacobian);
 
 // Points of space, in metres, to pixels.
 //

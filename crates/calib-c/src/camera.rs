@@ -10,7 +10,10 @@ use crate::words;
 
 /// A calibrated camera. Any number of threads may use it at once.
 #[derive(Debug)]
-pub struct CalibCamera(pub(crate) CameraView);
+pub struct CalibCamera {
+    id: String,
+    pub(crate) view: CameraView,
+}
 
 /// The stream that pixels are of; all zeros are the still that was calibrated.
 #[repr(C)]
@@ -27,6 +30,12 @@ pub struct CalibStream {
     /// What the stream shows of the still: left, top, width and height, in pixels of the still; four zeros for
     /// all of it.
     pub crop: [f64; 4],
+}
+
+impl CalibCamera {
+    pub(crate) fn id(&self) -> &str {
+        &self.id
+    }
 }
 
 impl CalibStream {
@@ -82,7 +91,7 @@ pub unsafe extern "C" fn calib_site_camera(
         let view = site.view(id, at, stream.read()?);
         let view = view.map_err(|why| Fault::refused(format_args!("camera {id:?}: {why}")))?;
         // SAFETY: the caller says that it can be written.
-        unsafe { give_handle(camera, CalibCamera(view)) }
+        unsafe { give_handle(camera, CalibCamera { id: id.to_owned(), view }) }
     };
     // SAFETY: the caller says that so many bytes can be written.
     unsafe { told(error, error_size, work) }

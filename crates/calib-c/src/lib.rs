@@ -7,14 +7,22 @@
 mod raw;
 mod words;
 mod site;
+mod plan;
 mod camera;
+mod about;
 mod mapping;
 
+pub use about::{
+    calib_camera_angles, calib_camera_covariance, calib_camera_distortion, calib_camera_focal,
+    calib_camera_id, calib_camera_matrix, calib_camera_position, calib_camera_scale_known, calib_camera_size,
+};
 pub use camera::{CalibCamera, CalibStream, calib_camera_free, calib_site_camera};
 pub use mapping::{
-    calib_camera_boxes_to_floor, calib_camera_floor_covariance, calib_camera_rays, calib_camera_to_floor,
-    calib_camera_to_pixel, calib_camera_undistort,
+    calib_camera_boxes_covariance, calib_camera_boxes_to_floor, calib_camera_floor_covariance,
+    calib_camera_floor_jacobian, calib_camera_rays, calib_camera_to_floor, calib_camera_to_pixel,
+    calib_camera_undistort,
 };
+pub use plan::{calib_site_floor_to_plan, calib_site_plan_metres_per_px, calib_site_plan_to_floor};
 pub use raw::CalibResult;
 pub use site::{
     CalibSite, calib_site_calibrate, calib_site_camera_count, calib_site_camera_id, calib_site_free,

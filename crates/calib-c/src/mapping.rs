@@ -1,6 +1,6 @@
 //! What a camera maps: arrays of pixels and points.
 
-use calib_core::BoxForm;
+use calib_core::{BoxForm, Covariance};
 
 use crate::camera::CalibCamera;
 use crate::raw::{CalibResult, Fault, apart, bytes, guarded, handle, places, values};
@@ -29,7 +29,7 @@ pub unsafe extern "C" fn calib_camera_to_floor(
         let written = [bytes(x, count), bytes(y, count), bytes(status, count)];
         apart(&written, &[bytes(u, count), bytes(v, count)])?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let pixels = unsafe { [values(u, count)?, values(v, count)?] };
         // SAFETY: the caller says that they can be written, and they are apart.
@@ -67,7 +67,7 @@ pub unsafe extern "C" fn calib_camera_boxes_to_floor(
         let written = [bytes(x, count), bytes(y, count), bytes(status, count)];
         apart(&written, &[bytes(boxes, numbers)])?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let boxes = unsafe { values(boxes, numbers)? };
         // SAFETY: the caller says that they can be written, and they are apart.
@@ -91,7 +91,7 @@ fn box_form(form: u32) -> Result<BoxForm, Fault> {
 /// `pixel` and `calibration` get four values for each of `count` pixels: the covariances xx, xy, yx, yy in square
 /// metres. The pixel's part is independent from detection to detection; the calibration's is common to all of a
 /// camera, so that a filter must not average it away. NaN where there is no point, and in `calibration` where
-/// nothing is known of its errors.
+/// nothing is known of its errors, or nothing gives its scale (`calib_camera_scale_known`).
 ///
 /// # Safety
 /// `camera` is a handle that is not freed meanwhile; `count` values can be read of `u`, `v`, and four times as many
@@ -112,16 +112,83 @@ pub unsafe extern "C" fn calib_camera_floor_covariance(
         let read = [bytes(u, count), bytes(v, count)];
         apart(&[bytes(pixel, numbers), bytes(calibration, numbers)], &read)?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let pixels = unsafe { [values(u, count)?, values(v, count)?] };
         // SAFETY: the caller says that they can be written, and they are apart.
         let (pixel, calibration) = unsafe { (places(pixel, numbers)?, places(calibration, numbers)?) };
-        if !(sigma_px.is_finite() && sigma_px >= 0.0) {
-            return Err(CalibResult::Refused.into());
-        }
         let parts = [pixel, calibration].map(|part| part.as_chunks_mut().0);
-        view.covariances(finite(height_m)?, pixels, sigma_px, parts);
+        view.covariances(finite(height_m)?, pixels, not_negative(sigma_px)?, parts);
+        Ok(())
+    })
+}
+
+/// How uncertain the points are on which the contents of boxes stand, for a standard deviation of `sigma_px` pixels of
+/// each coordinate of the middle of their lower edges.
+///
+/// `form` and `boxes` are as for `calib_camera_boxes_to_floor`, the others as for `calib_camera_floor_covariance`.
+///
+/// # Safety
+/// As for `calib_camera_floor_covariance`; four times `count` values can be read of `boxes`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn calib_camera_boxes_covariance(
+    camera: *const CalibCamera,
+    height_m: f64,
+    sigma_px: f64,
+    form: u32,
+    count: usize,
+    boxes: *const f64,
+    pixel: *mut f64,
+    calibration: *mut f64,
+) -> CalibResult {
+    guarded(|| {
+        let form = box_form(form)?;
+        let numbers = count.checked_mul(4).ok_or(CalibResult::Refused)?;
+        apart(&[bytes(pixel, numbers), bytes(calibration, numbers)], &[bytes(boxes, numbers)])?;
+        // SAFETY: the caller says that it is a handle.
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
+        // SAFETY: the caller says that they can be read.
+        let boxes = unsafe { values(boxes, numbers)? };
+        // SAFETY: the caller says that they can be written, and they are apart.
+        let (pixel, calibration) = unsafe { (places(pixel, numbers)?, places(calibration, numbers)?) };
+        let parts = [pixel, calibration].map(|part| part.as_chunks_mut().0);
+        let boxes = (form, boxes.as_chunks().0);
+        view.boxes_covariances(finite(height_m)?, boxes, not_negative(sigma_px)?, parts);
+        Ok(())
+    })
+}
+
+fn not_negative(value: f64) -> Result<f64, Fault> {
+    if value.is_finite() && value >= 0.0 { Ok(value) } else { Err(CalibResult::Refused.into()) }
+}
+
+/// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the errors
+/// of the calibration: their covariance is `calib_camera_covariance`.
+///
+/// `jacobian` gets twenty-four values for each of `count` pixels: twelve of x, then twelve of y, in metres per unit of the
+/// unknown; NaN where there is no floor point.
+///
+/// # Safety
+/// As for `calib_camera_to_floor`; twenty-four times `count` values can be written of `jacobian`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn calib_camera_floor_jacobian(
+    camera: *const CalibCamera,
+    count: usize,
+    u: *const f64,
+    v: *const f64,
+    jacobian: *mut f64,
+) -> CalibResult {
+    guarded(|| {
+        let numbers = count.checked_mul(2 * Covariance::SIZE).ok_or(CalibResult::Refused)?;
+        apart(&[bytes(jacobian, numbers)], &[bytes(u, count), bytes(v, count)])?;
+        // SAFETY: the caller says that it is a handle.
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
+        // SAFETY: the caller says that they can be read.
+        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
+        // SAFETY: the caller says that they can be written, and they are apart.
+        let jacobian = unsafe { places(jacobian, numbers)? };
+        let rows = jacobian.as_chunks_mut::<{ Covariance::SIZE }>().0.as_chunks_mut::<2>().0;
+        view.floor_jacobians(pixels, rows);
         Ok(())
     })
 }
@@ -148,7 +215,7 @@ pub unsafe extern "C" fn calib_camera_to_pixel(
         let read = [bytes(x, count), bytes(y, count), bytes(z, count)];
         apart(&[bytes(u, count), bytes(v, count), bytes(status, count)], &read)?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let points = unsafe { [values(x, count)?, values(y, count)?, values(z, count)?] };
         // SAFETY: the caller says that they can be written, and they are apart.
@@ -175,7 +242,7 @@ pub unsafe extern "C" fn calib_camera_rays(
         let numbers = count.checked_mul(3).ok_or(CalibResult::Refused)?;
         apart(&[bytes(directions, numbers)], &[bytes(u, count), bytes(v, count)])?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let pixels = unsafe { [values(u, count)?, values(v, count)?] };
         // SAFETY: the caller says that they can be written, and they are apart.
@@ -202,7 +269,7 @@ pub unsafe extern "C" fn calib_camera_undistort(
     guarded(|| {
         apart(&[bytes(to_u, count), bytes(to_v, count)], &[bytes(u, count), bytes(v, count)])?;
         // SAFETY: the caller says that it is a handle.
-        let CalibCamera(view) = unsafe { handle(camera)? };
+        let CalibCamera { view, .. } = unsafe { handle(camera)? };
         // SAFETY: the caller says that they can be read.
         let pixels = unsafe { [values(u, count)?, values(v, count)?] };
         // SAFETY: the caller says that they can be written, and they are apart.

@@ -46,10 +46,93 @@ static void mapping(const CalibCamera *camera)
     EXPECT(calib_camera_to_pixel(camera, 4, x, y, u, v, four, status) == CALIB_RESULT_OK);
 }
 
+static void getters(const CalibCamera *camera)
+{
+    char id[16];
+    const char *model = "";
+    size_t needed = 0;
+    uint32_t width = 0, height = 0;
+    uint8_t known = 7;
+    double position[3], degrees[3], focal = 0, matrix[9], coefficients[5], lens_focal = 0, covariance[144];
+    EXPECT(calib_camera_id(camera, id, 3, &needed) == CALIB_RESULT_SHORT && needed == strlen("camera-2") + 1);
+    EXPECT(calib_camera_id(camera, id, sizeof id, NULL) == CALIB_RESULT_OK && strcmp(id, "camera-2") == 0);
+    EXPECT(calib_camera_size(camera, &width, &height) == CALIB_RESULT_OK && width == 1920 && height == 1080);
+    EXPECT(calib_camera_position(camera, position) == CALIB_RESULT_OK && position[2] > 1.0 && position[2] < 10.0);
+    EXPECT(calib_camera_angles(camera, degrees) == CALIB_RESULT_OK && fabs(degrees[1]) < 90.0);
+    EXPECT(calib_camera_scale_known(camera, &known) == CALIB_RESULT_OK && known == 1);
+    EXPECT(calib_camera_focal(camera, &focal) == CALIB_RESULT_OK && focal > 100.0);
+    EXPECT(calib_camera_matrix(camera, matrix) == CALIB_RESULT_OK && matrix[8] == 1.0);
+    EXPECT(fabs(matrix[0] - focal) < 1e-9 && fabs(matrix[4] - focal) < 1e-9 && matrix[1] == 0.0);
+    EXPECT(calib_camera_distortion(camera, &model, coefficients, &lens_focal) == CALIB_RESULT_OK);
+    EXPECT(model == NULL || strlen(model) > 0);
+    EXPECT(calib_camera_covariance(camera, covariance) == CALIB_RESULT_OK && covariance[1] == covariance[12]);
+    EXPECT(calib_camera_size(camera, NULL, &height) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_position(NULL, position) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_position(camera, NULL) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_angles(camera, NULL) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_scale_known(camera, NULL) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_focal(camera, NULL) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_matrix(camera, NULL) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_distortion(camera, NULL, coefficients, &lens_focal) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_distortion(camera, &model, NULL, &lens_focal) == CALIB_RESULT_NULL);
+    EXPECT(calib_camera_covariance(camera, NULL) == CALIB_RESULT_NULL);
+}
+
+/* J C J^T is the calibration's part of the covariance; a box stands where its foot does. */
+static void covariances(const CalibCamera *camera)
+{
+    const double u[1] = {960}, v[1] = {1000}, boxes[4] = {900, 600, 1020, 1000};
+    double jacobian[24], covariance[144], pixel[4], calibration[4], box_pixel[4], box_calibration[4];
+    EXPECT(calib_camera_floor_jacobian(camera, 1, u, v, jacobian) == CALIB_RESULT_OK);
+    EXPECT(calib_camera_covariance(camera, covariance) == CALIB_RESULT_OK);
+    EXPECT(calib_camera_floor_covariance(camera, 0.0, 1.5, 1, u, v, pixel, calibration) == CALIB_RESULT_OK);
+    EXPECT(calib_camera_boxes_covariance(camera, 0.0, 1.5, CALIB_BOX_CORNERS, 1, boxes, box_pixel, box_calibration) ==
+           CALIB_RESULT_OK);
+    EXPECT(memcmp(pixel, box_pixel, sizeof pixel) == 0);
+    EXPECT(memcmp(calibration, box_calibration, sizeof calibration) == 0);
+    for (int row = 0; row < 2; row++) {
+        for (int column = 0; column < 2; column++) {
+            double sum = 0.0;
+            for (int a = 0; a < 12; a++) {
+                for (int b = 0; b < 12; b++) {
+                    sum += jacobian[12 * row + a] * covariance[12 * a + b] * jacobian[12 * column + b];
+                }
+            }
+            EXPECT(calibration[3] > 0.0 && fabs(sum - calibration[2 * row + column]) < 1e-9 * calibration[3]);
+        }
+    }
+    EXPECT(calib_camera_boxes_covariance(camera, 0.0, -1.0, CALIB_BOX_CORNERS, 1, boxes, pixel, calibration) ==
+           CALIB_RESULT_REFUSED);
+    EXPECT(calib_camera_boxes_covariance(camera, 0.0, 1.0, 9, 1, boxes, pixel, calibration) == CALIB_RESULT_REFUSED);
+}
+
+static void plan(const CalibSite *without)
+{
+    static const char TEXT[] = "{\"format\": \"calib-site\", \"version\": 1, \"plan\": {\"metres_per_px\": 0.02, "
+                               "\"origin_px\": [10, 500]}}";
+    CalibSite *site = NULL;
+    double metres = 0.0, x[2] = {0, 3}, y[2] = {0, 4}, px[2], py[2], back_x[2], back_y[2];
+    EXPECT(calib_site_parse(TEXT, sizeof TEXT - 1, &site, NULL, 0) == CALIB_RESULT_OK);
+    EXPECT(calib_site_plan_metres_per_px(site, &metres) == CALIB_RESULT_OK && metres == 0.02);
+    EXPECT(calib_site_floor_to_plan(site, 2, x, y, px, py) == CALIB_RESULT_OK);
+    EXPECT(px[0] == 10.0 && py[0] == 500.0 && fabs(hypot(px[1] - px[0], py[1] - py[0]) - 250.0) < 1e-9);
+    EXPECT(calib_site_plan_to_floor(site, 2, px, py, back_x, back_y) == CALIB_RESULT_OK);
+    EXPECT(fabs(back_x[1] - 3.0) < 1e-12 && fabs(back_y[1] - 4.0) < 1e-12);
+    EXPECT(calib_site_floor_to_plan(site, 2, x, y, x, py) == CALIB_RESULT_OVERLAP);
+    EXPECT(calib_site_floor_to_plan(site, 2, x, NULL, px, py) == CALIB_RESULT_NULL);
+    EXPECT(calib_site_plan_to_floor(NULL, 2, px, py, x, y) == CALIB_RESULT_NULL);
+    EXPECT(calib_site_plan_metres_per_px(site, NULL) == CALIB_RESULT_NULL);
+    calib_site_free(site);
+    EXPECT(calib_site_plan_metres_per_px(without, &metres) == CALIB_RESULT_REFUSED);
+    EXPECT(calib_site_floor_to_plan(without, 2, x, y, px, py) == CALIB_RESULT_REFUSED);
+}
+
 /* Every function that maps, by how many pointers it takes; the last may be to bytes. */
 static const struct {
     int pointers, bytes;
-} FUNCTIONS[] = {{5, 1}, {4, 1}, {4, 0}, {6, 1}, {3, 0}, {4, 0}};
+} FUNCTIONS[] = {{5, 1}, {4, 1}, {4, 0}, {6, 1}, {3, 0}, {3, 0}, {3, 0}, {4, 0}};
+
+enum { FUNCTION_COUNT = sizeof FUNCTIONS / sizeof *FUNCTIONS };
 
 static CalibResult call(int function, const CalibCamera *camera, size_t n, void *const p[6])
 {
@@ -59,15 +142,17 @@ static CalibResult call(int function, const CalibCamera *camera, size_t n, void 
     case 2: return calib_camera_floor_covariance(camera, 0.0, 1.0, n, p[0], p[1], p[2], p[3]);
     case 3: return calib_camera_to_pixel(camera, n, p[0], p[1], p[2], p[3], p[4], p[5]);
     case 4: return calib_camera_rays(camera, n, p[0], p[1], p[2]);
+    case 5: return calib_camera_floor_jacobian(camera, n, p[0], p[1], p[2]);
+    case 6: return calib_camera_boxes_covariance(camera, 0.0, 1.0, CALIB_BOX_CORNERS, n, p[0], p[1], p[2]);
     default: return calib_camera_undistort(camera, n, p[0], p[1], p[2], p[3]);
     }
 }
 
 static void pointers(const CalibCamera *camera)
 {
-    static double places[6][16], spare[16];
+    static double places[6][4 * 24], spare[4 * 24];
     unsigned char *odd = (unsigned char *)spare + 1;
-    for (int function = 0; function < 6; function++) {
+    for (int function = 0; function < FUNCTION_COUNT; function++) {
         void *good[6], *bad[6];
         const int count = FUNCTIONS[function].pointers;
         for (int i = 0; i < count; i++) {
@@ -96,7 +181,7 @@ static void pointers(const CalibCamera *camera)
 /* Any bits are numbers, and any count that there is room for is one. */
 static void any_numbers(const CalibCamera *camera)
 {
-    static double places[6][16];
+    static double places[6][4 * 24];
     void *all[6];
     uint64_t state = 88172645463325252u;
     for (int i = 0; i < 6; i++) {
@@ -109,7 +194,7 @@ static void any_numbers(const CalibCamera *camera)
             const double usual = (double)(state % 4000) - 1000.0;
             memcpy(&places[i / 16][i % 16], state >> 63 ? (const void *)&usual : (const void *)&state, sizeof usual);
         }
-        EXPECT(call(round % 6, camera, state % 5, all) == CALIB_RESULT_OK);
+        EXPECT(call(round % FUNCTION_COUNT, camera, state % 5, all) == CALIB_RESULT_OK);
     }
 }
 
@@ -158,8 +243,11 @@ int main(void)
     EXPECT(calib_site_calibrate(site, &solved) == CALIB_RESULT_OK);
     calib_site_free(solved);
     EXPECT(calib_site_camera(site, "camera-2", NULL, NULL, &camera, error, sizeof error) == CALIB_RESULT_OK);
+    plan(site);
     calib_site_free(site);
     mapping(camera);
+    getters(camera);
+    covariances(camera);
     pointers(camera);
     any_numbers(camera);
     calib_camera_free(camera);

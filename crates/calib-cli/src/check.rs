@@ -238,11 +238,11 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
     }
 }
 
-/// The findings of its solution that fail a check, and those that a pose shows by itself: a camera that was
-/// imported has no others.
+/// The findings of its solution that fail a check, and those that a pose and where things are drawn show by
+/// themselves: a camera that was imported has no others.
 fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution) -> Vec<Fault> {
     let mut warnings: Vec<Warning> = solution.warnings.clone();
-    for finding in camera.pose_findings() {
+    for finding in camera.pose_findings().into_iter().chain(site.points_outside(camera)) {
         if warnings.iter().all(|warning| warning.code != finding.code()) {
             warnings.push(site.in_english(Some(index), &finding, Names::InFile));
         }

@@ -50,7 +50,7 @@ mod words;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{CommandFactory as _, Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::stop::Stop;
 
@@ -105,8 +105,16 @@ enum Command {
     },
 }
 
+/// What the command line asks for; ends where that is nothing, or not understood.
+fn parsed() -> Cli {
+    let command = Cli::command();
+    #[cfg(feature = "archives")]
+    let command = command.mut_subcommand("report", |report| report.mut_args(walk::goes_with_a_walk));
+    Cli::from_arg_matches_mut(&mut command.get_matches()).unwrap_or_else(|error| error.exit())
+}
+
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let result = match parsed().command {
         Command::Demo(args) => demo::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Propose(args) => propose::run(&args),

@@ -35,10 +35,8 @@ impl SiteFile {
             calib_input::read(Path::new(path), most).map_err(|why| Stop::invalid(path, pipe_advice(why)))?
         };
         let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-        let text = String::from_utf8(bytes)
-            .map_err(|_| Stop::invalid(path, "not text; a site file (JSON) is expected here"))?;
-        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-        let site = Site::from_json(text).map_err(|error| Stop::invalid(path, error))?;
+        let text = calib_input::document(bytes).map_err(|why| Stop::invalid(path, why))?;
+        let site = Site::from_json(&text).map_err(|error| Stop::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
         Ok(Self { site, path: path.to_owned(), folder, allows_outside: false, sha256 })
     }

@@ -29,9 +29,17 @@ pub(crate) struct Args {
     format: Format,
 }
 
+/// Over what is said of the walk that a report takes in.
+const HEADING: &str = "The walk that the page takes in";
+
+/// An argument of a report; what is said of the walk wants one.
+pub(crate) fn goes_with_a_walk(arg: clap::Arg) -> clap::Arg {
+    if arg.get_help_heading() == Some(HEADING) && arg.get_id() != "walk" { arg.requires("walk") } else { arg }
+}
+
 /// A walk that a report takes in.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "The walk that the page takes in")]
+#[command(next_help_heading = HEADING)]
 pub(crate) struct WalkedArgs {
     /// Table of detections of one person who walked through the site, judged as by `calib walk`; - is stdin
     #[arg(long, value_name = "FILE")]

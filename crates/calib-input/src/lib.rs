@@ -5,6 +5,7 @@
 //! end, and six hundred bytes can promise a picture of four thousand million pixels.
 
 mod clock;
+mod document;
 mod file;
 mod jpeg;
 mod memory;
@@ -14,6 +15,7 @@ mod part;
 mod relative;
 mod still;
 
+pub use document::{NotADocument, document};
 pub use file::{FileError, read, read_from};
 pub use memory::{OutOfMemory, room_for};
 pub use named::time_in_name;

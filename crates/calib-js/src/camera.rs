@@ -139,6 +139,15 @@ impl Camera {
         tuple(&[position.x, position.y, position.z]).unchecked_into()
     }
 
+    /// Whether something gives the scale: a height, a length, a distance, control points, or a place on the plan. Where
+    /// nothing does, the camera is taken to be 3 m high: its metres are right in their proportions alone, and the
+    /// calibration's part of `floorCovariance` is NaN.
+    #[wasm_bindgen(getter, js_name = scaleKnown)]
+    #[must_use]
+    pub fn scale_known(&self) -> bool {
+        self.view.scale_is_known()
+    }
+
     /// Counter-clockwise about the vertical, seen from above, in degrees; 0 looks along y.
     #[wasm_bindgen(getter, js_name = yawDeg)]
     #[must_use]
@@ -233,7 +242,7 @@ impl Camera {
 
     /// Covariance of the unknowns, twelve rows of twelve: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels
     /// of the still) and the coefficients of the distortion in the order of their model; zeros for what was not
-    /// estimated, infinite variances where nothing is known of the errors.
+    /// estimated, infinite variances where nothing is known of the errors, as of z where `scaleKnown` is false.
     #[wasm_bindgen(getter)]
     #[must_use]
     pub fn covariance(&self) -> Rows {

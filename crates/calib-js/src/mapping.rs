@@ -64,6 +64,22 @@ fn columns<T: JsCast>(names: [&str; 2], values: [&[f64]; 2], status: &[u8]) -> T
     object(&[(names[0], doubles(values[0])), (names[1], doubles(values[1])), ("status", status)])
 }
 
+/// Boxes of a form, four numbers each.
+fn boxes_of<'a>(form: &str, boxes: &'a [f64]) -> Result<(BoxForm, &'a [[f64; 4]]), JsError> {
+    let form = BoxForm::of_name(form)
+        .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
+    match boxes.as_chunks() {
+        (boxes, []) => Ok((form, boxes)),
+        _ => Err(JsError::new("boxes: four numbers each are expected")),
+    }
+}
+
+/// Both parts of covariances under their names.
+fn covariance_columns(parts: [Vec<[f64; 4]>; 2]) -> CovarianceColumns {
+    let [pixel, calibration] = parts.map(|part| doubles(part.as_flattened()));
+    object(&[("pixel", pixel), ("calibration", calibration)])
+}
+
 #[wasm_bindgen]
 impl Camera {
     /// Pixels to points of the plane `height` metres above the floor (0 if it is not given).
@@ -92,11 +108,7 @@ impl Camera {
         form: &str,
         height: Option<f64>,
     ) -> Result<FloorColumns, JsError> {
-        let form = BoxForm::of_name(form)
-            .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
-        let (boxes, []) = boxes.as_chunks::<4>() else {
-            return Err(JsError::new("boxes: four numbers each are expected"));
-        };
+        let (form, boxes) = boxes_of(form, boxes)?;
         let count = boxes.len();
         let (mut x, mut y, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
         let height = finite("height", height.unwrap_or(0.0))?;
@@ -105,7 +117,8 @@ impl Camera {
     }
 
     /// How uncertain the points are that pixels show, for a standard deviation of `sigmaPx` pixels (1 if it is not
-    /// given) of the stream; NaN where there is no point, or nobody knows.
+    /// given) of the stream; NaN where there is no point, or nobody knows, as of the calibration's part where `scaleKnown` is
+    /// false.
     ///
     /// # Errors
     /// Throws when the columns are not of one length.
@@ -122,8 +135,28 @@ impl Camera {
         let (mut pixel, mut calibration) = (vec![[0.0; 4]; count], vec![[0.0; 4]; count]);
         let height = finite("height", height.unwrap_or(0.0))?;
         self.view.covariances(height, [u, v], sigma, [&mut pixel, &mut calibration]);
-        let [pixel, calibration] = [pixel, calibration].map(|part| doubles(part.as_flattened()));
-        Ok(object(&[("pixel", pixel), ("calibration", calibration)]))
+        Ok(covariance_columns([pixel, calibration]))
+    }
+
+    /// How uncertain the points are on which the contents of boxes stand, for a standard deviation of `sigmaPx` pixels (1 if
+    /// it is not given) of each coordinate of the middle of their lower edges.
+    ///
+    /// # Errors
+    /// Throws as `boxesToFloor` does.
+    #[wasm_bindgen(js_name = boxesCovariance)]
+    pub fn boxes_covariance(
+        &self,
+        boxes: &[f64],
+        form: &str,
+        #[wasm_bindgen(js_name = sigmaPx)] sigma_px: Option<f64>,
+        height: Option<f64>,
+    ) -> Result<CovarianceColumns, JsError> {
+        let (form, boxes) = boxes_of(form, boxes)?;
+        let sigma = finite("sigmaPx", sigma_px.unwrap_or(1.0))?;
+        let height = finite("height", height.unwrap_or(0.0))?;
+        let (mut pixel, mut calibration) = (vec![[0.0; 4]; boxes.len()], vec![[0.0; 4]; boxes.len()]);
+        self.view.boxes_covariances(height, (form, boxes), sigma, [&mut pixel, &mut calibration]);
+        Ok(covariance_columns([pixel, calibration]))
     }
 
     /// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the

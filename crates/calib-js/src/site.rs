@@ -83,6 +83,13 @@ impl Site {
         each(points, |[x, y]| plan.plan_from_floor(Point { x, y }).into())
     }
 
+    /// Metres that a pixel of the plan is wide; `undefined` where the site has no plan.
+    #[wasm_bindgen(getter, js_name = planMetresPerPx)]
+    #[must_use]
+    pub fn plan_metres_per_px(&self) -> Option<f64> {
+        self.0.plan.as_ref().map(|plan| plan.metres_per_px)
+    }
+
     /// Pixels of the plan to points of the floor: x, y, x, y and so on.
     ///
     /// # Errors

@@ -56,6 +56,10 @@ function matrices(camera: Calib.Camera): void {
   const both = product(product(rows, camera.covariance), transposed);
   const { calibration } = camera.floorCovariance(a, b);
   near(both.flat().map((value, i) => value / calibration[i]), [1, 1, 1, 1], 1e-6);
+  assert.equal(camera.scaleKnown, true);
+  const box = Float64Array.of(a[0] - 20, b[0] - 300, a[0] + 20, b[0]);
+  assert.deepEqual(camera.boxesCovariance(box, "xyxy", 1.5), camera.floorCovariance(a, b, 1.5));
+  assert.throws(() => camera.boxesCovariance(box.subarray(1), "xyxy"), /four numbers/);
 }
 
 /** A camera of a stream is the same camera. */
@@ -117,5 +121,6 @@ function plan(site: Calib.Site, document: { plan?: { metres_per_px: number } }):
   const pixels = site.floorToPlan(Float64Array.of(0, 0, 3, 4));
   near([Math.hypot(pixels[2] - pixels[0], pixels[3] - pixels[1])], [5 / document.plan.metres_per_px], 1e-6);
   near([...site.planToFloor(pixels)], [0, 0, 3, 4], 1e-9);
+  assert.equal(site.planMetresPerPx, document.plan.metres_per_px);
   assert.throws(() => site.floorToPlan(Float64Array.of(1)), /even/);
 }

@@ -30,6 +30,36 @@ pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
     Err(refused(py, None, name, format_args!("found {value}, expected a finite number")))
 }
 
+/// One finite number; `otherwise` where nothing is said.
+pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64) -> PyResult<f64> {
+    let Some(value) = value else { return Ok(otherwise) };
+    let number = value.extract::<f64>().map_err(|_| {
+        let found = match value.getattr("shape").and_then(|shape| shape.str()) {
+            Ok(shape) => format!("an array of the shape {}", shape.to_string_lossy()),
+            Err(_) => {
+                value.repr().map_or_else(|_| "something else".into(), |text| short(&text.to_string_lossy()))
+            }
+        };
+        refused(value.py(), None, name, format_args!("found {found}, expected one number"))
+    })?;
+    finite(value.py(), name, number)
+}
+
+/// At most so much of what somebody gave as a line of a message holds.
+fn short(text: &str) -> String {
+    const MOST: usize = 60;
+    let short: String = text.chars().take(MOST).collect();
+    if short.len() < text.len() { format!("{short}...") } else { short }
+}
+
+/// A shape as NumPy writes it.
+pub(crate) fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [one] => format!("({one},)"),
+        sides => format!("({})", sides.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
 /// What can be read as an array of numbers, whatever its type, strides, and byte order; no copy where it
 /// is one of doubles, row by row.
 pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Doubles<'py>> {
@@ -39,6 +69,9 @@ pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Do
         return Ok(array.clone());
     }
     let py = value.py();
+    if value.is_none() {
+        return Err(refused(py, None, name, "found None, expected an array of numbers"));
+    }
     let numpy = py.import("numpy")?;
     let array = match masked(value)? {
         Some(filled) => filled,
@@ -90,7 +123,7 @@ pub(crate) fn columns<'py, const N: usize>(
 
 fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'py>>> {
     let py = arrays[0].py();
-    let shapes = arrays.iter().map(|array| format!("{:?}", array.shape())).collect::<Vec<_>>().join(", ");
+    let shapes = arrays.iter().map(|array| shape_text(array.shape())).collect::<Vec<_>>().join(" and ");
     let why = |_| refused(py, None, names, format_args!("arrays of the shapes {shapes} do not go together"));
     let numpy = py.import("numpy")?;
     let together = numpy.call_method1("broadcast_arrays", PyTuple::new(py, arrays)?).map_err(why)?;
@@ -134,7 +167,8 @@ pub(crate) fn output<'py, T: numpy::Element>(
     match value.cast::<PyArrayDyn<T>>() {
         Ok(array) if fits(array) => Ok(array.clone()),
         _ => {
-            let expected = format!("expected contiguous arrays of {kind} with the shape {shape:?}");
+            let expected =
+                format!("expected contiguous arrays of {kind} with the shape {}", shape_text(shape));
             Err(refused(value.py(), None, "out", expected))
         }
     }

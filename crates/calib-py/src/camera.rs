@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use calib_core::{CameraView, Pixel, Site, SiteCamera, Solution};
+use calib_core::{CameraView, Code, Pixel, Site, SiteCamera, SiteSolution, Solution};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -63,19 +63,21 @@ impl Camera {
 /// How a camera is made again: by what, and from what.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
-/// A site of this camera alone, without what it was solved from.
+/// A site of this camera alone, without what it was solved from, but with whether its scale is known.
 fn alone(site: &Site, entry: &SiteCamera) -> String {
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
     camera.efov_px.clone_from(&entry.efov_px);
     camera.efov_plane.clone_from(&entry.efov_plane);
     camera.solution = entry.solution.as_ref().map(|solution| Solution {
         residuals: Vec::new(),
-        warnings: Vec::new(),
+        warnings: solution.warnings.iter().filter(|said| said.code == Code::ScaleAssumed).cloned().collect(),
         draw_next: None,
         ..solution.clone()
     });
+    let scale = site.solution.as_ref().and_then(|solution| solution.scale);
+    let solution = scale.map(|scale| SiteSolution { scale: Some(scale), ..SiteSolution::default() });
     let (planes, scene) = (site.planes.clone(), site.scene);
-    Site { cameras: vec![camera], planes, scene, ..Site::new() }.to_json()
+    Site { cameras: vec![camera], planes, scene, solution, ..Site::new() }.to_json()
 }
 
 #[pymethods]
@@ -86,6 +88,9 @@ impl Camera {
     ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
     ///         or "all-pixels" (every pixel of the image, blank beyond).
     ///     origin, stream_size, fit, crop: of which images, as the class says.
+    ///
+    /// Returns:
+    ///     An `Undistorter`, called with uint8 arrays of the shape (height, width), or with 3 or 4 colours.
     #[pyo3(
         signature = (view="same-focal", **stream),
         text_signature = "($self, view='same-focal', *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -96,7 +101,7 @@ impl Camera {
         view: &str,
         stream: Option<Keywords<'_, '_>>,
     ) -> PyResult<Undistorter> {
-        Undistorter::new(py, self.with_stream(stream)?, view)
+        Undistorter::of(py, self.with_stream(stream)?, view)
     }
 
     /// The same camera for the pixels of another stream.
@@ -106,6 +111,9 @@ impl Camera {
     ///     stream_size: (width, height), in pixels.
     ///     fit: "stretch" or "letterbox".
     ///     crop: (left, top, width, height), in pixels of the still.
+    ///
+    /// Returns:
+    ///     A `Camera`.
     #[pyo3(
         signature = (**stream),
         text_signature = "($self, *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -157,6 +165,14 @@ impl Camera {
     fn position(&self) -> (f64, f64, f64) {
         let position = self.view.camera().position;
         (position.x, position.y, position.z)
+    }
+
+    /// Whether something gives the scale: a height, a length, a distance, control points, or a place on the plan. Where
+    /// nothing does, the camera is taken to be 3 m high: its metres are right in their proportions alone, and the
+    /// calibration's part of `floor_covariance` is NaN.
+    #[getter]
+    fn scale_known(&self) -> bool {
+        self.view.scale_is_known()
     }
 
     /// Counter-clockwise about the vertical, seen from above, in degrees; 0 looks along y.
@@ -234,7 +250,7 @@ impl Camera {
 
     /// Covariance of the unknowns, shape (12, 12): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the still) and
     /// the coefficients of the distortion in the order of their model; zeros for what was not estimated, infinite
-    /// variances where nothing is known of the errors.
+    /// variances where nothing is known of the errors, as of z where `scale_known` is False.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, &self.view.camera().covariance.0)

@@ -14,10 +14,15 @@ use pyo3::prelude::*;
 #[pyclass(frozen, eq, hash, get_all, module = "calib")]
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Finding {
+    /// Id of the camera that it is about, or None where it is about the site.
     camera: Option<String>,
+    /// Which finding, such as "weak"; the list is closed.
     code: String,
+    /// "note", "warning" or "error".
     severity: String,
+    /// What is so, in a sentence.
     message: String,
+    /// What to do, in a sentence.
     advice: String,
 }
 

@@ -12,6 +12,7 @@ mod finding;
 mod undistorter;
 mod camera;
 mod mapping;
+mod boxes;
 mod site;
 mod table;
 

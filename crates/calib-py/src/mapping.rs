@@ -1,6 +1,6 @@
 //! What a camera maps: columns of pixels and points.
 
-use calib_core::{BoxForm, CameraView, Covariance, Status};
+use calib_core::{CameraView, Covariance, Status};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -9,9 +9,8 @@ use pyo3::types::PyTuple;
 use crate::array::{self, Doubles};
 use crate::camera::{Camera, Keywords};
 use crate::error::refused;
-use crate::stream::named;
 
-type Triple<'py> = Bound<'py, PyTuple>;
+pub(crate) type Triple<'py> = Bound<'py, PyTuple>;
 
 /// The members of `calib.Status`, by their numbers.
 static STATUSES: PyOnceLock<Vec<Py<PyAny>>> = PyOnceLock::new();
@@ -85,10 +84,14 @@ impl Camera {
     }
 }
 
-type Outputs<'py> = (Doubles<'py>, Doubles<'py>, Bound<'py, PyArrayDyn<u8>>);
+pub(crate) type Outputs<'py> = (Doubles<'py>, Doubles<'py>, Bound<'py, PyArrayDyn<u8>>);
 
 /// What was handed over to be filled, or new arrays.
-fn outputs<'py>(py: Python<'py>, shape: &[usize], out: Option<&Bound<'py, PyAny>>) -> PyResult<Outputs<'py>> {
+pub(crate) fn outputs<'py>(
+    py: Python<'py>,
+    shape: &[usize],
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Outputs<'py>> {
     let Some(out) = out else {
         return Ok((array::zeros(py, shape)?, array::zeros(py, shape)?, array::zeros(py, shape)?));
     };
@@ -101,7 +104,7 @@ fn outputs<'py>(py: Python<'py>, shape: &[usize], out: Option<&Bound<'py, PyAny>
     Ok((double(&first)?, double(&second)?, array::output::<u8>(&status, shape, "uint8")?))
 }
 
-fn with<const N: usize>(shape: &[usize], more: [usize; N]) -> Vec<usize> {
+pub(crate) fn with<const N: usize>(shape: &[usize], more: [usize; N]) -> Vec<usize> {
     shape.iter().copied().chain(more).collect()
 }
 
@@ -120,20 +123,20 @@ impl Camera {
     ///     (x, y, status), or (x, y): metres, and a `Status`, or arrays of the shape of u and v (statuses as uint8). x and y
     ///     are NaN where the pixel shows no point of the plane.
     #[pyo3(
-        signature = (u, v, height=0.0, *, status=true, out=None, **stream),
+        signature = (u, v, height=None, *, status=true, out=None, **stream),
         text_signature = "($self, u, v, height=0.0, *, status=True, out=None, origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn to_floor<'py>(
         &self,
         u: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
-        height: f64,
+        height: Option<&Bound<'py, PyAny>>,
         status: bool,
         out: Option<&Bound<'py, PyAny>>,
         stream: Option<Keywords<'_, 'py>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let (py, view) = (u.py(), self.of(stream)?);
-        array::finite(py, "height", height)?;
+        let height = array::real(height, "height", 0.0)?;
         if !status {
             let [u, v] = array::columns([u, v], ["u", "v"])?;
             return Self::only_points(py, &view, height, [&u, &v], out);
@@ -145,53 +148,6 @@ impl Camera {
         Self::points(py, &view, height, [&u, &v], out)
     }
 
-    /// Boxes of a detector to the points of the floor on which their contents stand: the middle of the lower edge.
-    ///
-    /// Args:
-    ///     boxes: array of the shape (..., 4), in pixels.
-    ///     height: of the plane, in metres.
-    ///     form: "xywh" (upper left corner, width, height), "xyxy" (upper left and lower right corner) or "cxcywh"
-    ///         (centre, width, height); it has to be said. A box with its corners the wrong way round is missing.
-    ///     out, origin, stream_size, fit, crop: as for `to_floor`.
-    ///
-    /// Returns:
-    ///     (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
-    #[pyo3(
-        signature = (boxes, height=0.0, *, form, out=None, **stream),
-        text_signature = "($self, boxes, height=0.0, *, form, out=None, origin=None, stream_size=None, fit=None, crop=None)"
-    )]
-    fn boxes_to_floor<'py>(
-        &self,
-        boxes: &Bound<'py, PyAny>,
-        height: f64,
-        form: &str,
-        out: Option<&Bound<'py, PyAny>>,
-        stream: Option<Keywords<'_, 'py>>,
-    ) -> PyResult<Triple<'py>> {
-        let (py, view) = (boxes.py(), self.of(stream)?);
-        array::finite(py, "height", height)?;
-        let form =
-            named(py, Some(self.id()), "form", form, BoxForm::of_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
-        let boxes = array::doubles(boxes, "boxes")?;
-        let shape = match boxes.shape() {
-            [shape @ .., 4] => shape.to_vec(),
-            [0] => vec![0],
-            found => {
-                let what = format!("found the shape {found:?}, expected (..., 4)");
-                return Err(refused(py, Some(self.id()), "boxes", what));
-            }
-        };
-        let (x, y, status) = outputs(py, &shape, out)?;
-        {
-            let boxes = array::read(&boxes, "boxes")?;
-            let (mut x, mut y, mut status) = (array::write(&x)?, array::write(&y)?, array::write(&status)?);
-            let (boxes, status) = (boxes.as_slice()?.as_chunks().0, status.as_slice_mut()?);
-            let floor = [x.as_slice_mut()?, y.as_slice_mut()?];
-            py.detach(|| view.boxes_to_floor(height, (form, boxes), floor, status));
-        }
-        (x, y, status).into_pyobject(py)
-    }
-
     /// How uncertain the points are that pixels show, in two parts.
     ///
     /// The pixel's part is independent from detection to detection. The calibration's is common to all detections
@@ -199,30 +155,29 @@ impl Camera {
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     sigma_px: standard deviation of each coordinate, in pixels of the stream.
+    ///     sigma_px: standard deviation of each coordinate, in pixels of the stream; one number for all. (Where every
+    ///         pixel has its own, the first result for 1 times its square.)
     ///     height: of the plane, in metres.
     ///     origin, stream_size, fit, crop: which pixels, as the class says.
     ///
     /// Returns:
     ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN where there is no point, and
-    ///     the second also where nothing is known of the errors of the calibration.
+    ///     the second also where nothing is known of the errors of the calibration, or nothing gives its scale
+    ///     (`scale_known`).
     #[pyo3(
-        signature = (u, v, sigma_px=1.0, height=0.0, **stream),
+        signature = (u, v, sigma_px=None, height=None, **stream),
         text_signature = "($self, u, v, sigma_px=1.0, height=0.0, *, origin=None, stream_size=None, fit=None, crop=None)"
     )]
     fn floor_covariance<'py>(
         &self,
         u: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
-        sigma_px: f64,
-        height: f64,
+        sigma_px: Option<&Bound<'py, PyAny>>,
+        height: Option<&Bound<'py, PyAny>>,
         stream: Option<Keywords<'_, 'py>>,
     ) -> PyResult<(Doubles<'py>, Doubles<'py>)> {
         let (py, view) = (u.py(), self.of(stream)?);
-        array::finite(py, "height", height)?;
-        if array::finite(py, "sigma_px", sigma_px)? < 0.0 {
-            return Err(refused(py, Some(self.id()), "sigma_px", "expected 0 or more pixels"));
-        }
+        let (sigma_px, height) = (self.sigma(py, sigma_px)?, array::real(height, "height", 0.0)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
         let shape = with(u.shape(), [2, 2]);
         let parts = [array::zeros::<f64>(py, &shape)?, array::zeros::<f64>(py, &shape)?];

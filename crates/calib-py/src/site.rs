@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{FloorPoint, MAX_BYTES, Method, NoCamera, Options, PlanScale};
+use calib_core::{Fault, FloorPoint, MAX_BYTES, Method, NoCamera, Options, PlanScale};
 use calib_input::FileError;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -28,16 +28,16 @@ pub(crate) struct Site(pub(crate) calib_core::Site);
 impl Site {
     #[new]
     fn new(source: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let text = match source.cast::<PyString>() {
-            Ok(text) => text.to_str()?.to_owned(),
-            Err(_) => json(source)?,
+        let (text, is_written) = match source.cast::<PyString>() {
+            Ok(text) => (text.to_str()?.to_owned(), true),
+            Err(_) => (json(source)?, false),
         };
         if !source.is_instance_of::<PyDict>() && !text.trim_start().starts_with('{') {
             let found = source.repr()?.to_string_lossy().chars().take(60).collect::<String>();
             let what = format!("found {found}, expected a dict or JSON text; `Site.open` reads a file");
             return Err(refused(source.py(), None, "source", what));
         }
-        Self::parse(source.py(), &text, "")
+        Self::parse(source.py(), &text, "", is_written)
     }
 
     /// Reads a site file.
@@ -51,9 +51,9 @@ impl Site {
             FileError::System(error) => of_system(&error, &path),
             other => refused(py, None, "path", format_args!("{name}{other}")),
         })?;
-        let text = String::from_utf8(bytes)
-            .map_err(|error| refused(py, None, "path", format_args!("{name}{error}")))?;
-        Self::parse(py, &text, &name)
+        let text = calib_input::document(bytes)
+            .map_err(|why| refused(py, None, "path", format_args!("{} {why}", path.display())))?;
+        Self::parse(py, &text, &name, true)
     }
 
     /// The calibrated camera of an id.
@@ -74,7 +74,7 @@ impl Site {
         at: Option<&Bound<'_, PyAny>>,
         stream: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Camera> {
-        let at = at.map(time).transpose()?;
+        let at = at.map(|at| time(at, Some(id))).transpose()?;
         let entry = self.0.camera_at(id, at.as_deref()).map_err(|why| self.no_camera(py, id, &why))?;
         Camera::of_entry(py, &self.0, entry)?.with_stream(stream)
     }
@@ -102,6 +102,12 @@ impl Site {
         let scale = self.plan(x.py())?;
         let to_plan = |x, y| scale.plan_from_floor(FloorPoint { x, y }).into();
         array::each(x.py(), [x, y], ["x", "y"], to_plan)
+    }
+
+    /// Metres that a pixel of the plan is wide, or None where the site has no plan.
+    #[getter]
+    fn plan_metres_per_px(&self) -> Option<f64> {
+        self.0.plan.as_ref().map(|plan| plan.metres_per_px)
     }
 
     /// Pixels of the plan to points of the floor.
@@ -187,13 +193,21 @@ impl Site {
         })
     }
 
-    fn parse(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
-        py.detach(|| calib_core::Site::from_json(text)).map(Self).map_err(|error| of_site(py, file, &error))
+    /// A document from its text; where nobody wrote the text, no message says where in it something is.
+    fn parse(py: Python<'_>, text: &str, file: &str, is_written: bool) -> PyResult<Self> {
+        py.detach(|| calib_core::Site::from_json(text)).map(Self).map_err(|mut error| {
+            if let Fault::Unreadable { at, .. } = &mut error.fault {
+                *at = at.filter(|_| is_written);
+            }
+            of_site(py, file, &error)
+        })
     }
 
     fn no_camera(&self, py: Python<'_>, id: &str, why: &NoCamera) -> PyErr {
-        if *why != NoCamera::Unknown {
-            return of_camera(py, id, why);
+        match why {
+            NoCamera::Unknown => {}
+            NoCamera::SeveralPeriods => return of_camera(py, id, format_args!("{why} with at=")),
+            NoCamera::NoneThen | NoCamera::NotATime => return refused(py, Some(id), "at", why),
         }
         let ids: Vec<&str> = self.0.cameras.iter().map(|entry| entry.id.as_str()).collect();
         of_camera(py, id, format_args!("{why}; it has {}", ids.join(", ")))
@@ -226,7 +240,23 @@ fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     text.extract()
 }
 
-/// A time as text, whether it is text or a datetime.
-pub(crate) fn time(at: &Bound<'_, PyAny>) -> PyResult<String> {
-    if at.is_instance_of::<PyString>() { at.extract() } else { at.call_method0("isoformat")?.extract() }
+/// A time as text, whether it is text or a datetime with a time zone.
+pub(crate) fn time(at: &Bound<'_, PyAny>, camera: Option<&str>) -> PyResult<String> {
+    if at.is_instance_of::<PyString>() {
+        return at.extract();
+    }
+    let py = at.py();
+    let zone = at.getattr("tzinfo").ok();
+    if zone.is_none() || !at.hasattr("isoformat")? {
+        let what = format!("found {}, expected {A_TIME}", at.repr()?.to_string_lossy());
+        return Err(refused(py, camera, "at", what));
+    }
+    if zone.is_some_and(|zone| zone.is_none()) {
+        let what = format!("found {} without a time zone, expected {A_TIME}", at.str()?.to_string_lossy());
+        return Err(refused(py, camera, "at", what));
+    }
+    at.call_method0("isoformat")?.extract()
 }
+
+const A_TIME: &str = "text such as \"2026-05-01T08:00:00Z\", or a datetime with a time zone, such as \
+                      datetime.now(timezone.utc)";

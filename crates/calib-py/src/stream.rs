@@ -10,7 +10,9 @@ use pyo3::types::PyDict;
 use crate::array::{self, Pair};
 use crate::error::refused;
 
-const KEYWORDS: &str = "origin, stream_size, fit and crop";
+/// The keywords of pixels, and what they may say.
+pub(crate) const KEYWORDS: &str =
+    "origin (\"corner\" or \"centre\"), stream_size, fit (\"stretch\" or \"letterbox\") and crop";
 
 /// The keywords that every call takes which speaks of pixels; those left out are the camera's.
 #[derive(Clone, Debug, Default)]
@@ -45,7 +47,7 @@ impl Pixels {
                 "fit" => pixels.fit = said(&keyword, &value, "\"stretch\" or \"letterbox\"")?,
                 "crop" => pixels.crop = said(&keyword, &value, "(left, top, width, height)")?,
                 _ => {
-                    let what = format!("unexpected keyword {keyword:?}: pixels have {KEYWORDS}");
+                    let what = format!("unexpected keyword {keyword:?}, expected {KEYWORDS} of pixels");
                     return Err(PyTypeError::new_err(what));
                 }
             }

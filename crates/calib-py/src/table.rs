@@ -8,16 +8,16 @@ use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError,
     To, Wanted, Wording,
 };
-use pyo3::exceptions::PyUserWarning;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use pyo3_arrow::{PyRecordBatchReader, PyTable};
 use sha2::{Digest as _, Sha256};
 
-use crate::array::finite;
+use crate::array::real;
 use crate::error::refused;
 use crate::site::{Site, time};
-use crate::stream::stream_of;
+use crate::stream::{KEYWORDS, stream_of};
 
 /// What is asked of a table, by keywords.
 #[derive(Debug)]
@@ -35,6 +35,9 @@ struct Asked {
     bad_rows: BadRows,
     stream: Stream,
 }
+
+const OPTIONS: &str =
+    "camera, camera_column, at, at_column, at_unit, to, columns, height, sigma_px, replace, bad_rows";
 
 const TO: [(&str, To); 2] = [("floor", To::Floor), ("pixel", To::Pixel)];
 const COLUMNS: [(&str, Columns); 3] =
@@ -55,7 +58,7 @@ impl Asked {
             match keyword.extract::<String>()?.as_str() {
                 "camera" => asked.camera = value.extract()?,
                 "camera_column" => asked.camera_column = value.extract()?,
-                "at" => asked.at = Some(time(&value)?),
+                "at" => asked.at = Some(time(&value, None)?),
                 "at_column" => asked.at_column = value.extract()?,
                 "at_unit" => {
                     asked.at_unit =
@@ -70,8 +73,8 @@ impl Asked {
                         "\"auto\", \"points\" or \"boxes\"",
                     )?;
                 }
-                "height" => asked.height = finite(py, "height", value.extract()?)?,
-                "sigma_px" => asked.sigma = Some(finite(py, "sigma_px", value.extract()?)?),
+                "height" => asked.height = real(Some(&value), "height", 0.0)?,
+                "sigma_px" => asked.sigma = Some(real(Some(&value), "sigma_px", 1.0)?),
                 "replace" => asked.replaces = value.extract()?,
                 "bad_rows" => {
                     asked.bad_rows = choice(
@@ -81,7 +84,12 @@ impl Asked {
                         "\"fail\" or \"status\"",
                     )?;
                 }
-                _ => pixels.set_item(keyword, value)?,
+                "origin" | "stream_size" | "fit" | "crop" => pixels.set_item(keyword, value)?,
+                other => {
+                    let what =
+                        format!("unexpected keyword {other:?}, expected {OPTIONS}, or {KEYWORDS} of pixels");
+                    return Err(PyTypeError::new_err(what));
+                }
             }
         }
         asked.stream = stream_of(&pixels)?;
@@ -108,11 +116,22 @@ impl Asked {
 
     /// Refuses what does not go together.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
-        if self.camera.is_some() == self.camera_column.is_some() {
-            return Err(refused(py, None, "camera", "expected the id of a camera, or else camera_column"));
+        let both = |field: &str| {
+            format!(
+                "found {field} and {field}_column, expected one of them: all rows have one {field}, or each its own"
+            )
+        };
+        match (&self.camera, &self.camera_column) {
+            (Some(_), Some(_)) => return Err(refused(py, None, "camera", both("camera"))),
+            (None, None) => {
+                let what =
+                    "expected camera= with the id of a camera, or camera_column= with the column of ids";
+                return Err(refused(py, None, "camera", what));
+            }
+            _ => {}
         }
         if self.at.is_some() && self.at_column.is_some() {
-            return Err(refused(py, None, "at", "expected a time, or else at_column"));
+            return Err(refused(py, None, "at", both("at")));
         }
         if self.to == To::Pixel && self.sigma.is_some() {
             return Err(refused(py, None, "sigma_px", "goes with to=\"floor\""));

@@ -9,9 +9,12 @@ use crate::camera::Camera;
 use crate::error::refused;
 use crate::stream::named;
 
-/// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``.
+/// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``, as `apply` says.
 ///
-/// Made by `Camera.undistorter`.
+/// Args:
+///     camera: a `Camera`, for the images of its stream; `Camera.undistorter` does the same.
+///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
+///         or "all-pixels" (every pixel of the image, blank beyond).
 #[pyclass(frozen, module = "calib")]
 #[derive(Debug)]
 pub(crate) struct Undistorter {
@@ -23,7 +26,7 @@ pub(crate) struct Undistorter {
 
 impl Undistorter {
     /// For the images of the stream of a camera.
-    pub(crate) fn new(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
+    pub(crate) fn of(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
         let crop = named(py, Some(camera.id()), "view", view, Crop::of_name, expected)?;
         let made = py.detach(|| camera.view().straight_view(crop));
@@ -37,6 +40,12 @@ impl Undistorter {
 
 #[pymethods]
 impl Undistorter {
+    #[new]
+    #[pyo3(signature = (camera, view="same-focal"))]
+    fn new(py: Python<'_>, camera: PyRef<'_, Camera>, view: &str) -> PyResult<Self> {
+        Self::of(py, camera.clone(), view)
+    }
+
     /// (width, height) of the images, in pixels.
     #[getter]
     fn size(&self) -> (usize, usize) {
@@ -55,7 +64,7 @@ impl Undistorter {
         (self.straight.principal_point.u, self.straight.principal_point.v)
     }
 
-    /// Takes the bend out of an image.
+    /// Takes the bend out of an image; calling the undistorter does the same.
     ///
     /// Args:
     ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), of the
@@ -65,7 +74,7 @@ impl Undistorter {
     /// Returns:
     ///     uint8 array of the same shape; black where the image shows nothing.
     #[pyo3(signature = (image, out=None))]
-    fn __call__<'py>(
+    fn apply<'py>(
         &self,
         py: Python<'py>,
         image: &Bound<'py, PyAny>,
@@ -84,6 +93,16 @@ impl Undistorter {
             py.detach(|| self.straight.remap.apply_into(raw, to));
         }
         Ok(straight)
+    }
+
+    #[pyo3(signature = (image, out=None))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        self.apply(py, image, out)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (&str,))> {
@@ -119,8 +138,16 @@ impl Undistorter {
         };
         match *given.shape() {
             [h, w] | [h, w, 1 | 3 | 4] if [h, w] == [height, width] => {}
+            [h, w] | [h, w, 1 | 3 | 4] => {
+                let what = format!(
+                    "found an image of {w} x {h} pixels, this undistorter is for {width} x {height} pixels \
+                     ({expected}); stream_size=({w}, {h}) makes one for the image"
+                );
+                return Err(self.refused(py, what));
+            }
             ref found => {
-                return Err(self.refused(py, format_args!("found the shape {found:?}, {expected}")));
+                let found = array::shape_text(found);
+                return Err(self.refused(py, format_args!("found the shape {found}, {expected}")));
             }
         }
         if given.is_c_contiguous() {

@@ -194,20 +194,16 @@ def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:
             straight(wrong)  # type: ignore[arg-type]
 
 
-def test_help_says_shapes_and_units() -> None:
-    for method in [calib.Camera.to_floor, calib.Camera.floor_covariance, calib.Camera.to_pixel, calib.Camera.rays]:
-        text = method.__doc__ or ""
-        assert "metres" in text or "unit vectors" in text
-        assert "array" in text.lower()
-    assert "stream_size=None" in str(calib.Camera.to_floor.__text_signature__)
-
-
 def test_the_plan_and_the_floor_are_one(folder: Path) -> None:
     shop = calib.Site.open(folder / "demo" / "solved.json")
     x, y = np.array([[1.0, 4.0], [7.5, -2.0]]), np.array([[2.0, 3.0], [0.0, 1.0]])
     px, py = shop.floor_to_plan(x, y)
     assert px.shape == (2, 2) and px[0, 1] > px[0, 0] and py[0, 1] < py[0, 0]
     np.testing.assert_allclose(shop.plan_to_floor(px, py), (x, y), atol=1e-9)
+    metres_per_px = shop.plan_metres_per_px
+    assert metres_per_px is not None and metres_per_px == shop.to_dict()["plan"]["metres_per_px"]
+    assert np.hypot(px[0, 1] - px[0, 0], py[0, 1] - py[0, 0]) * metres_per_px == pytest.approx(np.hypot(3, 1))
+    assert calib.Site(calib.site_document([])).plan_metres_per_px is None
 
 
 def test_images_of_a_stream_are_undistorted_as_they_come(site: calib.Site) -> None:
@@ -289,3 +285,20 @@ def test_a_camera_without_a_scale_says_so() -> None:
     assert "scale-assumed" in codes(placement={"move_m": [1, 2], "turn_deg": 10})
     assert "scale-assumed" not in codes(placement={"move_m": [1, 2], "turn_deg": 10, "scale": 1.0})
     assert "scale-assumed" not in codes(height_m={"value": 2.9, "sigma": 0.02})
+
+
+def test_metres_that_nobody_measured_have_an_error_that_nobody_knows() -> None:
+    def camera(**options: object) -> calib.Camera:
+        return calib.Site(calib.site_document([calib.camera_entry("door", (1920, 1080), LINES, **options)])).calibrate().camera("door")
+
+    box = np.array([[900.0, 500.0, 1000.0, 800.0]])
+    known, assumed = camera(height_m={"value": 3.0, "sigma": 0.05}), camera()
+    assert known.scale_known and not assumed.scale_known
+    assert not assumed.with_stream(stream_size=(640, 360)).scale_known
+    for parts in [assumed.floor_covariance(950.0, 800.0), assumed.boxes_covariance(box, form="xyxy")]:
+        assert np.isfinite(parts[0]).all() and np.isnan(parts[1]).all()
+    assert np.isfinite(known.floor_covariance(950.0, 800.0)[1]).all()
+    assert np.isinf(assumed.covariance[2, 2]) and np.isfinite(np.delete(np.delete(assumed.covariance, 2, 0), 2, 1)).all()
+    again = pickle.loads(pickle.dumps(assumed))
+    assert again == assumed and not again.scale_known
+    assert pickle.loads(pickle.dumps(known)).scale_known

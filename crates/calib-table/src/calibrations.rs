@@ -107,7 +107,7 @@ pub(crate) enum Choice {
 
 impl Calibration {
     fn of(site: &Site, entry: &SiteCamera, wanted: &Wanted) -> Result<Self, TableError> {
-        let camera = entry.camera().ok_or_else(|| {
+        let camera = site.camera_for_use(entry).ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
             TableError::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))

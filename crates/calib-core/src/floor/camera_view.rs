@@ -28,6 +28,8 @@ pub struct CameraView {
     surfaces: Vec<Surface>,
     stream: Stream,
     map: StreamMap,
+    /// Whether something gives the scale of its points.
+    scale_is_known: bool,
 }
 
 /// Points that are mapped together: few enough to stay in the fastest cache.
@@ -38,7 +40,8 @@ impl CameraView {
     #[must_use]
     pub fn new(camera: &Camera, size: [f64; 2], efov: Vec<FloorPoint>) -> Self {
         let (stream, map) = (Stream::default(), StreamMap::STILL);
-        Self { floor: FloorProjector::new(camera, 0.0), size, efov, surfaces: Vec::new(), stream, map }
+        let (floor, surfaces) = (FloorProjector::new(camera, 0.0), Vec::new());
+        Self { floor, size, efov, surfaces, stream, map, scale_is_known: true }
     }
 
     /// The same camera where planes besides the floor cover a part of the plan: a pixel is of whichever of them and
@@ -46,6 +49,11 @@ impl CameraView {
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
         Self { surfaces, ..self }
+    }
+
+    /// The same camera, of which it is said whether something gives its scale.
+    pub(crate) fn with_scale(self, scale_is_known: bool) -> Self {
+        Self { scale_is_known, ..self }
     }
 
     /// The same camera for the pixels of another stream.
@@ -78,6 +86,13 @@ impl CameraView {
     #[must_use]
     pub const fn stream(&self) -> &Stream {
         &self.stream
+    }
+
+    /// Whether something gives the scale of its points. Where nothing does they are of a camera that is taken to be 3 m
+    /// high, right in their proportions alone, and the calibration's part of every covariance is unknown.
+    #[must_use]
+    pub const fn scale_is_known(&self) -> bool {
+        self.scale_is_known
     }
 
     /// The lens as the images of the stream show it, their pixels counted from the corner, and the width and height
@@ -180,16 +195,29 @@ impl CameraView {
         status: &mut [u8],
     ) {
         assert!(boxes.len() == status.len(), "columns of one length");
-        let mut feet = [[0.0; CHUNK]; 2];
-        for first in (0..boxes.len()).step_by(CHUNK) {
-            let range = first..boxes.len().min(first + CHUNK);
-            for (i, &one) in boxes[range.clone()].iter().enumerate() {
-                [feet[0][i], feet[1][i]] = form.foot(one);
-            }
-            let feet = [&feet[0][..range.len()], &feet[1][..range.len()]];
+        form.each_foot(boxes, |range, feet| {
             let floor = [&mut x[range.clone()], &mut y[range.clone()]];
             self.to_floor(height, feet, floor, &mut status[range]);
-        }
+        });
+    }
+
+    /// As [`Self::covariances`], of the points on which what boxes hold stands: `sigma` is that of each coordinate of
+    /// the middle of the lower edge.
+    ///
+    /// # Panics
+    /// When the columns are not of one length.
+    pub fn boxes_covariances(
+        &self,
+        height: f64,
+        (form, boxes): (BoxForm, &[[f64; 4]]),
+        sigma: f64,
+        [pixel, calibration]: [&mut [[f64; 4]]; 2],
+    ) {
+        assert!(boxes.len() == pixel.len(), "columns of one length");
+        form.each_foot(boxes, |range, feet| {
+            let parts = [&mut pixel[range.clone()], &mut calibration[range]];
+            self.covariances(height, feet, sigma, parts);
+        });
     }
 
     /// Pixels to the points so high above the floor, or above a plane besides it, that each shows first, and what

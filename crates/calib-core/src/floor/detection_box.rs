@@ -1,5 +1,7 @@
 //! Boxes of detectors, and where what they hold stands.
 
+use std::ops::Range;
+
 use crate::floor::stream::named;
 
 /// What the four numbers of a box are.
@@ -27,6 +29,20 @@ impl BoxForm {
             Self::CentreSize => ([c, d], [a, b + 0.5 * d]),
         };
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
+    }
+
+    /// Goes through the feet of boxes, so many at once as stay in the fastest cache.
+    pub(crate) fn each_foot(self, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
+        const CHUNK: usize = 512;
+        let mut feet = [[0.0; CHUNK]; 2];
+        for first in (0..boxes.len()).step_by(CHUNK) {
+            let range = first..boxes.len().min(first + CHUNK);
+            for (i, &one) in boxes[range.clone()].iter().enumerate() {
+                [feet[0][i], feet[1][i]] = self.foot(one);
+            }
+            let feet = [&feet[0][..range.len()], &feet[1][..range.len()]];
+            each(range, feet);
+        }
     }
 }
 

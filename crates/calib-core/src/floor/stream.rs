@@ -94,12 +94,19 @@ impl fmt::Display for StreamError {
             Self::NoSize => {
                 f.write_str("the size of the stream is 0; expected its width and height in pixels")
             }
-            Self::Proportion { size: [w, h], shown: [sw, sh] } => write!(
-                f,
-                "a stream of {w} x {h} pixels has not the proportion of the image, {sw} x {sh} pixels; expected \
-                 such as {w} x {:.0}, or say how the image was fitted: stretch or letterbox",
-                f64::from(*w) * sh / sw
-            ),
+            Self::Proportion { size: [w, h], shown: [sw, sh] } => {
+                write!(
+                    f,
+                    "a stream of {w} x {h} pixels has not the proportion of the image, {sw} x {sh} pixels; "
+                )?;
+                if has_bars([*h, *w].map(f64::from), [*sw, *sh]) {
+                    let height = f64::from(*w) * sh / sw;
+                    let fits = "or say how the image was fitted: stretch or letterbox";
+                    write!(f, "expected such as {w} x {height:.0}, {fits}")
+                } else {
+                    write!(f, "{h} x {w} has: are width and height swapped?")
+                }
+            }
             Self::Crop { crop: [left, top, width, height], still: [w, h] } => write!(
                 f,
                 "a crop of {width} x {height} pixels at ({left}, {top}) is no part of the image; expected one \
@@ -141,16 +148,25 @@ impl Stream {
         }
         let (shown, sides) = ([w, h], size.map(f64::from));
         let scale = [sides[0] / w, sides[1] / h];
-        let common = scale[0].min(scale[1]);
-        let bar = [0, 1].map(|axis| 0.5 * (sides[axis] - common * shown[axis]));
-        // Scalers round to whole pixels: less than one is no bar.
-        let has_bars = bar.iter().any(|bar| 2.0 * bar >= 1.0);
+        let (common, bar) = letterboxed(sides, shown);
         match self.fit {
             Some(StreamFit::Letterbox) => Ok(StreamMap { scale: [common; 2], bar, ..map }),
-            None if has_bars => Err(StreamError::Proportion { size, shown }),
+            None if has_bars(sides, shown) => Err(StreamError::Proportion { size, shown }),
             Some(StreamFit::Stretch) | None => Ok(StreamMap { scale, ..map }),
         }
     }
+}
+
+/// The scale of an image in a stream with bars, and the bars.
+fn letterboxed(sides: [f64; 2], shown: [f64; 2]) -> (f64, [f64; 2]) {
+    let common = (sides[0] / shown[0]).min(sides[1] / shown[1]);
+    (common, [0, 1].map(|axis| 0.5 * (sides[axis] - common * shown[axis])))
+}
+
+/// Whether an image has not the proportion of a stream.
+fn has_bars(sides: [f64; 2], shown: [f64; 2]) -> bool {
+    // Scalers round to whole pixels: less than one is no bar.
+    letterboxed(sides, shown).1.iter().any(|bar| 2.0 * bar >= 1.0)
 }
 
 impl StreamMap {
@@ -228,6 +244,8 @@ mod tests {
         assert!(of([704, 396], None).is_ok() && of([1000, 562], None).is_ok());
         let refused = of([640, 640], None).unwrap_err();
         assert!(refused.to_string().contains("640 x 360"), "{refused}");
+        let turned = of([360, 640], None).unwrap_err().to_string();
+        assert!(turned.ends_with("640 x 360 has: are width and height swapped?"), "{turned}");
         assert_eq!(of([0, 360], None), Err(StreamError::NoSize));
     }
 

@@ -57,6 +57,10 @@ codes! {
         UncertaintyUnknown = "uncertainty-unknown",
         /// The solution is not of what is drawn now.
         OutOfDate = "out-of-date",
+        /// Some of what is drawn lies outside the image.
+        PointsOutside = "points-outside",
+        /// What is drawn is not of an image of this size.
+        NotThisImage = "not-this-image",
         /// The camera stands below the floor.
         BelowFloor = "below-floor",
         /// The camera sees no floor where its field of view is.
@@ -120,6 +124,7 @@ impl Code {
             | Self::TwoSolutions
             | Self::Unchecked
             | Self::UncertaintyUnknown
+            | Self::NotThisImage
             | Self::DistortionNotInvertible => Severity::Warning,
             _ => Severity::Note,
         }
@@ -137,6 +142,7 @@ impl Code {
                 | Self::Unchecked
                 | Self::UncertaintyUnknown
                 | Self::OutOfDate
+                | Self::NotThisImage
                 | Self::BelowFloor
                 | Self::NoFloor
                 | Self::ScaleConflict

@@ -71,6 +71,13 @@ pub enum Finding {
         /// The line with the largest residual, and the residual in pixels.
         worst: Option<(Source, f64)>,
     },
+    /// Uprights contradict each other about the height of the camera, where residuals are too large.
+    HeightsApart {
+        /// The one by which the camera is lowest, and that height in metres.
+        lowest: (Source, f64),
+        /// The one by which it is highest, and that height in metres.
+        highest: (Source, f64),
+    },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
         /// Sum of the squared residuals over their variances.
@@ -179,6 +186,21 @@ pub enum Finding {
         stored: Option<f64>,
         /// Its residual now, in pixels; `None` of what is not there any more, or cannot be where it is.
         now: Option<f64>,
+    },
+    /// Points that are drawn lie outside the image.
+    PointsOutside {
+        /// How many.
+        outside: usize,
+        /// How many are drawn.
+        drawn: usize,
+        /// Width and height of the image, in pixels.
+        size: [u32; 2],
+        /// All would lie inside if u and v, or width and height, were exchanged.
+        fits_exchanged: bool,
+        /// Too many for what is drawn to be of this image.
+        is_other_image: bool,
+        /// What the first of them is of.
+        first: Subject,
     },
     /// The camera stands below the floor.
     BelowFloor {
@@ -289,6 +311,8 @@ impl Finding {
             Self::FewResiduals { .. } => Code::FewResiduals,
             Self::UncertaintyUnknown => Code::UncertaintyUnknown,
             Self::OutOfDate { .. } => Code::OutOfDate,
+            Self::PointsOutside { is_other_image: false, .. } => Code::PointsOutside,
+            Self::PointsOutside { is_other_image: true, .. } => Code::NotThisImage,
             Self::BelowFloor { .. } => Code::BelowFloor,
             Self::LineOutlier { .. }
             | Self::ControlPointOutlier { .. }
@@ -296,6 +320,7 @@ impl Finding {
             | Self::DistanceOutlier { .. } => Code::Outlier,
             Self::Misfit { .. }
             | Self::JointMisfit { .. }
+            | Self::HeightsApart { .. }
             | Self::BentEdges { .. }
             | Self::HiddenControlPoints { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
@@ -323,58 +348,6 @@ impl Finding {
     #[must_use]
     pub const fn severity(&self) -> Severity {
         self.code().severity()
-    }
-
-    /// What it is about; of several things the first.
-    #[must_use]
-    pub fn subject(&self) -> Subject {
-        match self {
-            Self::FocalUnobservable { .. } | Self::PriorDominates { .. } => {
-                Subject::Parameter(Parameter::Focal)
-            }
-            Self::TwoSolutions { .. }
-            | Self::Misfit { worst: None, .. }
-            | Self::Unchecked { .. }
-            | Self::FewResiduals { .. }
-            | Self::UncertaintyUnknown => Subject::Orientation,
-            Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
-            Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
-            Self::LineOutlier { line, .. }
-            | Self::Misfit { worst: Some((line, _)), .. }
-            | Self::OutsideLens { line }
-            | Self::NoLength { line } => Subject::Line(*line),
-            Self::UninformativeEdges { edges, .. } => {
-                edges.first().map_or(Subject::Lens, |line| Subject::Line(*line))
-            }
-            Self::BentEdges { .. } | Self::UncertainCorners { .. } | Self::DistortionNotInvertible => {
-                Subject::Lens
-            }
-            Self::UnusedEdges { first: annotation, .. }
-            | Self::UnusedKind { annotation, .. }
-            | Self::TooFewSegments { annotation, .. } => Subject::Annotation(*annotation),
-            Self::UnusedPrior { parameter } => Subject::Parameter(*parameter),
-            Self::TooFewControlPoints { .. } => Subject::Placement,
-            Self::HiddenControlPoints { points } => {
-                points.first().map_or(Subject::Placement, |&point| Subject::OwnControlPoint(point))
-            }
-            Self::FarControlPoints { worst, .. } => Subject::OwnControlPoint(*worst),
-            Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
-            Self::EfovAboveHorizon { .. } => Subject::Efov,
-            Self::ControlPointOutlier { camera, point } => {
-                Subject::ControlPoint { camera: *camera, point: *point }
-            }
-            Self::ElementOutlier { element, .. } => *element,
-            Self::OutOfDate { what, .. } => *what,
-            Self::DistanceOutlier { distance } => Subject::Distance(*distance),
-            Self::NotConnected { cameras, .. } => {
-                cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
-            }
-            Self::Sliding { camera }
-            | Self::ScaleUnknown { root: camera, .. }
-            | Self::TooManyCameras { first: camera, .. } => Subject::Camera(*camera),
-            Self::Unused { what, .. } => what.first().copied().unwrap_or(Subject::Site),
-            Self::JointMisfit { .. } | Self::UnusedEvidence { .. } => Subject::Site,
-        }
     }
 
     /// The drawing that it suggests.

@@ -14,6 +14,7 @@ mod subject;
 mod suggestion;
 mod detail;
 mod finding;
+mod finding_subject;
 mod failure;
 mod residual;
 

@@ -13,7 +13,7 @@
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
 //! - `prior`, `nuisances`, `residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual`, with the formula and its Jacobian;
-//! - `minima`, `outliers` all local minima, and leave-one-out rejection;
+//! - `minima`, `outliers` all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
@@ -41,6 +41,7 @@ mod fixed_parameters;
 mod abramov;
 mod prior;
 mod nuisances;
+mod upright_heights;
 mod residual;
 mod plane_frame;
 mod directions;
@@ -71,6 +72,7 @@ pub use prior::{Prior, Priors};
 pub use repeats::Repeats;
 pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, straightness, straightness_rms};
+pub(crate) use upright_heights::heights_apart;
 pub use usual_sizes::{USUAL_SIZES, UsualSize};
 
 pub(crate) use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};

@@ -1,6 +1,6 @@
 //! A camera's result before it is put into words.
 
-use crate::outcome::{Failure, Finding, Suggestion};
+use crate::outcome::{Code, Failure, Finding, Suggestion};
 use crate::single::Sketch;
 use crate::site::document::Site;
 use crate::site::english::{Names, what_to_draw};
@@ -61,8 +61,19 @@ impl Site {
                 let (solution, findings) = result.into_document(self, camera);
                 (Ok(solution), Ok(findings))
             }
-            Err(failure) => (Err(FailureEntry::from(&failure)), Err(failure)),
+            Err(failure) => (Err(self.failure_entry(camera, &failure)), Err(failure)),
         }
+    }
+
+    /// Why a camera has no result. That what is drawn is of another image explains more than what came of it.
+    fn failure_entry(&self, camera: usize, failure: &Failure) -> FailureEntry {
+        let mut entry = FailureEntry::from(failure);
+        let outside = self.cameras.get(camera).and_then(|camera| self.points_outside(camera));
+        if let Some(outside) = outside.filter(|outside| outside.code() == Code::NotThisImage) {
+            let Warning { message, advice, .. } = self.in_english(Some(camera), &outside, Names::InFile);
+            entry = FailureEntry { message: format!("{} {message}", entry.message), advice, ..entry };
+        }
+        entry
     }
 }
 

@@ -45,11 +45,10 @@ impl Site {
         let mut reader = serde_json::Deserializer::from_str(text);
         let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let pointer = pointer_of(error.path());
-            let fault = Fault::Unreadable { why: in_plain_words(&error.into_inner()) };
+            let fault = in_plain_words(&error.into_inner());
             named(text, SiteError { pointer, fault, about: None })
         })?;
-        let beyond = |error: serde_json::Error| Fault::Unreadable { why: error.to_string() };
-        reader.end().map_err(|error| SiteError::of_document(beyond(error)))?;
+        reader.end().map_err(|error| SiteError::of_document(in_plain_words(&error)))?;
         match site.check() {
             Ok(()) => Ok(site),
             Err(error) => {

@@ -4,7 +4,8 @@
 //!
 //! - `document`, `elements`, `scene`, `planes`, `surfaces`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
 //!   entries as the types of the geometry;
-//! - `english` findings and failures as sentences; `camera_result` a result before that;
+//! - `english` findings and failures as sentences; `points_outside` whether a drawing is of its image; `camera_result`
+//!   a result before it is put into words;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, and `finding_entry` all findings in one list, as other languages ask for them;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
@@ -24,6 +25,7 @@ mod covariance_entry;
 mod conversions;
 mod efov;
 mod english;
+mod points_outside;
 mod camera_result;
 mod site_error;
 mod bounds;

@@ -6,7 +6,7 @@ use crate::bundle::{CameraEstimate, PlaneEstimate};
 use crate::camera::{Camera, Covariance, Distortion, FloorPoint, Plane};
 use crate::floor::{default_efov, efov_on_plane};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
-use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, is_inconsistent};
+use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent};
 use crate::site::bounds::At;
 use crate::site::bundle_step::{BundleResult, refine_lenses};
 use crate::site::camera_result::CameraResult;
@@ -16,7 +16,7 @@ use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
 use crate::site::planes::PlaneSolution;
-use crate::site::pose_findings::is_of_pose;
+use crate::site::pose_findings::is_found_anew;
 use crate::site::single_step::{LensOwners, Lenses, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
@@ -185,8 +185,9 @@ impl Site {
         if entry.is_given() {
             // Residuals of shared elements are computed again.
             result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
-            result.solution.warnings.retain(|warning| !is_of_pose(warning.code));
+            result.solution.warnings.retain(|warning| !is_found_anew(warning.code));
             result.findings = entry.pose_findings();
+            result.findings.extend(self.points_outside(entry));
             return check_finite(result);
         }
         let Some(own) = result.solution.camera() else { return check_finite(result) };
@@ -222,9 +223,11 @@ impl Site {
         result.findings.extend(first.lens_estimate.findings(&entry.annotations));
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
+        result.findings.extend(height_findings(entry, &camera, &result.findings));
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
-        result.findings.retain(|finding| !is_of_pose(finding.code()));
+        result.findings.retain(|finding| !is_found_anew(finding.code()));
         result.findings.extend(entry.findings_at(&camera));
+        result.findings.extend(self.points_outside(entry));
         self.add_control_residuals(entry, &camera, &mut result);
         check_finite(result)
     }
@@ -282,6 +285,14 @@ fn efov(
         findings.push(Finding::EfovAboveHorizon { is_whole: efov.polygon.is_empty() });
     }
     efov.polygon
+}
+
+/// Where residuals are too large, the uprights that contradict each other: what is drawn wrong moves heights together
+/// with the orientation, so that its own residual need not be the largest.
+fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) -> Option<Finding> {
+    let is_misfit = findings.iter().any(|finding| finding.code() == Code::Misfit);
+    let [lowest, highest] = heights_apart(camera, &entry.annotations).filter(|_| is_misfit)?;
+    Some(Finding::HeightsApart { lowest, highest })
 }
 
 /// Whether the lens folds back on itself inside the image.

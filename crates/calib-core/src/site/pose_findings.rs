@@ -30,9 +30,17 @@ impl SiteCamera {
     }
 }
 
-/// Whether a code is one of [`SiteCamera::pose_findings`].
-pub(crate) const fn is_of_pose(code: Code) -> bool {
-    matches!(code, Code::BelowFloor | Code::NoFloor | Code::UncertaintyUnknown)
+/// Whether a code is one of [`SiteCamera::pose_findings`], or of where the drawing lies: these are found anew
+/// whatever a solution says.
+pub(crate) const fn is_found_anew(code: Code) -> bool {
+    matches!(
+        code,
+        Code::BelowFloor
+            | Code::NoFloor
+            | Code::UncertaintyUnknown
+            | Code::PointsOutside
+            | Code::NotThisImage
+    )
 }
 
 fn shows_floor(camera: &Camera, efov: Option<&[Pixel]>, size: [f64; 2]) -> bool {

@@ -20,6 +20,8 @@ pub enum Fault {
     Unreadable {
         /// What the JSON reader says.
         why: String,
+        /// Where in the text, by line and column.
+        at: Option<[usize; 2]>,
     },
     /// The document is longer than any that is read.
     TooLong {
@@ -92,7 +94,10 @@ impl std::error::Error for SiteError {}
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unreadable { why } => f.write_str(why),
+            Self::Unreadable { why, at: None } => f.write_str(why),
+            Self::Unreadable { why, at: Some([line, column]) } => {
+                write!(f, "{why} at line {line} column {column}")
+            }
             Self::TooLong { bytes, most } => write!(f, "found {bytes} bytes, expected at most {most}"),
             Self::TooManyValues { values, most } => {
                 write!(f, "found about {values} values, expected at most {most}")
@@ -125,7 +130,7 @@ pub(crate) fn quoted(text: &str) -> String {
 ///
 /// This is the only place that looks into a sentence: the reader tells what it expected in its message and
 /// nowhere else.
-pub(crate) fn in_plain_words(error: &serde_json::Error) -> String {
+pub(crate) fn in_plain_words(error: &serde_json::Error) -> Fault {
     const WORDS: [(&str, &str); 9] = [
         ("expected f64", "expected a number, without quotes"),
         ("expected u32", "expected a whole number, without quotes"),
@@ -143,5 +148,9 @@ pub(crate) fn in_plain_words(error: &serde_json::Error) -> String {
         ),
         ("invalid type:", "found"),
     ];
-    WORDS.iter().fold(error.to_string(), |said, (from, to)| said.replace(from, to))
+    let at = [error.line(), error.column()];
+    let said = error.to_string();
+    let what = said.strip_suffix(&format!(" at line {} column {}", at[0], at[1]));
+    let why = WORDS.iter().fold(what.unwrap_or(&said).to_owned(), |said, (from, to)| said.replace(from, to));
+    Fault::Unreadable { why, at: what.map(|_| at) }
 }

@@ -2,10 +2,13 @@
 
 use std::fmt;
 
+use crate::camera::{Camera, Covariance};
 use crate::floor::{CameraView, Stream, StreamError};
+use crate::outcome::Code;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::period::NoCamera;
-use crate::site::solution::FailureEntry;
+use crate::site::site_solution::Scale;
+use crate::site::solution::{FailureEntry, Stage};
 
 /// Why there is no calibrated camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,16 +61,77 @@ impl Site {
         ids
     }
 
+    /// Whether something gives the scale of a camera: a height, a length, a distance, control points, or its place on
+    /// the plan. Of cameras that were solved together without any the file says so of all of them.
+    #[must_use]
+    pub fn scale_is_known(&self, entry: &SiteCamera) -> bool {
+        let Some(solution) = &entry.solution else { return false };
+        let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+        let scale = self.solution.as_ref().and_then(|solution| solution.scale);
+        !(is_assumed || solution.stage == Stage::Refined && scale == Some(Scale::Unknown))
+    }
+
+    /// The camera of an entry as its points are to be used: where nothing gives its scale nothing is known of the error
+    /// of its height, which is not the same as no error.
+    #[must_use]
+    pub fn camera_for_use(&self, entry: &SiteCamera) -> Option<Camera> {
+        let mut camera = entry.camera()?;
+        if !self.scale_is_known(entry) {
+            camera.covariance.0[Covariance::Z] = [0.0; Covariance::SIZE];
+            camera.covariance.0.iter_mut().for_each(|row| row[Covariance::Z] = 0.0);
+            camera.covariance.0[Covariance::Z][Covariance::Z] = f64::INFINITY;
+        }
+        Some(camera)
+    }
+
     /// A camera of this site with what it covers, for the pixels of its still.
     ///
     /// # Errors
     /// When it is not calibrated.
     pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, NoView> {
-        let camera = entry.camera().ok_or_else(|| match (&entry.error, &entry.solution) {
+        let camera = self.camera_for_use(entry).ok_or_else(|| match (&entry.error, &entry.solution) {
             (None, Some(_)) => NoView::LensOnly,
             (error, _) => NoView::Uncalibrated(error.clone()),
         })?;
         let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
-        Ok(view.with_surfaces(self.covering_surfaces()))
+        Ok(view.with_scale(self.scale_is_known(entry)).with_surfaces(self.covering_surfaces()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera whose orientation three verticals and two directions tell; its height as said.
+    fn solved(height: &str) -> Site {
+        let text = format!(
+            r#"{{"format": "calib-site", "version": 1, "cameras": [{{"id": "door", "size_px": [1920, 1080]{height},
+            "annotations": [
+                {{"kind": "vertical", "segments": [[[641.5, 465.0], [594.5, 105.3]], [[1325.2, 484.9], [1368.5, 105.5]],
+                    [[1008.0, 352.3], [1008.4, 48.5]]]}},
+                {{"kind": "parallel", "segments": [[[624.5, 759.5], [642.3, 421.9]], [[1325.8, 745.8], [1086.0, 411.5]],
+                    [[989.1, 808.5], [869.1, 438.3]]]}}]}}]}}"#
+        );
+        let site = Site::from_json(&text).unwrap();
+        site.calibrate(&crate::site::Options::default()).write_into(&site)
+    }
+
+    #[test]
+    fn a_height_that_nobody_gave_has_an_error_that_nobody_knows() {
+        let of = |height: &str| {
+            let site = solved(height);
+            let view = site.view("door", None, Stream::default()).unwrap();
+            let mut parts = [[[0.0; 4]], [[0.0; 4]]];
+            let [pixel, calibration] = &mut parts;
+            view.covariances(0.0, [&[960.0], &[900.0]], 1.0, [pixel, calibration]);
+            (view.scale_is_known(), parts.map(|part| part[0][0]), view.camera().covariance)
+        };
+        let (is_known, [pixel, calibration], covariance) = of(r#", "height_m": {"value": 3, "sigma": 0.05}"#);
+        assert!(is_known && pixel > 0.0 && calibration > 0.0 && covariance.is_known());
+        let (is_known, [assumed, calibration], covariance) = of("");
+        assert!(!is_known && calibration.is_nan());
+        assert!((assumed / pixel - 1.0).abs() < 1e-3, "the pixel's part is that of a height of 3 m");
+        assert_eq!(covariance.sigma(Covariance::Z), None);
+        assert!(covariance.sigma(Covariance::PITCH).is_some(), "what is known stays");
     }
 }

@@ -30,7 +30,7 @@ fn header() -> anyhow::Result<String> {
     let folder = root().join(CRATE);
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).map_err(anyhow::Error::msg)?;
     let mut builder = cbindgen::Builder::new().with_config(config);
-    for file in ["raw", "words", "site", "camera", "mapping"] {
+    for file in ["raw", "words", "site", "plan", "camera", "about", "mapping"] {
         builder = builder.with_src(folder.join("src").join(file).with_extension("rs"));
     }
     let mut text = Vec::new();

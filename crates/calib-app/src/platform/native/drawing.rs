@@ -3,12 +3,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use resvg::tiny_skia::{Color, Pixmap, Transform};
-use resvg::usvg::{Group, ImageKind, Node, Options, Tree, fontdb};
+use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 
+use super::drawing_memory::bytes_to_draw;
 use crate::drawing::SIDE;
 
-/// Most layers that lie on each other while a drawing is drawn; each takes as much memory as the picture.
-const LAYERS: usize = 12;
+/// What drawing may take beside the picture, in bytes: one layer of the largest, or more that are smaller.
+const MOST_BYTES: f64 = 1e9;
 /// What drawing an embedded picture takes beside decoding it, in bytes a pixel: with its transparency, twice.
 const RGBA_TWICE: u64 = 8;
 
@@ -18,19 +19,23 @@ const RGBA_TWICE: u64 = 8;
 /// When it is no drawing, one without a size, or one that takes more memory than a picture may.
 pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let tree = parse(bytes)?;
-    let layers = layers(tree.root());
-    if layers > LAYERS {
-        return Err(format!(
-            "{layers} groups with opacity, masks or clips lie in each other in the drawing, and at most {LAYERS} are \
-             drawn; flatten it, or export it as PNG"
-        ));
-    }
     let size = tree.size();
     let zoom = SIDE as f32 / size.width().max(size.height());
     let [w, h] = [size.width(), size.height()].map(|side| (side * zoom).round().max(1.0) as u32);
+    let zoom = Transform::from_scale(zoom, zoom);
+    let bytes = bytes_to_draw(&tree, zoom, [w, h]);
+    let is_small = bytes.is_some_and(|bytes| bytes <= MOST_BYTES);
+    if !is_small {
+        let memory = bytes.map_or_else(|| "no end".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
+        return Err(format!(
+            "groups with opacity, masks, clips, filters or patterns lie in each other in the drawing and take {memory} \
+             of memory, and at most {:.1} GB are given; flatten it, or export it as PNG",
+            MOST_BYTES / 1e9
+        ));
+    }
     let mut pixels = Pixmap::new(w, h).ok_or("The drawing has no size.")?;
     pixels.fill(Color::WHITE);
-    resvg::render(&tree, Transform::from_scale(zoom, zoom), &mut pixels.as_mut());
+    resvg::render(&tree, zoom, &mut pixels.as_mut());
     pixels.encode_png().map_err(|error| error.to_string())
 }
 
@@ -64,22 +69,6 @@ fn embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<Ima
         return Err(said(format!("{mime} is not read; embed it as PNG or JPEG")));
     }
     Tree::from_data_nested(&data, options).map(ImageKind::SVG).map_err(|error| said(error.to_string()))
-}
-
-/// How many layers lie on each other at most while a group is drawn.
-fn layers(group: &Group) -> usize {
-    let mask = group.mask().map_or(0, |mask| 1 + layers(mask.root()));
-    let clip = group.clip_path().map_or(0, |clip| 1 + layers(clip.root()));
-    let of_node = |node: &Node| match node {
-        Node::Group(group) => layers(group),
-        Node::Image(image) => match image.kind() {
-            ImageKind::SVG(tree) => 1 + layers(tree.root()),
-            _ => 0,
-        },
-        Node::Path(_) | Node::Text(_) => 0,
-    };
-    let children = group.children().iter().map(of_node).max().unwrap_or_default();
-    usize::from(group.should_isolate()) + children.max(mask).max(clip)
 }
 
 #[cfg(test)]
@@ -133,14 +122,71 @@ mod tests {
         assert!(error.contains("image/webp is not read"), "{error}");
     }
 
+    /// Groups in groups, each as large as the drawing.
+    fn deep(count: usize) -> String {
+        let group = r#"<g opacity="0.5"><rect width="40" height="40"/>"#;
+        group.repeat(count) + &"</g>".repeat(count)
+    }
+
+    /// Something that is drawn by way of something else, that is said before it.
+    fn by_way_of(way: &str, attribute: &str) -> String {
+        format!("<defs>{way}</defs><rect width=\"40\" height=\"40\" {attribute}=\"url(#a)\"/>")
+    }
+
     #[test]
     fn a_drawing_within_drawings_takes_no_memory_without_bound() {
-        let deep = |count: usize| {
-            let group = r#"<g opacity="0.5"><rect width="9" height="9"/>"#;
-            with(&(group.repeat(count) + &"</g>".repeat(count)))
+        assert!(with(&deep(3)).is_ok());
+        let nested =
+            format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="40" height="40">{}</svg>"#, deep(200));
+        let steps = r#"<feFlood result="r"/>"#.repeat(500);
+        let hostile = [
+            deep(200),
+            by_way_of(&format!(r#"<mask id="a" width="1" height="1">{}</mask>"#, deep(200)), "mask"),
+            by_way_of(
+                &format!(
+                    r#"<pattern id="a" patternUnits="userSpaceOnUse" width="40" height="40">{}</pattern>"#,
+                    deep(200)
+                ),
+                "fill",
+            ),
+            by_way_of(
+                r#"<pattern id="a" patternUnits="userSpaceOnUse" width="400" height="400"><rect width="9" height="9"/></pattern>"#,
+                "stroke",
+            ),
+            by_way_of(&format!(r#"<filter id="a">{steps}</filter>"#), "filter"),
+            href("image/svg+xml", nested.as_bytes()),
+        ];
+        for inner in hostile {
+            let error = with(&inner).unwrap_err();
+            assert!(error.contains("GB of memory, and at most 1.0 GB"), "{error}");
+        }
+    }
+
+    #[test]
+    fn patterns_that_hold_each_other_many_times_have_no_end() {
+        let pattern = |level: usize| {
+            let next = format!(r##"<rect width="1" height="1" fill="url(#p{})"/>"##, level + 1).repeat(12);
+            format!(
+                r#"<pattern id="p{level}" patternUnits="userSpaceOnUse" width="2" height="2">{next}</pattern>"#
+            )
         };
-        assert!(deep(3).is_ok());
-        let error = deep(200).unwrap_err();
-        assert!(error.contains("200 groups"), "{error}");
+        let patterns: String = (0..5).map(pattern).collect();
+        let last = r#"<pattern id="p5" patternUnits="userSpaceOnUse" width="2" height="2"><rect width="1" height="1"/></pattern>"#;
+        let error = with(&format!(
+            "<defs>{patterns}{last}</defs><rect width=\"40\" height=\"40\" fill=\"url(#p0)\"/>"
+        ))
+        .unwrap_err();
+        assert!(error.contains("take no end of memory"), "{error}");
+    }
+
+    #[test]
+    fn what_plans_have_is_drawn() {
+        let hatch = r#"<pattern id="a" patternUnits="userSpaceOnUse" width="2" height="2"><rect width="1" height="1"/></pattern>"#;
+        let shadow = r#"<filter id="a"><feGaussianBlur stdDeviation="1"/><feOffset dx="1"/><feBlend in="SourceGraphic" mode="normal"/></filter>"#;
+        let window = r#"<clipPath id="a"><rect width="20" height="40"/></clipPath>"#;
+        for (way, attribute) in [(hatch, "fill"), (shadow, "filter"), (window, "clip-path")] {
+            let drawn = with(&by_way_of(way, attribute));
+            assert!(drawn.is_ok(), "{attribute}: {drawn:?}");
+        }
     }
 }

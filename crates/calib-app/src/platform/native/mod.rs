@@ -3,6 +3,7 @@
 mod task;
 mod files;
 mod claim;
+mod drawing_memory;
 mod drawing;
 mod chooser;
 mod work;

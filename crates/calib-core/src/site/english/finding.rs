@@ -4,7 +4,7 @@ use crate::outcome::{Finding, Suggestion, WhyUnused};
 use crate::site::document::Site;
 use crate::site::english::phrase::{
     English, Names, bent, corners, efov, estimator, evidence, few_residuals, field, floor, from_prior,
-    joint_misfit, open_focal, other_minima, scale_conflict, unchecked,
+    joint_misfit, open_focal, other_minima, scale_assumed, scale_conflict, unchecked,
 };
 use crate::site::english::suggestion::what_to_draw;
 use crate::site::solution::Warning;
@@ -35,10 +35,12 @@ impl English<'_> {
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
             F::UncertaintyUnknown => "How well the camera is known, nothing tells: nothing is drawn, or what is drawn contradicts itself.".into(),
             F::OutOfDate { what, stored, now } => self.out_of_date(*what, *stored, *now),
+            F::PointsOutside { .. } => self.points_outside(finding),
             F::BelowFloor { height } => format!("The camera stands {:.2} m below the floor.", -height),
             F::NoFloor => "The camera sees no floor where its field of view is.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
+            F::HeightsApart { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
             F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
@@ -48,8 +50,7 @@ impl English<'_> {
             }
             F::UnusedKind { annotation, by } => format!("{} {}.", estimator(*by), self.label(*annotation)),
             F::TooFewSegments { annotation, by, drawn, least } => {
-                let (who, label) = (estimator(*by), self.label(*annotation));
-                format!("{who} {label}: it has {drawn} segment(s) and needs {least}.")
+                self.too_few(*annotation, *by, [*drawn, *least])
             }
             F::UnusedPrior { parameter } => {
                 format!("The paper's method does not use the prior {}.", field(*parameter))
@@ -61,9 +62,7 @@ impl English<'_> {
             F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
-            F::ScaleAssumed { height } => {
-                format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
-            }
+            F::ScaleAssumed { height } => scale_assumed(*height),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
@@ -100,10 +99,16 @@ fn advice(finding: &Finding) -> String {
         F::Weak { scale_rel: Some(scale), next: None, .. }
         | F::Unusable { scale_rel: Some(scale), next: None, .. } => measure_one(*scale),
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
+        F::HeightsApart { .. } => HEIGHTS_APART.into(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),
+        F::PointsOutside { fits_exchanged, is_other_image, .. } => {
+            advice_on_points(*fits_exchanged, *is_other_image).into()
+        }
         _ => fixed_advice(finding).into(),
     }
 }
+
+const HEIGHTS_APART: &str = "Check the heights, feet and heads of both: they must stand on the floor. Switch one off to see what the others give.";
 
 const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
 
@@ -146,9 +151,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon."
         }
-        F::EfovAboveHorizon { .. } => {
-            "Draw the far edge of the EFOV lower, where the floor can still be told."
-        }
+        F::EfovAboveHorizon { .. } => "Draw the far edge of the EFOV lower, where the floor can be told.",
         F::DistortionNotInvertible => "Draw straight edges nearer to the corners, or fit fewer coefficients.",
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel; \"keep\" has it used all the same."
@@ -167,7 +170,22 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::Weak { .. }
         | F::Unusable { .. }
         | F::Unchecked { .. }
+        | F::HeightsApart { .. }
+        | F::PointsOutside { .. }
         | F::Unused { .. } => "",
+    }
+}
+
+const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'static str {
+    match (fits_exchanged, is_other_image) {
+        (true, _) => {
+            "Check whether u and v are swapped in what is drawn, or width and height in size_px: an image of NumPy has \
+             the shape (height, width), and is read at [v, u]."
+        }
+        (false, true) => {
+            "Check that size_px is the size of the image that it was drawn on: a still, or a stream of another size."
+        }
+        (false, false) => "Check these points; a line may be drawn a little beyond the border.",
     }
 }
 

@@ -1,7 +1,7 @@
 //! What sentences are made of: names of what they speak about, and the longer phrases.
 
 use crate::outcome::{
-    Estimator, OtherMinimum, Parameter, SharedEvidence, Source, Subject, WhyNotConnected, WhyUnused,
+    Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject, WhyNotConnected, WhyUnused,
 };
 use crate::single::{Annotation, line_name};
 use crate::site::document::{Site, SiteCamera};
@@ -103,6 +103,40 @@ impl English<'_> {
             Some(px) => format!("{line} contradicts the others by {px:.1} px and was set aside."),
             None => format!("{line} lies above the horizon that the others give, and was set aside."),
         }
+    }
+
+    pub(super) fn heights_apart(&self, lowest: (Source, f64), highest: (Source, f64)) -> String {
+        let [(low, lowest), (high, highest)] =
+            [lowest, highest].map(|(line, height)| (self.line_of(line), height));
+        format!(
+            "Uprights contradict each other: the camera is {lowest:.2} m high by {low}, and {highest:.2} m by {high}."
+        )
+    }
+
+    pub(super) fn too_few(&self, annotation: usize, by: Estimator, [drawn, least]: [usize; 2]) -> String {
+        let (who, label) = (estimator(by), self.label(annotation));
+        format!("{who} {label}: it has {drawn} segment(s) and needs {least}.")
+    }
+
+    /// Points of the drawing that the image has not.
+    pub(super) fn points_outside(&self, finding: &Finding) -> String {
+        let Finding::PointsOutside { outside, drawn, size: [width, height], fits_exchanged, first, .. } =
+            finding
+        else {
+            return String::new();
+        };
+        let first = match *first {
+            Subject::Annotation(index) => self.label(index),
+            Subject::OwnControlPoint(point) => {
+                format!("control point {}", self.control_point(self.entry, point))
+            }
+            Subject::Efov => "the field of view".into(),
+            shared => self.shared(shared),
+        };
+        let exchanged = if *fits_exchanged { " With u and v exchanged all would lie inside." } else { "" };
+        format!(
+            "{outside} of {drawn} points that are drawn lie outside the image of {width} x {height} pixels, first in {first}.{exchanged}"
+        )
     }
 
     /// What is not as the solution has it.
@@ -323,6 +357,10 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
         Parameter::Roll => "lens.roll_deg",
         Parameter::Height => "height_m",
     }
+}
+
+pub(super) fn scale_assumed(height: f64) -> String {
+    format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
 }
 
 pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {

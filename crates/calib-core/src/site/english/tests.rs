@@ -58,6 +58,9 @@ fn number(finding: &Finding) -> usize {
         F::UncertaintyUnknown => 27,
         F::BelowFloor { .. } => 28,
         F::ScaleAssumed { .. } => 29,
+        F::PointsOutside { is_other_image: false, .. } => 39,
+        F::PointsOutside { is_other_image: true, .. } => 40,
+        F::HeightsApart { .. } => 41,
     }
 }
 
@@ -107,6 +110,11 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
     ]
 }
 
+fn points_outside(is_other_image: bool) -> Finding {
+    let (size, first) = ([1920, 1080], Subject::Efov);
+    Finding::PointsOutside { outside: 2, drawn: 9, size, fits_exchanged: false, is_other_image, first }
+}
+
 /// Findings about the site, with what each is about.
 fn of_the_site() -> Vec<(Finding, Subject)> {
     use Finding as F;
@@ -120,6 +128,9 @@ fn of_the_site() -> Vec<(Finding, Subject)> {
         (F::TooManyCameras { count: 900, first: 0 }, Subject::Camera(0)),
         (F::Unused { what: vec![distance], why: WhyUnused::Unmeasured }, distance),
         (F::UnusedEvidence { evidence: SharedEvidence::Marks, count: 3 }, Subject::Site),
+        (points_outside(false), Subject::Efov),
+        (points_outside(true), Subject::Efov),
+        (F::HeightsApart { lowest: (LINE, 2.9), highest: (LINE, 3.6) }, Subject::Line(LINE)),
     ]
 }
 
@@ -202,7 +213,7 @@ fn a_note_alone_fails_no_check_of_a_camera() {
         !Code::Weak.fails_check() && !Code::Outlier.fails_check(),
         "its lines were set aside, and counted"
     );
-    assert_eq!(failing().count(), 13, "{:?}", failing().collect::<Vec<_>>());
+    assert_eq!(failing().count(), 14, "{:?}", failing().collect::<Vec<_>>());
 }
 
 #[test]

@@ -1,0 +1,121 @@
+//! Boxes of detectors, as a camera maps them.
+
+use calib_core::BoxForm;
+use numpy::PyUntypedArrayMethods as _;
+use pyo3::prelude::*;
+
+use crate::array::{self, Doubles};
+use crate::camera::{Camera, Keywords};
+use crate::error::refused;
+use crate::mapping::{Triple, outputs, with};
+use crate::stream::named;
+
+impl Camera {
+    /// A standard deviation in pixels.
+    pub(crate) fn sigma(&self, py: Python<'_>, sigma_px: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
+        let sigma = array::real(sigma_px, "sigma_px", 1.0)?;
+        if sigma < 0.0 {
+            return Err(refused(py, Some(self.id()), "sigma_px", "expected 0 or more pixels"));
+        }
+        Ok(sigma)
+    }
+
+    /// Boxes of a form, and the shape of what becomes of them.
+    fn boxes<'py>(
+        &self,
+        boxes: &Bound<'py, PyAny>,
+        form: &str,
+    ) -> PyResult<(BoxForm, Doubles<'py>, Vec<usize>)> {
+        let (py, id) = (boxes.py(), Some(self.id()));
+        let form = named(py, id, "form", form, BoxForm::of_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
+        let boxes = array::doubles(boxes, "boxes")?;
+        let shape = match boxes.shape() {
+            [shape @ .., 4] => shape.to_vec(),
+            [0] => vec![0],
+            found => {
+                let more = "; of rows such as x1, y1, x2, y2, confidence, class take boxes[..., :4]";
+                let more = if found.last().is_some_and(|&columns| columns > 4) { more } else { "" };
+                let what = format!("found the shape {}, expected (..., 4){more}", array::shape_text(found));
+                return Err(refused(py, id, "boxes", what));
+            }
+        };
+        Ok((form, boxes, shape))
+    }
+}
+
+#[pymethods]
+impl Camera {
+    /// Boxes of a detector to the points of the floor on which their contents stand: the middle of the lower edge.
+    ///
+    /// Args:
+    ///     boxes: array of the shape (..., 4), in pixels; of rows with more columns ``boxes[..., :4]``.
+    ///     height: of the plane, in metres.
+    ///     form: "xywh" (upper left corner, width, height), "xyxy" (upper left and lower right corner) or "cxcywh"
+    ///         (centre, width, height); it has to be said. A box with its corners the wrong way round is missing.
+    ///     out, origin, stream_size, fit, crop: as for `to_floor`.
+    ///
+    /// Returns:
+    ///     (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
+    #[pyo3(
+        signature = (boxes, height=None, *, form, out=None, **stream),
+        text_signature = "($self, boxes, height=0.0, *, form, out=None, origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    fn boxes_to_floor<'py>(
+        &self,
+        boxes: &Bound<'py, PyAny>,
+        height: Option<&Bound<'py, PyAny>>,
+        form: &str,
+        out: Option<&Bound<'py, PyAny>>,
+        stream: Option<Keywords<'_, 'py>>,
+    ) -> PyResult<Triple<'py>> {
+        let (py, view) = (boxes.py(), self.of(stream)?);
+        let height = array::real(height, "height", 0.0)?;
+        let (form, boxes, shape) = self.boxes(boxes, form)?;
+        let (x, y, status) = outputs(py, &shape, out)?;
+        {
+            let boxes = array::read(&boxes, "boxes")?;
+            let (mut x, mut y, mut status) = (array::write(&x)?, array::write(&y)?, array::write(&status)?);
+            let (boxes, status) = (boxes.as_slice()?.as_chunks().0, status.as_slice_mut()?);
+            let floor = [x.as_slice_mut()?, y.as_slice_mut()?];
+            py.detach(|| view.boxes_to_floor(height, (form, boxes), floor, status));
+        }
+        (x, y, status).into_pyobject(py)
+    }
+
+    /// How uncertain the points are on which the contents of boxes stand, in two parts, as `floor_covariance` has it.
+    ///
+    /// Args:
+    ///     boxes, form: as for `boxes_to_floor`.
+    ///     sigma_px: standard deviation of each coordinate of the middle of the lower edge, in pixels of the stream.
+    ///     height: of the plane, in metres.
+    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///
+    /// Returns:
+    ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN as for `floor_covariance`.
+    #[pyo3(
+        signature = (boxes, sigma_px=None, height=None, *, form, **stream),
+        text_signature = "($self, boxes, sigma_px=1.0, height=0.0, *, form, origin=None, stream_size=None, fit=None, crop=None)"
+    )]
+    fn boxes_covariance<'py>(
+        &self,
+        boxes: &Bound<'py, PyAny>,
+        sigma_px: Option<&Bound<'py, PyAny>>,
+        height: Option<&Bound<'py, PyAny>>,
+        form: &str,
+        stream: Option<Keywords<'_, 'py>>,
+    ) -> PyResult<(Doubles<'py>, Doubles<'py>)> {
+        let (py, view) = (boxes.py(), self.of(stream)?);
+        let (sigma, height) = (self.sigma(py, sigma_px)?, array::real(height, "height", 0.0)?);
+        let (form, boxes, shape) = self.boxes(boxes, form)?;
+        let shape = with(&shape, [2, 2]);
+        let parts = [array::zeros::<f64>(py, &shape)?, array::zeros::<f64>(py, &shape)?];
+        {
+            let boxes = array::read(&boxes, "boxes")?;
+            let (mut pixel, mut calibration) = (array::write(&parts[0])?, array::write(&parts[1])?);
+            let boxes = boxes.as_slice()?.as_chunks().0;
+            let to = [pixel.as_slice_mut()?, calibration.as_slice_mut()?].map(|part| part.as_chunks_mut().0);
+            py.detach(|| view.boxes_covariances(height, (form, boxes), sigma, to));
+        }
+        Ok(parts.into())
+    }
+}
