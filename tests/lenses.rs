@@ -551,8 +551,14 @@ fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
         (0..9).map(at).collect()
     };
     edges.extend((0..60).map(|k| edge(bent(), 20 + k)));
-    let options =
-        LensOptions { principal_point: plain.principal_point, size, fitted: None, focal: None, sigma: 0.3 };
+    let options = LensOptions {
+        principal_point: plain.principal_point,
+        centre_is_held: true,
+        size,
+        fitted: None,
+        focal: None,
+        sigma: 0.3,
+    };
     let fit = LensFit::new(&edges, &options).unwrap();
     assert_eq!(fit.fitted, None, "a bent rail is no lens: {:?}", fit.lens);
 }

@@ -63,12 +63,12 @@ impl Chart {
     }
 
     /// The rows of the map from the chart to bearings.
-    pub(crate) const fn to_bearing(&self) -> &[[f64; 3]; 3] {
+    pub(crate) const fn rows_back(&self) -> &[[f64; 3]; 3] {
         &self.to_bearing
     }
 
     /// The rows of the map from bearings to the chart.
-    pub(crate) const fn from_bearing(&self) -> &[[f64; 3]; 3] {
+    pub(crate) const fn rows_forth(&self) -> &[[f64; 3]; 3] {
         &self.from_bearing
     }
 
@@ -234,7 +234,7 @@ mod tests {
             let lens = fisheye([0.0; 4]);
             let chart = Chart::toward(&lens, &[at.into()]).unwrap();
             let carried = chart.carried([600.0 * v[0], 600.0 * v[1], v[2]]);
-            let back = chart.to_bearing().map(|row| dot(&row, &carried));
+            let back = chart.rows_back().map(|row| dot(&row, &carried));
             prop_assert!((back[0] / 600.0 - v[0]).abs() + (back[1] / 600.0 - v[1]).abs() + (back[2] - v[2]).abs() < 1e-12);
             let middle = lens.in_chart(at.into(), Some(&chart)).unwrap().at;
             prop_assert!(middle[0].hypot(middle[1]) < 1e-9, "the middle is the axis");

@@ -215,7 +215,7 @@ impl ReprojectedLine {
         if let Some(chart) = &observed.chart {
             // A line of bearings is one of the chart by the transpose of the map back to them.
             let carried = |line: [f64; 3]| -> [f64; 3] {
-                std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.to_bearing()[i][j]).sum())
+                std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.rows_back()[i][j]).sum())
             };
             let in_chart = Self {
                 line: carried(self.line),

@@ -173,7 +173,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
             let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => {
-                    self.constraints.lengths.push(Length { chart, ends, group, spread, plane, source })
+                    self.constraints.lengths.push(Length { chart, ends, group, spread, plane, source });
                 }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }

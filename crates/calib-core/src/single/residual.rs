@@ -386,7 +386,7 @@ fn rows<N: Number>(matrix: &[[f64; 3]; 3], [x, y, w]: [N; 3]) -> [N; 3] {
 
 /// Columns u and v of the map from a chart to bearings.
 fn columns(chart: &Chart) -> [[f64; 3]; 2] {
-    [0, 1].map(|k| chart.to_bearing().map(|row| row[k]))
+    [0, 1].map(|k| chart.rows_back().map(|row| row[k]))
 }
 
 /// Lengths and uprights in the chart of a wide lens: the formulas of [`floor_length`] and [`upright_residuals`] with a
@@ -445,13 +445,13 @@ impl<N: Number> CameraTerms<N> {
         let up = [cr * right - sr * up_y, -(sr * right) - cr * up_y, -(up_w / f)];
         let per_depth = per_height * upright.height.value;
         let k = depth * per_depth;
-        let head = rows(chart.from_bearing(), [0, 1, 2].map(|i| foot[i] + k * up[i]));
+        let head = rows(chart.rows_forth(), [0, 1, 2].map(|i| foot[i] + k * up[i]));
         if head[2].value() <= 1e-6 {
             return None;
         }
         let at = [head[0] / head[2], head[1] / head[2]];
         let moved = |change: [N; 3]| {
-            let [x, y, w] = rows(chart.from_bearing(), change);
+            let [x, y, w] = rows(chart.rows_forth(), change);
             [(x - at[0] * w) / head[2], (y - at[1] * w) / head[2]]
         };
         let by_foot = columns(chart).map(|column| {
@@ -475,7 +475,7 @@ impl<N: Number> CameraTerms<N> {
 
 /// The bearing of a chart point.
 fn bearing<E: Number, N: NumberOver<E>>(chart: &Chart, [u, v]: [E; 2]) -> [N; 3] {
-    chart.to_bearing().map(|[a, b, c]| N::from(u * a + v * b + c))
+    chart.rows_back().map(|[a, b, c]| N::from(u * a + v * b + c))
 }
 
 fn product<N: Number>(form: [N; 3], [x, y, w]: [N; 3]) -> N {
