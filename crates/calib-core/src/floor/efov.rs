@@ -254,7 +254,7 @@ mod tests {
             let off = point.distance(above.position.on_floor());
             assert!((off - 50.0 * above.position.z).abs() < 1e-3, "{off} m: the reach all around");
         }
-        let ring = crate::floor::scene::horizon(&above, [1920.0, 1080.0]);
+        let ring = crate::floor::image_curve::horizon(&above, [1920.0, 1080.0]);
         assert_eq!(ring.len(), 1);
         for &pixel in &ring[0] {
             assert!(above.pixel_to_ray(pixel).unwrap().direction[2].abs() < 1e-6);

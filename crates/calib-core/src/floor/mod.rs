@@ -3,7 +3,7 @@
 //! Law: roll, pitch, focal and lens are given here, never estimated from drawings.
 //!
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
-//! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines;
+//! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines; `image_curve` **their way across an image**;
 //! - `lanes` values in step; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
@@ -12,8 +12,9 @@
 
 mod placement;
 mod resection;
-mod efov;
 mod scene;
+mod image_curve;
+mod efov;
 mod status;
 mod lanes;
 mod extent;
@@ -32,14 +33,14 @@ pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
+pub use image_curve::{horizon, in_front, on_image};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use scene::{
-    MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, horizon, in_front, on_image,
-    position_ellipse, prism, vertical,
+    MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism, vertical,
 };
 pub use status::Status;
 pub use straight_view::{NoStraightView, StraightView};

@@ -21,9 +21,8 @@ use crate::single::nuisances::{Nuisances, PlaneNuisances};
 use crate::single::orientation::Orientation;
 use crate::single::plane_frame::{Measured, PlaneFrame};
 use crate::single::prior::{Prior, Priors};
-use crate::single::residual::{
-    CameraTerms, LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL, floor_length,
-};
+use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL};
+use crate::single::size_residual::{CameraTerms, floor_length};
 use crate::single::vanishing_point::unrolled;
 
 /// The fit of one camera: constraints, what is fixed, and priors.

@@ -11,8 +11,8 @@
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `nuisances`, `residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
-//!   every other constraint is in `residual`, with the formula and its Jacobian;
+//! - `prior`, `nuisances`, `residual`, `size_residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
+//!   every other constraint is in `residual` and `size_residual`, with the formula and its Jacobian;
 //! - `minima`, `outliers` all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
@@ -43,6 +43,7 @@ mod prior;
 mod nuisances;
 mod upright_heights;
 mod residual;
+mod size_residual;
 mod plane_frame;
 mod directions;
 mod likelihood;

@@ -8,7 +8,8 @@ use crate::single::nuisances::Nuisances;
 use crate::single::orientation::Orientation;
 use crate::single::plane_frame::Measured;
 use crate::single::prior::{Prior, Priors};
-use crate::single::residual::{CameraTerms, Parameters, floor_length, upright_residuals};
+use crate::single::residual::Parameters;
+use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
 /// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
 /// in closed form; constraints without a prediction there are left out.

@@ -5,7 +5,8 @@ use crate::single::annotation::Known;
 use crate::single::constraints::{Length, Source};
 use crate::single::likelihood::{OnPlane, Problem, State};
 use crate::single::plane_frame::Measured;
-use crate::single::residual::{CameraTerms, LOG_HEIGHT, Parameters, floor_length, upright_residuals};
+use crate::single::residual::{LOG_HEIGHT, Parameters};
+use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
 impl<E: Number> Problem<'_, E> {
     /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.

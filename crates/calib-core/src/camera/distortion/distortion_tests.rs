@@ -1,0 +1,156 @@
+//! Properties that every model of distortion has.
+
+use super::*;
+use proptest::prelude::*;
+
+pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
+    let brown = (-0.4..0.3_f64, -0.2..0.2_f64, -0.05..0.05_f64, -0.003..0.003_f64, -0.003..0.003_f64)
+        .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
+    let fisheye = [-0.1..0.1_f64, -0.05..0.05_f64, -0.02..0.02_f64, -0.005..0.005_f64]
+        .prop_map(|k| Distortion::KannalaBrandt { k });
+    prop_oneof![brown, (-1.0..0.5_f64).prop_map(|lambda| Distortion::Division { lambda }), fisheye]
+}
+
+/// Step of differences: half the digits are rounding, the other half truncation.
+const STEP: f64 = 1e-6;
+
+fn nudged(distortion: &Distortion, coefficient: usize, by: f64) -> Distortion {
+    let mut coefficients = distortion.coefficients();
+    coefficients[coefficient] += by;
+    distortion.with_coefficients(coefficients)
+}
+
+/// Central differences of a pair of numbers, extrapolated from two steps (Richardson), so that the error
+/// in the square of the step is gone; `None` just inside a fold, where they have not converged.
+fn difference_quotient(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
+    let central = |step: f64| {
+        let (ahead, behind) = (at(step)?, at(-step)?);
+        Some([0, 1].map(|i| (ahead[i] - behind[i]) / (2.0 * step)))
+    };
+    let (whole, half) = (central(STEP)?, central(0.5 * STEP)?);
+    let has_converged = (0..2).all(|i| (whole[i] - half[i]).abs() < 1e-3 * (1.0 + half[i].abs()));
+    has_converged.then(|| [0, 1].map(|i| (4.0 * half[i] - whole[i]) / 3.0))
+}
+
+/// Whether an analytic derivative is that of differences, or these leave the lens.
+fn agrees(analytic: [f64; 2], numeric: Option<[f64; 2]>) -> bool {
+    let size = analytic[0].abs().max(analytic[1].abs());
+    numeric.is_none_or(|n| [0, 1].iter().all(|&i| (n[i] - analytic[i]).abs() < 1e-5 * (1.0 + size)))
+}
+
+fn column(matrix: Matrix2, k: usize) -> [f64; 2] {
+    [matrix[0][k], matrix[1][k]]
+}
+
+#[test]
+fn the_table_is_in_the_order_of_the_models() {
+    for row in &MODELS {
+        assert_eq!(row.model.row().name, row.name);
+        assert_eq!(row.zero.model(), Some(row.model));
+        assert!(row.coefficients.len() <= Distortion::MOST && row.usual <= row.coefficients.len());
+    }
+}
+
+proptest! {
+    #[test]
+    fn undistorting_a_distorted_point_gives_it_back(
+        distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
+    ) {
+        if let Some(bent) = distortion.distort([x, y]) {
+            // At the very fold the derivative vanishes, and digits with it.
+            prop_assume!(x.hypot(y) < 0.98 * distortion.max_radius());
+            let back = distortion.undistort(bent);
+            let near = |back: [f64; 2]| (back[0] - x).hypot(back[1] - y) < 1e-10;
+            prop_assert!(back.is_some_and(near), "{back:?} {x} {y}");
+        }
+    }
+
+    #[test]
+    fn distorting_an_undistorted_point_gives_it_back(
+        distortion in any_distortion(), x in -1.0..1.0_f64, y in -1.0..1.0_f64,
+    ) {
+        if let Some(straight) = distortion.undistort([x, y]) {
+            prop_assume!(straight[0].hypot(straight[1]) < 100.0);
+            let back = distortion.distort(straight);
+            prop_assert!(back.is_some(), "undistorted out of the domain: {straight:?}");
+            if let Some(back) = back {
+                prop_assert!((back[0] - x).hypot(back[1] - y) < 1e-11, "{back:?} {x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_is_shown_where_it_was_found(distortion in any_distortion(), x in -2.5..2.5_f64, y in -2.5..2.5_f64) {
+        let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
+        let [a, b, w] = ray;
+        // At the very fold the derivative vanishes, and digits with it; far away a pinhole has none.
+        let jacobian = distortion.ray_jacobian([x, y], ray);
+        prop_assume!(jacobian.iter().flatten().all(|slope| slope.abs() < 50.0));
+        let back = distortion.shown([3.0 * a, 3.0 * b, 3.0 * w]);
+        prop_assert!(back.is_some_and(|back| (back[0] - x).hypot(back[1] - y) < 1e-11), "{back:?} {x} {y}");
+        prop_assert!(distortion.is_wide() || w == 1.0);
+    }
+
+    #[test]
+    fn derivatives_of_rays_are_those_of_differences(
+        distortion in any_distortion(), x in -1.8..1.8_f64, y in -1.8..1.8_f64,
+    ) {
+        let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
+        let jacobian = distortion.ray_jacobian([x, y], ray);
+        prop_assume!(jacobian.iter().flatten().all(|slope| slope.abs() < 20.0));
+        let pair = |at: [f64; 3], i: usize| [at[i], at[2 - i / 2]];
+        for i in 0..3 {
+            let column = |k: usize| pair(jacobian.map(|row| row[k]), i);
+            prop_assert!(agrees(column(0), difference_quotient(|d| Some(pair(distortion.ray([x + d, y])?, i)))), "x");
+            prop_assert!(agrees(column(1), difference_quotient(|d| Some(pair(distortion.ray([x, y + d])?, i)))), "y");
+        }
+        let by = distortion.ray_by_coefficients([x, y], ray);
+        for (k, name) in distortion.names().iter().enumerate() {
+            for i in 0..3 {
+                let numeric = difference_quotient(|d| Some(pair(nudged(&distortion, k, d).ray([x, y])?, i)));
+                prop_assert!(agrees(pair(by[k].at, i), numeric), "{name:?}: {:?} {numeric:?}", by[k]);
+                let row = |lens: &Distortion| Some(lens.ray_jacobian([x, y], lens.ray([x, y])?)[i]);
+                let numeric = difference_quotient(|d| row(&nudged(&distortion, k, d)));
+                prop_assert!(agrees(by[k].jacobian[i], numeric), "{name:?} {i}: {:?} {numeric:?}", by[k]);
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_of_distortion_are_those_of_differences(
+        distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
+    ) {
+        // Up to the fold all of them grow without bound.
+        prop_assume!(x.hypot(y) < 0.9 * distortion.max_radius());
+        let (jacobian, by) = (distortion.distort_jacobian([x, y]), distortion.distort_by_coefficients([x, y]));
+        prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.distort([x + d, y]))), "x");
+        prop_assert!(agrees(column(jacobian, 1), difference_quotient(|d| distortion.distort([x, y + d]))), "y");
+        for (k, name) in distortion.names().iter().enumerate() {
+            let numeric = difference_quotient(|d| nudged(&distortion, k, d).distort([x, y]));
+            prop_assert!(agrees(by[k], numeric), "{name:?}: {:?} {numeric:?}", by[k]);
+        }
+    }
+
+    #[test]
+    fn derivatives_of_undistortion_are_those_of_differences(
+        distortion in any_distortion(), x in -1.2..1.2_f64, y in -1.2..1.2_f64,
+    ) {
+        let Some(straight) = distortion.undistort([x, y]) else { return Ok(()) };
+        prop_assume!(straight[0].hypot(straight[1]) < (0.9 * distortion.max_radius()).min(4.0));
+        let jacobian_of = |lens: &Distortion| {
+            Some(lens.undistort_jacobian([x, y], lens.undistort([x, y])?))
+        };
+        let jacobian = distortion.undistort_jacobian([x, y], straight);
+        prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.undistort([x + d, y]))), "x");
+        prop_assert!(agrees(column(jacobian, 1), difference_quotient(|d| distortion.undistort([x, y + d]))), "y");
+        let by = distortion.undistort_by_coefficients([x, y], straight);
+        for (k, name) in distortion.names().iter().enumerate() {
+            let numeric = difference_quotient(|d| nudged(&distortion, k, d).undistort([x, y]));
+            prop_assert!(agrees(by[k].at, numeric), "{name:?}: {:?} {numeric:?}", by[k]);
+            for row in 0..2 {
+                let numeric = difference_quotient(|d| Some(jacobian_of(&nudged(&distortion, k, d))?[row]));
+                prop_assert!(agrees(by[k].jacobian[row], numeric), "{name:?}: {:?} {numeric:?}", by[k]);
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! What a camera shows of straight lines of space: the way of a 3-D polyline and of the horizon across its image, bent as
+//! its lens bends them.
+
+use crate::camera::{Camera, Pixel, WorldPoint};
+use crate::floor::scene::Polyline;
+
+/// The way of a 3-D polyline across an image: in pieces where parts of it cannot be seen.
+///
+/// It is cut where the lens ends and, but for a fisheye that looks there, at the camera's near side, and follows the bend of
+/// the lens.
+/// What lies off the image is kept, so that a canvas larger than the image shows it.
+#[must_use]
+pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
+    /// Metres in front of the camera's plane at which lines are cut.
+    const NEAR: f64 = 0.05;
+    let mut pieces = vec![Vec::new()];
+    for pair in polyline.windows(2) {
+        let (a, b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
+        if camera.lens.distortion.is_wide() {
+            along_arc(camera, [a, b], &mut pieces);
+            continue;
+        }
+        let Some(front) = in_front(a, b, NEAR) else {
+            pieces.push(Vec::new());
+            continue;
+        };
+        if a[2] < NEAR {
+            pieces.push(Vec::new());
+        }
+        bend(camera, front, &mut pieces);
+    }
+    pieces.retain(|piece| piece.len() > 1);
+    pieces
+}
+
+/// What of a straight piece is farther forward than `near`; its points are right, down, forward of an eye.
+#[must_use]
+pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
+    let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
+        let t = (near - from[2]) / (to[2] - from[2]);
+        std::array::from_fn(|i| from[i] + t * (to[i] - from[i]))
+    };
+    match (a[2] < near, b[2] < near) {
+        (true, true) => None,
+        (true, false) => Some([cut(a, b), b]),
+        (false, true) => Some([a, cut(b, a)]),
+        (false, false) => Some([a, b]),
+    }
+}
+
+/// Appends the image in a wide lens of a straight piece in camera axes: of the arc of rays from end to end.
+fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    /// Radians between points: of a fisheye of 180 degrees in 2000 pixels, 0.2 px off the chord.
+    const STEP: f64 = 0.03;
+    let unit = |p: [f64; 3]| {
+        let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+        p.map(|c| c / length.max(f64::MIN_POSITIVE))
+    };
+    let [a, b] = ends.map(unit);
+    let cosine = (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0);
+    let angle = cosine.acos();
+    // What passes through the eye has no image; what is short is its ends.
+    let steps = (angle / STEP).ceil().max(1.0);
+    for step in 0..=steps as usize {
+        let t = step as f64 / steps;
+        let [of_a, of_b] =
+            if angle > 1e-6 { [((1.0 - t) * angle).sin(), (t * angle).sin()] } else { [1.0 - t, t] };
+        let ray: [f64; 3] = std::array::from_fn(|i| of_a * a[i] + of_b * b[i]);
+        match camera.lens.shown(camera.bearing(ray)) {
+            Some(pixel) => {
+                if let Some(piece) = pieces.last_mut()
+                    && piece.last() != Some(&pixel)
+                {
+                    piece.push(pixel);
+                }
+            }
+            None => pieces.push(Vec::new()),
+        }
+    }
+}
+
+/// Appends the image of a straight piece in camera axes, in steps short enough for the bend of the lens.
+fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    /// Pixels between points of a bent line: a curve of 500 px radius is 0.2 px off its chord.
+    const STEP: f64 = 24.0;
+    const MOST: f64 = 256.0;
+    let centre = camera.lens.principal_point;
+    let show = |p: [f64; 3]| {
+        let (u, v) = (centre.u + camera.focal * p[0] / p[2], centre.v + camera.focal * p[1] / p[2]);
+        crate::camera::UndistortedPixel { u, v }
+    };
+    let straight = [show(a), show(b)];
+    let bent = camera.lens.distortion != crate::camera::Distortion::None;
+    let length = straight[0].distance(straight[1]);
+    let steps = if bent { (length / STEP).clamp(1.0, MOST).ceil() as usize } else { 1 };
+    for step in 0..=steps {
+        // Equal steps on the image, not in space: perspective crowds the far end.
+        let t = step as f64 / steps as f64;
+        let pixel = crate::camera::UndistortedPixel {
+            u: straight[0].u + t * (straight[1].u - straight[0].u),
+            v: straight[0].v + t * (straight[1].v - straight[0].v),
+        };
+        match camera.distort(pixel) {
+            Some(pixel) => {
+                if let Some(piece) = pieces.last_mut()
+                    && piece.last() != Some(&pixel)
+                {
+                    piece.push(pixel);
+                }
+            }
+            None => pieces.push(Vec::new()),
+        }
+    }
+}
+
+/// The horizon across an image of this size, bent as the lens bends it; empty when it is out of sight.
+#[must_use]
+pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
+    // Directions of the level plane through the camera, as far points: those in front of it show.
+    const STEPS: usize = 180;
+    const FAR: f64 = 1e6;
+    let ring: Polyline = (0..=STEPS)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / STEPS as f64).sin_cos();
+            let WorldPoint { x, y, z } = camera.position;
+            WorldPoint { x: x + FAR * cos, y: y + FAR * sin, z }
+        })
+        .collect();
+    let margin = 0.5 * (size[0] + size[1]);
+    let near_image =
+        |p: &Pixel| p.u > -margin && p.u < size[0] + margin && p.v > -margin && p.v < size[1] + margin;
+    on_image(camera, &ring).into_iter().filter(|piece| piece.iter().any(near_image)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_line_that_passes_behind_the_camera_is_drawn_only_in_front(
+            camera in any_camera(), far in -40.0..40.0_f64, side in -40.0..40.0_f64,
+        ) {
+            let foot = camera.position;
+            let line = [
+                WorldPoint { x: foot.x - 30.0, y: foot.y + side, z: 0.0 },
+                WorldPoint { x: foot.x + 30.0, y: foot.y + far, z: 1.0 },
+            ];
+            for piece in on_image(&camera, &line) {
+                for pixel in piece {
+                    prop_assert!(pixel.is_finite());
+                    if let Some(ray) = camera.pixel_to_ray(pixel) {
+                        let (a, b) = (line[0], line[1]);
+                        // The ray, the line and the centre lie in one plane.
+                        let u = [a.x - foot.x, a.y - foot.y, a.z - foot.z];
+                        let v = [b.x - foot.x, b.y - foot.y, b.z - foot.z];
+                        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+                        let norm = crate::camera::dot(&n, &n).sqrt().max(1e-12);
+                        prop_assert!(crate::camera::dot(&n, &ray.direction).abs() / norm < 1e-6);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn no_pixel_of_the_horizon_shows_the_floor_much_nearer_than_infinity(camera in any_camera()) {
+            for pixel in horizon(&camera, [1920.0, 1080.0]).into_iter().flatten() {
+                if let Some(floor) = camera.pixel_to_floor(pixel, 0.0) {
+                    prop_assert!(floor.distance(camera.position.on_floor()) > 1e3);
+                }
+            }
+        }
+    }
+}
