@@ -266,6 +266,10 @@ impl CameraView {
     /// When the columns are not of one length.
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
+        if self.surfaces.is_empty() && self.map == StreamMap::STILL {
+            // Nothing is kept beside a point: all of them at once.
+            return plane.pixels_to_floor(pixels[0], pixels[1], x, y);
+        }
         self.in_still(pixels, |range, [u, v]| {
             let (x, y) = (&mut x[range.clone()], &mut y[range]);
             if self.surfaces.is_empty() {
