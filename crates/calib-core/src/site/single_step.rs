@@ -272,9 +272,10 @@ fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
 
 /// The solution of a camera whose straight edges are all that was drawn: its lens.
 fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
-    // Without a focal the width of the image is the unit of the coefficients.
-    let focal =
-        entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(entry.size()[0], |focal| focal.value);
+    // Without a focal the width of the image is the unit of the coefficients; a fisheye has a focal of its own.
+    let lens = &lens_estimate.lens;
+    let unit = if lens.distortion.is_wide() { lens.focal } else { entry.size()[0] };
+    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(unit, |focal| focal.value);
     let camera = Camera {
         position: WorldPoint::default(),
         yaw: 0.0,
