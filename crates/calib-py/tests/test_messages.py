@@ -61,19 +61,19 @@ def test_an_argument_is_named_with_what_to_give(site: calib.Site, call: Call, fi
 
 @pytest.mark.parametrize("call", [
     lambda s: s.camera("camera-0", letterbox=True), lambda s: s.camera("camera-0").to_floor(1.0, 2.0, size=(640, 640)),
-    lambda s: s.project(TABLE, camera="camera-0", colums="boxes"),
+    lambda s: s.project(TABLE, camera="camera-0", column="boxes"),
 ])
 def test_an_unknown_keyword_is_told_the_words_that_exist(site: calib.Site, call: Callable[[calib.Site], object]) -> None:
     with pytest.raises(TypeError, match=r'fit \("stretch" or "letterbox"\)'):
         call(site)
     with pytest.raises(TypeError, match="camera_column, at, at_column"):
-        site.project(TABLE, camera="camera-0", colums="boxes")  # type: ignore[call-arg]
+        site.project(TABLE, camera="camera-0", column="boxes")  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize(("build", "field", "words"), [
     (lambda: door(height_m=3.88), "height_m", '{"value": 3.88, "sigma": 0.05}, or {"value": 3.88, "fixed": True}'),
     (lambda: door(lens={"focal_px": 1400}), "focal_px", '"value": 1400'),
-    (lambda: door(heigth_m={"value": 3.88, "fixed": True}), "heigth_m", "did you mean height_m?"),
+    (lambda: door(heights_m={"value": 3.88, "fixed": True}), "heights_m", "did you mean height_m?"),
     (lambda: door(annotation=LINES), "annotation", "unexpected keyword"),
     (lambda: calib.camera_entry("door", 1920), "size_px", "found 1920, expected (width, height)"),  # type: ignore[arg-type]
     (lambda: calib.upright((1, 2), (3, 4), height=2.0), "height", "did you mean height_m?"),
