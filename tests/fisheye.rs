@@ -101,15 +101,18 @@ fn errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; 3]> {
 #[test]
 fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
     const TRIALS: usize = 1000;
-    for (field, pitch) in [(100.0, 0.5), (140.0, 0.7), (180.0, 0.3), (180.0, 1.2), (190.0, 0.9), (190.0, 1.5)] {
+    for (field, pitch) in [(100.0, 0.5), (140.0, 0.7), (180.0, 0.3), (180.0, 1.2), (190.0, 0.9), (190.0, 1.5)]
+    {
         let mut random = ChaCha8Rng::seed_from_u64(7);
-        let all: Vec<[f64; 3]> =
-            (0..TRIALS).filter_map(|_| errors(&mut random, field, pitch)).collect();
-        let rms = [0, 1, 2].map(|k| {
-            (all.iter().map(|of| of[k] * of[k]).sum::<f64>() / all.len() as f64).sqrt()
-        });
-        let held = [0, 1, 2].map(|k| all.iter().filter(|of| of[k].abs() < 1.96).count() as f64 / all.len() as f64);
-        println!("{field} degrees, pitch {pitch}: {} of {TRIALS}, rms {rms:.2?}, 95 % hold {held:.3?}", all.len());
+        let all: Vec<[f64; 3]> = (0..TRIALS).filter_map(|_| errors(&mut random, field, pitch)).collect();
+        let rms =
+            [0, 1, 2].map(|k| (all.iter().map(|of| of[k] * of[k]).sum::<f64>() / all.len() as f64).sqrt());
+        let held =
+            [0, 1, 2].map(|k| all.iter().filter(|of| of[k].abs() < 1.96).count() as f64 / all.len() as f64);
+        println!(
+            "{field} degrees, pitch {pitch}: {} of {TRIALS}, rms {rms:.2?}, 95 % hold {held:.3?}",
+            all.len()
+        );
         assert_eq!(all.len(), TRIALS);
         // Of so many trials a share has a standard deviation of 0.7 %, a root mean square one of 2.2 %.
         assert!(rms.iter().all(|rms| (0.93..1.07).contains(rms)), "{rms:?}");
