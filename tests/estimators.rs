@@ -498,6 +498,7 @@ fn the_operators_move_turn_and_scale_place_the_camera() {
         turn_deg: 33.0,
         scale: Some(1.5),
         fixed: false,
+        held: calib_core::HeldEntry::default(),
     });
     let solution = solve(camera);
     assert_eq!(solution.position_m, Some(WorldPoint::new(4.0, -2.0, 4.5)));

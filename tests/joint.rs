@@ -389,6 +389,7 @@ fn pieces_of_floor_lines_tie_cameras() {
                 turn_deg: truth.yaw.to_degrees() + 3.0,
                 scale: Some(truth.position.z / STAGE_1_HEIGHT),
                 fixed: false,
+                held: calib_core::HeldEntry::default(),
             });
         }
         lines.place_first();

@@ -133,6 +133,7 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
         turn_deg: camera.yaw.to_degrees(),
         scale: Some(camera.position.z / 3.0),
         fixed,
+        held: calib_core::HeldEntry::default(),
     };
     SiteCamera { placement: Some(placement), ..entry }
 }

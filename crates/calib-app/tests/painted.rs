@@ -270,12 +270,27 @@ fn every_number_of_a_placed_camera_has_its_sigma_and_its_lock() {
     assert!(held.fixed && (held.value - z).abs() < 0.01, "{held:?}, {z}");
     press(&mut desk, "Hold the focal");
     assert!(desk.site().cameras[0].lens.as_ref().unwrap().focal_px.unwrap().fixed);
+    let held = |desk: &Desk| {
+        let placement = desk.site().cameras[0].placement.clone().unwrap();
+        (placement.fixed, [placement.held.x, placement.held.y, placement.held.turn])
+    };
     press(&mut desk, "Hold the turn");
-    assert!(desk.site().cameras[0].placement.as_ref().unwrap().fixed);
-    press(&mut desk, "Release the x");
-    assert!(!desk.site().cameras[0].placement.as_ref().unwrap().fixed);
+    assert_eq!(held(&desk), (false, [false, false, true]));
+    press(&mut desk, "Hold the x");
+    assert_eq!(held(&desk), (false, [true, false, true]));
+    assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 1, "y alone is not known");
+    press(&mut desk, "Release the turn");
+    assert_eq!(held(&desk), (false, [true, false, false]));
+    desk.undo();
+    assert_eq!(held(&desk), (false, [true, false, true]), "undone");
     press(&mut desk, "Release the height");
     assert_eq!(desk.site().cameras[0].height_m, None);
+    // Of a place that is held as a whole each number is released by itself.
+    press(&mut desk, "Hold here");
+    assert!(held(&desk).0);
+    press(&mut desk, "Release the y");
+    assert_eq!(held(&desk), (false, [true, false, true]));
+    assert!(desk.site().cameras[0].height_m.is_some_and(|height| height.fixed));
 }
 
 #[test]

@@ -131,7 +131,8 @@ mod site;
 
 pub use bundle::{
     BundleAdjustment, BundleCamera, BundleError, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate, PlaneEstimate,
+    DistanceMeasurement, HeldPose, InitialPose, Landmark, LandmarkModel, Observation, OutlierCandidate,
+    PlaneEstimate,
 };
 pub use camera::{
     BrownConrady, Camera, Chart, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance,
@@ -139,7 +140,7 @@ pub use camera::{
     WorldPoint, angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape,
+    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorLine, FloorProjector, MarkKind, MarkShape,
     NoStraightView, PRISM_HEIGHT, PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT,
     Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector,
     SurfaceSigmas, Undistortion, default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid,
@@ -166,9 +167,9 @@ pub use single::{
 pub use site::{
     About, Alternative, Carrier, ControlPointEntry, CovarianceEntry, CrossCovarianceEntry, Distance,
     DistortionEntry, DrawNext, ElementSolution, ExactScene, FailureEntry, Fault, FindingEntry, Format,
-    Georeference, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS, MAX_ITEMS,
-    MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera, NoView,
-    Options, Overlap, PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered, Report, Scale,
-    SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution, Solution,
-    Stage, TiltEntry, Warning, counted,
+    Georeference, HeldEntry, LensCache, LensEntry, Link, LinkKind, LinkSeen, MAX_BYTES, MAX_CAMERAS,
+    MAX_ITEMS, MAX_SIDE, MAX_VALUES, Mark, MarkSeen, Method, NamedAnnotation, Names, NewStill, NoCamera,
+    NoView, Options, Overlap, PlacementEntry, Plan, PlaneEntry, PlaneNumber, PlaneSolution, Recovered,
+    Report, Scale, SceneEntry, SceneSigmas, SeenResidual, Sigmas, Site, SiteCamera, SiteError, SiteSolution,
+    Solution, Stage, TiltEntry, Warning, counted,
 };

@@ -168,6 +168,7 @@ impl Layout {
             turn_deg: (camera.yaw + PI).rem_euclid(TAU).to_degrees() - 180.0,
             scale: Some(camera.position.z / calib_core::STAGE_1_HEIGHT),
             fixed: false,
+            held: calib_core::HeldEntry::default(),
         });
     }
 }

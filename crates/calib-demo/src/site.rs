@@ -190,6 +190,7 @@ fn placed(hand: &mut Hand) -> PlacementEntry {
         turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
         scale: Some(off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
+        held: calib_core::HeldEntry::default(),
     }
 }
 

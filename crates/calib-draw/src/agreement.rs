@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use calib_core::{
-    Camera, ElementSolution, FloorPoint, Link, LinkKind, Mark, Pixel, Plane, Site, SiteCamera, WorldPoint,
+    Camera, ElementSolution, FloorLine, FloorPoint, Link, LinkKind, Mark, Pixel, Plane, Site, SiteCamera,
+    WorldPoint,
 };
 
 /// A link or a mark that has a place, and what the cameras make of it.
@@ -197,22 +198,10 @@ fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint, plane: &Plane) -> Opt
 fn sighting_of_line(
     camera: &Camera,
     drawn: Pixel,
-    (origin, turn): (FloorPoint, f64),
+    (through, turn): (FloorPoint, f64),
     plane: &Plane,
 ) -> Option<Sighting> {
-    /// A piece of the line so short that no lens bends it.
-    const PIECE: f64 = 0.05;
     let put = camera.pixel_to_plane(drawn, plane)?.on_floor();
-    let (sin, cos) = turn.sin_cos();
-    let along = (put.x - origin.x) * cos + (put.y - origin.y) * sin;
-    let on_line = |along: f64| FloorPoint { x: origin.x + along * cos, y: origin.y + along * sin };
-    let pixel = |along: f64| {
-        let at = on_line(along);
-        camera.world_to_pixel(at.at_height(plane.height_at(at)))
-    };
-    let (a, b) = (pixel(along - PIECE)?, pixel(along + PIECE)?);
-    let (du, dv) = (b.u - a.u, b.v - a.v);
-    let t = ((drawn.u - a.u) * du + (drawn.v - a.v) * dv) / (du * du + dv * dv);
-    let shown = Pixel { u: a.u + t * du, v: a.v + t * dv };
-    shown.is_finite().then_some(Sighting { drawn, shown, at: on_line(along), put: Some(put) })
+    let (at, shown) = FloorLine { through, turn }.nearest(camera, drawn, plane)?;
+    Some(Sighting { drawn, shown, at, put: Some(put) })
 }

@@ -42,6 +42,19 @@ pub struct NewStill {
     pub size: [u32; 2],
 }
 
+/// A number of a camera's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaceNumber {
+    /// x of where it stands.
+    X,
+    /// y of where it stands.
+    Y,
+    /// How it is turned.
+    Turn,
+    /// How high it is.
+    Height,
+}
+
 /// Something that the editor is to do. What changes a site is one gesture, which undo takes back.
 #[derive(Clone, Debug)]
 pub enum Action {
@@ -183,6 +196,8 @@ pub enum Action {
     },
     /// Holds the camera in hand where it is, or lets it go.
     HoldPlace,
+    /// Holds one number of the place of the camera in hand by itself, or releases it.
+    HoldNumber(PlaceNumber),
     /// Forgets where the camera in hand stands.
     ForgetPlace,
     /// A picture becomes the plan; it lies as a world file tells, if there is one.

@@ -131,6 +131,7 @@ mod tests {
                 turn_deg: pose.yaw.to_degrees(),
                 scale: Some(pose.position.z / calib_core::STAGE_1_HEIGHT),
                 fixed: false,
+                held: calib_core::HeldEntry::default(),
             });
         let moved = Session::new(site, Images::default(), None);
         let after = agreements(&moved, camera, &poses);

@@ -1,6 +1,6 @@
 //! How far two views put one link from each other, and how far they may by their own uncertainty.
 
-use calib_core::{Camera, FloorPoint, Link, LinkKind, LinkSeen, Plane};
+use calib_core::{Camera, FloorLine, FloorPoint, Link, LinkKind, LinkSeen, Plane};
 
 use crate::session::Session;
 
@@ -73,6 +73,44 @@ pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
     let sigmas: Option<Vec<f64>> = all.iter().map(|(_, sigma)| *sigma).collect();
     let sigma = sigmas.map(|sigmas| rms(&mut sigmas.into_iter()));
     (!all.is_empty()).then(|| Apart { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
+}
+
+/// How far the lines of the floor that a camera shows pass from where the others put them, as they stand now: root mean
+/// square of the distances of its ends from them in its image, in pixels, and how many lines that are. None where it
+/// shares none with a camera that stands somewhere.
+#[must_use]
+pub fn lines_off(session: &Session, camera: usize) -> Option<(f64, usize)> {
+    if !session.site.has_shared(camera) {
+        return None;
+    }
+    let lines = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Line);
+    let all: Vec<Vec<f64>> =
+        lines.map(|link| line_off(session, link, camera)).filter(|off| !off.is_empty()).collect();
+    let count = all.iter().flatten().count() as f64;
+    let square: f64 = all.iter().flatten().map(|px| px * px).sum();
+    (count > 0.0).then(|| ((square / count).sqrt(), all.len()))
+}
+
+/// The distances of the points that a camera shows of a line from where every other camera puts it, in pixels.
+fn line_off(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
+    let plane = plane_of(session, link);
+    let id = &session.site.cameras[camera].id;
+    let Some(own) = session.solved.placed(camera) else { return Vec::new() };
+    let put = |seen: &LinkSeen| {
+        let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
+        let other = session.solved.placed(index)?;
+        let points = seen.segment.as_ref()?;
+        let [a, b] = [points.first()?, points.last()?].map(|&px| other.pixel_to_plane(px, &plane));
+        FloorLine::between(a?.on_floor(), b?.on_floor())
+    };
+    let lines: Vec<FloorLine> = link.seen.iter().filter(|seen| seen.camera != *id).filter_map(put).collect();
+    let drawn =
+        link.seen.iter().filter(|seen| seen.camera == *id).flat_map(|seen| seen.segment.iter().flatten());
+    drawn
+        .flat_map(|&px| {
+            lines.iter().filter_map(move |line| Some(line.nearest(own, px, &plane)?.1.distance(px)))
+        })
+        .collect()
 }
 
 /// How far two cameras of these poses put the points that both show from each other on the floor: root mean

@@ -53,9 +53,9 @@ mod action;
 mod editor;
 mod apply;
 
-pub use action::{Action, NewStill, Opened};
+pub use action::{Action, NewStill, Opened, PlaceNumber};
 pub use agreement::{Agreement, agreements};
-pub use apart::{Apart, apart, far_links, pair_apart};
+pub use apart::{Apart, apart, far_links, lines_off, pair_apart};
 pub use calib_image::{Edge, edges};
 pub use command::Command;
 pub use difference::differences;

@@ -22,9 +22,10 @@ impl Session {
         if let Some(camera) = self.site.cameras.get_mut(index) {
             let own = camera.placement.as_ref();
             let says_scale = is_scaled || own.is_some_and(|entry| entry.scale.is_some());
-            let (fixed, entry) = (own.is_some_and(|entry| entry.fixed), rounded(placement));
-            camera.placement =
-                Some(PlacementEntry { fixed, scale: entry.scale.filter(|_| says_scale), ..entry });
+            let (fixed, held) = own.map_or_else(Default::default, |own| (own.fixed, own.held));
+            let entry = rounded(placement);
+            let scale = entry.scale.filter(|_| says_scale);
+            camera.placement = Some(PlacementEntry { fixed, held, scale, ..entry });
         }
     }
 

@@ -10,8 +10,7 @@ pub fn refined(mut site: Site) -> Site {
         let pose = result.as_ref().ok().filter(|s| s.stage == Stage::Refined);
         if let Some(pose) = pose.and_then(Solution::camera) {
             let entry = &mut site.cameras[*index];
-            let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
-            entry.placement = Some(PlacementEntry { fixed, ..rounded(Placement::of(&pose)) });
+            entry.placement = Some(with_holds(entry.placement.as_ref(), rounded(Placement::of(&pose))));
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {
@@ -21,6 +20,17 @@ pub fn refined(mut site: Site) -> Site {
     }
     // From where they stand now, as whoever opens the file will find it.
     site.calibrate(&Options::default()).write_into(&site)
+}
+
+/// A new placement with what the one before holds, to the last digit.
+fn with_holds(before: Option<&PlacementEntry>, mut now: PlacementEntry) -> PlacementEntry {
+    let Some(before) = before else { return now };
+    let held = before.held;
+    let pick = |is_held: bool, before: f64, now: f64| if is_held { before } else { now };
+    now.move_m.x = pick(held.x, before.move_m.x, now.move_m.x);
+    now.move_m.y = pick(held.y, before.move_m.y, now.move_m.y);
+    now.turn_deg = pick(held.turn, before.turn_deg, now.turn_deg);
+    PlacementEntry { fixed: before.fixed, held, ..now }
 }
 
 /// What was dragged is known to a tenth of a millimetre at best; files should not claim more.

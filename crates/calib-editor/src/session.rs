@@ -222,7 +222,7 @@ impl Session {
                 [now.roll - settled.roll, now.pitch - settled.pitch, now.focal / settled.focal - 1.0];
             let is_stage_1 = camera.id == before.id
                 && (camera.annotations != before.annotations || camera.lens != before.lens);
-            if own.fixed || !is_stage_1 || turned.iter().all(|by| by.abs() < 1e-12) {
+            if own.fixed || !own.held.is_empty() || !is_stage_1 || turned.iter().all(|by| by.abs() < 1e-12) {
                 continue;
             }
             let corners = corners_of(camera);
@@ -230,6 +230,7 @@ impl Session {
             let kept = rounded(kept);
             let kept = PlacementEntry {
                 fixed: own.fixed,
+                held: own.held,
                 scale: kept.scale.filter(|_| own.scale.is_some()),
                 ..kept
             };

@@ -63,14 +63,16 @@ impl Camera {
 /// How a camera is made again: by what, and from what.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
-/// A site of this camera alone, without what it was solved from, but with whether its scale is known.
+/// A site of this camera alone, without what it was solved from, but with whether its scale and place are known.
 fn alone(site: &Site, entry: &SiteCamera) -> String {
+    let tells_use = |code: Code| matches!(code, Code::ScaleAssumed | Code::PlacedByHand);
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
     camera.efov_px.clone_from(&entry.efov_px);
     camera.efov_plane.clone_from(&entry.efov_plane);
+    camera.placement.clone_from(&entry.placement);
     camera.solution = entry.solution.as_ref().map(|solution| Solution {
         residuals: Vec::new(),
-        warnings: solution.warnings.iter().filter(|said| said.code == Code::ScaleAssumed).cloned().collect(),
+        warnings: solution.warnings.iter().filter(|said| tells_use(said.code)).cloned().collect(),
         draw_next: None,
         ..solution.clone()
     });

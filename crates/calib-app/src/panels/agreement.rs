@@ -1,7 +1,7 @@
 //! How the camera in hand agrees with the others about the floor, pair by pair.
 
-use calib_core::LinkKind;
-use calib_editor::{Action, Agreement, Part, TOOLS, agreements};
+use calib_core::{LinkKind, counted};
+use calib_editor::{Action, Agreement, Part, TOOLS, agreements, lines_off};
 use egui::{Align2, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::command::Command;
@@ -21,14 +21,20 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let before = app.editor.poses_before(app.show_before);
     let all = agreements(session, session.camera, &before);
     heading(ui, "Agreement", "");
-    if all.is_empty() {
+    let lines = lines_off(session, session.camera);
+    if all.is_empty() && lines.is_none() {
         let text = "No other camera on the plan shares floor or links with this one.";
         ui.label(RichText::new(text).color(theme::palette(ui.ctx()).text2));
         return;
     }
-    titles(ui);
+    if !all.is_empty() {
+        titles(ui);
+    }
     for agreement in &all {
         row(app, ui, agreement);
+    }
+    if let Some((px, count)) = lines {
+        lines_row(app, ui, px, count);
     }
     let is_far = |found: &&Agreement| found.apart.is_some_and(|apart| apart.is_far());
     let metres = |found: &&Agreement| found.apart.map_or(0.0, |apart| apart.metres);
@@ -78,6 +84,24 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     for (text, column, colour) in [(overlap, OVERLAP, palette.text2), (apart, APART, colour)] {
         let at = rect.right_center() - Vec2::new(column, 0.0);
         ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(12.0), colour);
+    }
+}
+
+/// How far lines of the floor are in the image from where the others put them on the plan.
+fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
+    let palette = theme::palette(ui.ctx());
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 20.0), Sense::hover());
+    let text = format!("{px:.1} px");
+    let of = counted(count, "floor line", "floor lines");
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, format!("{of} {text} off")));
+    response.on_hover_text("From where the other cameras put them, root mean square in this image");
+    let sigma = app.editor.session().entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
+    let colour = theme::residual(palette, px / sigma);
+    for (at, align, text, colour) in [
+        (rect.left_center(), Align2::LEFT_CENTER, of, palette.text2),
+        (rect.right_center(), Align2::RIGHT_CENTER, text, colour),
+    ] {
+        ui.painter().text(at, align, text, theme::regular(12.0), colour);
     }
 }
 

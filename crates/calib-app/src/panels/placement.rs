@@ -1,7 +1,7 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
 use calib_core::{Known, Placement, STAGE_1_HEIGHT, Sigmas};
-use calib_editor::{Action, Units};
+use calib_editor::{Action, PlaceNumber, Units};
 use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::command::Command;
@@ -46,17 +46,16 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some(value(sigmas.as_ref()?)? / unit);
     let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
     let known = Number::Height.known(app);
-    let place = fixed.then_some(true);
+    let held = app.editor.session().entry().and_then(|entry| entry.placement.as_ref().map(|own| own.held));
+    let held = held.unwrap_or_default();
+    let place = |is_held: bool| (fixed || is_held).then_some(true);
+    let of_height = fixed.then_some(true).or(known.map(|known| known.fixed));
+    let [by_x, by_y] = [&mut placement.by.x, &mut placement.by.y].map(|by| length_field(units, by, -1e5));
     let rows = [
-        ("x", length_field(units, &mut placement.by.x, -1e5), of(|s| s.x_m, units.metres()), place),
-        ("y", length_field(units, &mut placement.by.y, -1e5), of(|s| s.y_m, units.metres()), place),
-        ("Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0), place),
-        (
-            "Height",
-            length_field(units, &mut height, 1e-3),
-            of(|s| s.z_m, units.metres()),
-            place.or(known.map(|known| known.fixed)),
-        ),
+        ("x", by_x, of(|s| s.x_m, units.metres()), place(held.x)),
+        ("y", by_y, of(|s| s.y_m, units.metres()), place(held.y)),
+        ("Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0), place(held.turn)),
+        ("Height", length_field(units, &mut height, 1e-3), of(|s| s.z_m, units.metres()), of_height),
     ];
     let (mut changed, mut locked) = (None, None);
     for (title, edit, sigma, is_held) in rows {
@@ -68,12 +67,15 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
     ui.label(RichText::new(text).small().color(palette.text3));
     match locked {
-        // A height alone can be held; what else is held is held as a place.
+        // A height that is believed is a number of the result, too.
         Some("Height") if !fixed => {
             let held = known.is_none().then(|| Known::fixed(held_at(height, 2)));
             Number::Height.set(app, held);
         }
-        Some(_) => app.tell(Command::FixPlacement),
+        Some("Height") => app.send(Action::HoldNumber(PlaceNumber::Height)),
+        Some("x") => app.send(Action::HoldNumber(PlaceNumber::X)),
+        Some("y") => app.send(Action::HoldNumber(PlaceNumber::Y)),
+        Some(_) => app.send(Action::HoldNumber(PlaceNumber::Turn)),
         None => {}
     }
     if changed == Some("Height")
@@ -104,11 +106,12 @@ fn field(
             let tip = match (is_held, title) {
                 (Some(_), _) => "Let the others move it in a joint solve",
                 (None, "Height") => "Hold the height",
-                (None, _) => "Hold x, y, turn and height in a joint solve",
+                (None, _) => "Hold it in a joint solve; the others stay free",
             };
             let clicked = lock(ui, &title.to_lowercase(), is_held, tip);
             let (sure, why) = match sigma {
                 Some(sigma) => (number(sigma, digits(sigma)), "One sigma"),
+                None if is_held == Some(true) => ("0".into(), "Held: as it was given"),
                 // A hand says nothing of how sure it is, and unknown is not nothing.
                 None => ("?".into(), "Not known: links or control points tell how sure it is"),
             };

@@ -22,6 +22,37 @@ pub enum InitialPose {
     Fixed,
 }
 
+/// Which of position and yaw are held by themselves: they are not estimated, while the others are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HeldPose {
+    /// x0.
+    pub x: bool,
+    /// y0.
+    pub y: bool,
+    /// The yaw.
+    pub yaw: bool,
+}
+
+impl HeldPose {
+    /// How many are held.
+    pub(crate) fn count(self) -> usize {
+        [self.x, self.y, self.yaw].into_iter().filter(|held| *held).count()
+    }
+
+    /// Whether both numbers of the position are held.
+    pub(crate) const fn is_at(self) -> bool {
+        self.x && self.y
+    }
+
+    /// `camera` with what is held as `known` has it, to the last bit.
+    pub(crate) fn put(self, known: &Camera, camera: Camera) -> Camera {
+        let pick = |is_held: bool, known: f64, other: f64| if is_held { known } else { other };
+        let (at, now) = (known.position, camera.position);
+        let position = WorldPoint { x: pick(self.x, at.x, now.x), y: pick(self.y, at.y, now.y), z: now.z };
+        Camera { position, yaw: pick(self.yaw, known.yaw, camera.yaw), ..camera }
+    }
+}
+
 /// A camera of a [`BundleAdjustment`](crate::BundleAdjustment).
 #[derive(Clone, Debug)]
 pub struct BundleCamera<'a> {
@@ -30,6 +61,8 @@ pub struct BundleCamera<'a> {
     pub camera: Camera,
     /// What is known of position and yaw.
     pub initial_pose: InitialPose,
+    /// Which of position and yaw hold as `camera` has them, whatever is known of the others.
+    pub held: HeldPose,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
     /// Which of roll, pitch, focal and height are not estimated. A fixed height takes the place of the
@@ -66,6 +99,7 @@ impl<'a> BundleCamera<'a> {
         Self {
             camera,
             initial_pose: InitialPose::Unknown,
+            held: HeldPose::default(),
             size,
             fixed: FixedParameters {
                 roll: Some(camera.roll),
@@ -139,7 +173,8 @@ impl<'a> BundleCamera<'a> {
 /// does: the gauge of the adjustment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gauge {
-    pub(crate) position: bool,
+    pub(crate) x: bool,
+    pub(crate) y: bool,
     pub(crate) yaw: bool,
     pub(crate) scale: bool,
 }
@@ -208,13 +243,16 @@ fn free_parameters(
     gauge: Option<Gauge>,
 ) -> [bool; CAMERA_PARAMS] {
     let is_fixed = entry.initial_pose == InitialPose::Fixed;
-    let is_free = |fixed: fn(Gauge) -> bool| !is_fixed && gauge.is_some_and(|gauge| !fixed(gauge));
+    let held = entry.held;
+    let is_free = |is_held: bool, fixed: fn(Gauge) -> bool| {
+        !(is_fixed || is_held) && gauge.is_some_and(|gauge| !fixed(gauge))
+    };
     let height_is_free = gauge.map_or(stage_1.free[LOG_HEIGHT], |gauge| !is_fixed && !gauge.scale);
     let mut free = [false; CAMERA_PARAMS];
-    free[Covariance::X] = is_free(|gauge| gauge.position);
-    free[Covariance::Y] = free[Covariance::X];
+    free[Covariance::X] = is_free(held.x, |gauge| gauge.x);
+    free[Covariance::Y] = is_free(held.y, |gauge| gauge.y);
     free[Covariance::Z] = height_is_free && entry.fixed.height.is_none();
-    free[Covariance::YAW] = is_free(|gauge| gauge.yaw);
+    free[Covariance::YAW] = is_free(held.yaw, |gauge| gauge.yaw);
     free[Covariance::PITCH] = entry.fixed.pitch.is_none();
     free[Covariance::ROLL] = entry.fixed.roll.is_none();
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();

@@ -69,6 +69,7 @@ pub(crate) fn initialize(
     }
     for (pose, camera) in poses.iter_mut().zip(cameras) {
         pose.position.z = camera.fixed_height().unwrap_or(pose.position.z);
+        *pose = camera.held.put(&camera.camera, *pose);
     }
     let mut landmarks = landmarks.to_vec();
     let unobservable = triangulate_all(&mut landmarks, &poses, &has_pose);

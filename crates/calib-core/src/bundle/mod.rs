@@ -42,7 +42,7 @@ mod summary;
 mod adjustment;
 
 pub use adjustment::{BundleAdjustment, BundleError};
-pub use camera::{BundleCamera, InitialPose};
+pub use camera::{BundleCamera, HeldPose, InitialPose};
 pub use converged::{OutlierCandidate, PlaneEstimate};
 pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 pub use marginals::CrossCovariance;

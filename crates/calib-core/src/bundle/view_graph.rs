@@ -26,16 +26,52 @@ pub struct Component {
     pub is_oriented: bool,
     /// Its scale is determined by something known: a length, a height, two places.
     pub is_scaled: bool,
+    /// What the placement of the root fixes.
+    pub(crate) of_root: Gauge,
 }
 
 impl Component {
     /// What the placement of a camera fixes of the gauge.
     pub(crate) fn gauge(&self, camera: usize) -> Gauge {
-        if camera == self.root {
-            Gauge { position: !self.is_located, yaw: !self.is_oriented, scale: !self.is_scaled }
-        } else {
-            Gauge::default()
+        if camera == self.root { self.of_root } else { Gauge::default() }
+    }
+}
+
+/// What is known of a similarity of the floor: an orthonormal basis of the directions that are fixed among its
+/// generators, a move along x, one along y, a turn and a growth about the root. A coordinate that is held fixes
+/// the direction along which they change it: of a camera at (a, b) from the root x is changed by (1, 0, -b, a),
+/// y by (0, 1, a, b), the yaw by (0, 0, 1, 0). Lengths are in units of the component's size.
+#[derive(Debug, Default)]
+struct FixedGauge(Vec<[f64; 4]>);
+
+impl FixedGauge {
+    const YAW: [f64; 4] = [0.0, 0.0, 1.0, 0.0];
+    const SCALE: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+    /// The directions in which x and y are changed of what is at `[a, b]`.
+    fn place([a, b]: [f64; 2]) -> [[f64; 4]; 2] {
+        [[1.0, 0.0, -b, a], [0.0, 1.0, a, b]]
+    }
+
+    /// The part of a direction that is not fixed yet, by Gram and Schmidt; none where next to nothing is left.
+    fn open(&self, direction: [f64; 4]) -> Option<[f64; 4]> {
+        /// Sine of the angle to what is fixed below which a direction says nothing.
+        const LEAST: f64 = 1e-3;
+        let norm = |of: &[f64; 4]| of.iter().map(|value| value * value).sum::<f64>().sqrt();
+        let mut rest = direction.map(|value| value / norm(&direction));
+        for fixed in &self.0 {
+            let along: f64 = (0..4).map(|i| fixed[i] * rest[i]).sum();
+            rest = std::array::from_fn(|i| rest[i] - along * fixed[i]);
         }
+        let left = norm(&rest);
+        (left > LEAST).then(|| rest.map(|value| value / left))
+    }
+
+    /// Fixes a direction; whether it was open.
+    fn fix(&mut self, direction: [f64; 4]) -> bool {
+        let open = self.open(direction);
+        self.0.extend(open);
+        open.is_some()
     }
 }
 
@@ -101,9 +137,11 @@ pub(crate) fn components(
     components.into_values().collect()
 }
 
-/// The first camera of a component that has a pose, or else its first.
+/// The first camera of a component that has a pose, of those the one of which most is held, or else its first.
 pub(crate) fn root(component: &[usize], cameras: &[BundleCamera]) -> usize {
-    let posed = component.iter().find(|&&view| cameras[view].initial_pose != InitialPose::Unknown);
+    let posed = component.iter().filter(|&&view| cameras[view].initial_pose != InitialPose::Unknown);
+    // Of equals the first.
+    let posed = posed.rev().max_by_key(|&&view| cameras[view].held.count());
     posed.or(component.first()).copied().unwrap_or(0)
 }
 
@@ -129,12 +167,38 @@ pub(crate) fn describe(
     let is_measured = |distance: &DistanceMeasurement| {
         !distance.off && distance.between.iter().all(|&landmark| is_ours(&landmarks[landmark]))
     };
-    let is_scaled = is_oriented
+    let is_sized = is_oriented
         || spread_of_heights(&ours) > SAME_PLACE
         || ours.iter().any(|landmark| has_size(landmark))
         || views.iter().any(|&view| cameras[view].height_is_known())
         || distances.iter().any(is_measured);
-    Component { root: root(&views, cameras), is_located: !places.is_empty(), is_oriented, is_scaled, views }
+    let root = root(&views, cameras);
+    let origin = poses[root].position.on_floor();
+    let size = views.iter().map(|&view| poses[view].position.on_floor().distance(origin)).fold(1.0, f64::max);
+    let from_root = |at: FloorPoint| [(at.x - origin.x) / size, (at.y - origin.y) / size];
+    let mut fixed = FixedGauge::default();
+    // Of more places than one the turn and the scale follow, where they are apart.
+    let place = places.first().map(|&place| FixedGauge::place(from_root(place)));
+    place.into_iter().flatten().for_each(|by| _ = fixed.fix(by));
+    for (&view, held) in views.iter().map(|view| (view, cameras[*view].held)) {
+        let [by_x, by_y] = FixedGauge::place(from_root(poses[view].position.on_floor()));
+        let held = [(held.x, by_x), (held.y, by_y), (held.yaw, FixedGauge::YAW)];
+        held.into_iter().filter(|(is_held, _)| *is_held).for_each(|(_, by)| _ = fixed.fix(by));
+    }
+    for (_, by) in [(is_oriented, FixedGauge::YAW), (is_sized, FixedGauge::SCALE)].iter().filter(|of| of.0) {
+        fixed.fix(*by);
+    }
+    let is_open = |by| fixed.open(by).is_some();
+    let (is_oriented, is_scaled) = (!is_open(FixedGauge::YAW), !is_open(FixedGauge::SCALE));
+    let [along_x, along_y] = FixedGauge::place([0.0; 2]);
+    let is_located = !places.is_empty() || views.iter().any(|&view| cameras[view].held.is_at());
+    let of_root = Gauge {
+        yaw: fixed.fix(FixedGauge::YAW),
+        scale: fixed.fix(FixedGauge::SCALE),
+        x: fixed.fix(along_x),
+        y: fixed.fix(along_y),
+    };
+    Component { root, is_located, is_oriented, is_scaled, of_root, views }
 }
 
 /// Where on the floor the points of a known landmark are that some camera sees.

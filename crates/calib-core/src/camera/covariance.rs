@@ -51,6 +51,17 @@ impl Covariance {
         (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
     }
 
+    /// The same where nothing is known of the errors of some unknowns, by their indices.
+    #[cfg(feature = "serde")]
+    pub(crate) fn without(mut self, unknown: &[usize]) -> Self {
+        for &index in unknown {
+            self.0[index] = [0.0; Self::SIZE];
+            self.0.iter_mut().for_each(|row| row[index] = 0.0);
+            self.0[index][index] = f64::INFINITY;
+        }
+        self
+    }
+
     /// Whether the errors are known; an error of zero is.
     #[must_use]
     pub fn is_known(&self) -> bool {

@@ -4,6 +4,7 @@
 //!
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines; `image_curve` **their way across an image**;
+//! - `floor_line` a line of the floor and where an image shows it;
 //! - `lanes` values in step; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
@@ -14,6 +15,7 @@ mod placement;
 mod resection;
 mod scene;
 mod image_curve;
+mod floor_line;
 mod efov;
 mod status;
 mod lanes;
@@ -33,6 +35,7 @@ pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
+pub use floor_line::FloorLine;
 pub use image_curve::{horizon, in_front, on_image};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;

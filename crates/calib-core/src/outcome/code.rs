@@ -79,6 +79,8 @@ codes! {
         ScaleUnknown = "scale-unknown",
         /// Nothing gives the scale of the camera: its height is taken to be the 3 m of the paper.
         ScaleAssumed = "scale-assumed",
+        /// A hand says where the camera stands, and nothing tells how well.
+        PlacedByHand = "placed-by-hand",
         /// Placement and a height, length or upright disagree beyond 3 sigma.
         ScaleConflict = "scale-conflict",
         /// Nothing ties the camera to the rest of the site.

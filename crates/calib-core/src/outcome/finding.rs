@@ -221,6 +221,8 @@ pub enum Finding {
         /// The height that it is taken to have, in metres.
         height: f64,
     },
+    /// A hand says where the camera stands, and nothing tells how well.
+    PlacedByHand,
     /// The height by drawings or as entered, and the height by placement, disagree.
     ScaleConflict {
         /// As entered or estimated from drawings, in metres.
@@ -336,6 +338,7 @@ impl Finding {
             | Self::Unused { .. }
             | Self::UnusedEvidence { .. } => Code::UnusedAnnotation,
             Self::ScaleAssumed { .. } => Code::ScaleAssumed,
+            Self::PlacedByHand => Code::PlacedByHand,
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,

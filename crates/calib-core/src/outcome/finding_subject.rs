@@ -39,6 +39,7 @@ impl Finding {
             }
             Self::FarControlPoints { worst, .. } => Subject::OwnControlPoint(*worst),
             Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
+            Self::PlacedByHand => Subject::Placement,
             Self::EfovAboveHorizon { .. } => Subject::Efov,
             Self::ControlPointOutlier { camera, point } => {
                 Subject::ControlPoint { camera: *camera, point: *point }

@@ -5,13 +5,13 @@ use std::collections::HashMap;
 
 use crate::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
+    DistanceMeasurement, HeldPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
 };
 use crate::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use crate::floor::STAGE_1_HEIGHT;
 use crate::outcome::Failure;
 use crate::single::{Fitted, FixedParameters, PlanePrior, Priors};
-use crate::site::document::{Site, SiteCamera};
+use crate::site::document::{HeldEntry, Site, SiteCamera};
 use crate::site::observations::{LandmarkSource, Shared, Unused};
 use crate::site::single_step::SingleFit;
 use crate::site::solution::Stage;
@@ -189,6 +189,7 @@ impl<'a> Member<'a> {
         BundleCamera {
             camera: self.placed(),
             initial_pose: self.initial_pose(),
+            held: self.held(),
             size: entry.size(),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() { Priors::default() } else { entry.priors() },
@@ -208,6 +209,14 @@ impl<'a> Member<'a> {
             Some(_) => InitialPose::Approximate,
             None => InitialPose::Unknown,
         }
+    }
+
+    fn held(&self) -> HeldPose {
+        let placement = self.entry.placement.as_ref().filter(|_| !self.entry.is_given());
+        placement.map_or_else(HeldPose::default, |placement| {
+            let HeldEntry { x, y, turn } = placement.held;
+            HeldPose { x, y, yaw: turn }
+        })
     }
 
     fn height_is_known(&self) -> bool {

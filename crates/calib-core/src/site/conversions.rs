@@ -6,7 +6,9 @@ use crate::camera::{
 };
 use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors, SceneErrors};
-use crate::site::document::{ControlPointEntry, Georeference, PlacementEntry, Plan, Site, SiteCamera};
+use crate::site::document::{
+    ControlPointEntry, Georeference, HeldEntry, PlacementEntry, Plan, Site, SiteCamera,
+};
 use crate::site::elements::Mark;
 use crate::site::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
@@ -68,6 +70,7 @@ impl From<Placement> for PlacementEntry {
             turn_deg: placement.turn.to_degrees(),
             scale: Some(placement.scale),
             fixed: false,
+            held: HeldEntry::default(),
         }
     }
 }

@@ -180,6 +180,23 @@ document! {
         /// Holds x0, y0, yaw and z0 in a joint solve.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
+        /// Holds some of x0, y0 and yaw in a joint solve; what holds z0 alone is `height_m`.
+        #[serde(default, skip_serializing_if = "HeldEntry::is_empty")]
+        held: HeldEntry,
+    }
+
+    /// Which numbers of a placement are held by themselves: exact, while a joint solve estimates the others.
+    #[derive(Copy, Default, Eq)]
+    struct HeldEntry {
+        /// x0.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        x: bool,
+        /// y0.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        y: bool,
+        /// The yaw.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        turn: bool,
     }
 
     /// A pixel that shows a point with known coordinates: `world_m`, or `plan_px` with `height_m`.
@@ -249,6 +266,14 @@ impl Site {
     #[must_use]
     pub fn json_schema() -> serde_json::Value {
         schemars::schema_for!(Self).to_value()
+    }
+}
+
+impl HeldEntry {
+    /// Whether none is held.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        !(self.x || self.y || self.turn)
     }
 }
 

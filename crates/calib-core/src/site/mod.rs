@@ -55,7 +55,7 @@ mod recovered;
 pub use bounded_list::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use document::{
-    ControlPointEntry, Format, Georeference, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
+    ControlPointEntry, Format, Georeference, HeldEntry, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
 };
 pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::{Names, counted};

@@ -228,6 +228,9 @@ impl Site {
         result.findings.retain(|finding| !is_found_anew(finding.code()));
         result.findings.extend(entry.findings_at(&camera));
         result.findings.extend(self.points_outside(entry));
+        if self.is_placed_by_hand(entry, &camera, stage) {
+            result.findings.push(Finding::PlacedByHand);
+        }
         self.add_control_residuals(entry, &camera, &mut result);
         check_finite(result)
     }

@@ -7,7 +7,7 @@ use crate::floor::{ControlPoint, from_control_points, with_placement_covariance}
 use crate::outcome::{Code, Finding, Residual, ResidualOf};
 use crate::single::{BESIDE, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
 use crate::site::camera_result::CameraResult;
-use crate::site::document::{ControlPointEntry, Site, SiteCamera};
+use crate::site::document::{ControlPointEntry, HeldEntry, Site, SiteCamera};
 use crate::site::solution::{Solution, Stage};
 
 /// Relative standard deviation of a height by placement: of dragging and scaling a polygon over a plan.
@@ -54,6 +54,23 @@ impl Site {
         }
     }
 
+    /// Whether a hand says where a camera at this stage stands, and nothing tells how well. A hand that placed the
+    /// only camera of a site, with no plan and no known place, made the site's coordinates: there is nothing that it
+    /// could be off from.
+    pub(crate) fn is_placed_by_hand(&self, entry: &SiteCamera, camera: &Camera, stage: Stage) -> bool {
+        let is_by_hand = entry.placement.as_ref().is_some_and(|placement| !placement.fixed);
+        let stands = |other: &SiteCamera| {
+            other.placement.is_some() || !other.control_points.is_empty() || other.is_given()
+        };
+        let is_measured = || {
+            self.plan.is_some()
+                || self.georeference().is_some()
+                || self.marks.iter().any(|mark| mark.fixed && !mark.off)
+                || self.cameras.iter().any(|other| other.id != entry.id && stands(other))
+        };
+        is_by_hand && stage == Stage::Placed && !entry.open_place(camera).is_empty() && is_measured()
+    }
+
     pub(crate) fn add_control_residuals(
         &self,
         entry: &SiteCamera,
@@ -83,6 +100,16 @@ impl Site {
         }
         let far = far_off(entry, &result.solution);
         result.findings.extend(far);
+    }
+}
+
+impl SiteCamera {
+    /// Which of x, y and yaw, by their index in [`Covariance`], are neither held nor estimated.
+    pub(crate) fn open_place(&self, camera: &Camera) -> Vec<usize> {
+        let held = self.placement.as_ref().map_or_else(HeldEntry::default, |placement| placement.held);
+        let place = [(Covariance::X, held.x), (Covariance::Y, held.y), (Covariance::YAW, held.turn)];
+        let is_open = |&(index, held): &(usize, bool)| !held && camera.covariance.sigma(index).is_none();
+        place.into_iter().filter(is_open).map(|(index, _)| index).collect()
     }
 }
 

@@ -252,9 +252,14 @@ fn height(old: &SiteCamera, camera: &Camera) -> Option<Known> {
 fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
     let is_placed = old.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
     let scale = Some(now.position.z / STAGE_1_HEIGHT);
-    let fixed = old.placement.as_ref().is_some_and(|placement| placement.fixed);
-    let place =
-        || PlacementEntry { move_m: now.position.on_floor(), turn_deg: now.yaw.to_degrees(), scale, fixed };
+    let (fixed, held) = old.placement.as_ref().map_or_else(Default::default, |own| (own.fixed, own.held));
+    let place = || PlacementEntry {
+        move_m: now.position.on_floor(),
+        turn_deg: now.yaw.to_degrees(),
+        scale,
+        fixed,
+        held,
+    };
     if is_placed { Some(place()) } else { old.placement.clone() }
 }
 

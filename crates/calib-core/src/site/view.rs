@@ -8,7 +8,7 @@ use crate::outcome::Code;
 use crate::site::document::{Site, SiteCamera};
 use crate::site::period::NoCamera;
 use crate::site::site_solution::Scale;
-use crate::site::solution::{FailureEntry, Stage};
+use crate::site::solution::{FailureEntry, Solution, Stage};
 
 /// Why there is no calibrated camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,22 +66,20 @@ impl Site {
     #[must_use]
     pub fn scale_is_known(&self, entry: &SiteCamera) -> bool {
         let Some(solution) = &entry.solution else { return false };
-        let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+        let is_assumed = says(solution, Code::ScaleAssumed);
         let scale = self.solution.as_ref().and_then(|solution| solution.scale);
         !(is_assumed || solution.stage == Stage::Refined && scale == Some(Scale::Unknown))
     }
 
     /// The camera of an entry as its points are to be used: where nothing gives its scale nothing is known of the error
-    /// of its height, which is not the same as no error.
+    /// of its height, and where a hand placed it of those of its place, which is not the same as no error.
     #[must_use]
     pub fn camera_for_use(&self, entry: &SiteCamera) -> Option<Camera> {
-        let mut camera = entry.camera()?;
-        if !self.scale_is_known(entry) {
-            camera.covariance.0[Covariance::Z] = [0.0; Covariance::SIZE];
-            camera.covariance.0.iter_mut().for_each(|row| row[Covariance::Z] = 0.0);
-            camera.covariance.0[Covariance::Z][Covariance::Z] = f64::INFINITY;
-        }
-        Some(camera)
+        let camera = entry.camera()?;
+        let is_by_hand = says(entry.solution.as_ref()?, Code::PlacedByHand);
+        let mut open = if is_by_hand { entry.open_place(&camera) } else { Vec::new() };
+        open.extend((!self.scale_is_known(entry)).then_some(Covariance::Z));
+        Some(Camera { covariance: camera.covariance.without(&open), ..camera })
     }
 
     /// A camera of this site with what it covers, for the pixels of its still.
@@ -96,6 +94,11 @@ impl Site {
         let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
         Ok(view.with_scale(self.scale_is_known(entry)).with_surfaces(self.covering_surfaces()))
     }
+}
+
+/// Whether a solution has a remark.
+fn says(solution: &Solution, code: Code) -> bool {
+    solution.warnings.iter().any(|warning| warning.code == code)
 }
 
 #[cfg(test)]

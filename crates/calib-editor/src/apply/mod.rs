@@ -59,6 +59,7 @@ impl Editor {
             Action::UseFocal(focal) => self.believe_focal(focal, "use another field of view"),
             Action::Place { camera, placement, name } => self.place(camera, placement, name),
             Action::HoldPlace => self.hold_place(),
+            Action::HoldNumber(number) => self.hold_number(number),
             Action::ForgetPlace => self.forget_place(),
             Action::LoadPlan(still, told) => self.load_plan(still, told),
             Action::LayPlan(told, name) => self.lay_plan(&told, &name),

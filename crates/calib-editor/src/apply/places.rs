@@ -1,10 +1,16 @@
 //! Where cameras and the plan lie on the floor.
 
-use calib_core::{Placement, Plan, PlanPixel};
+use calib_core::{HeldEntry, Known, Placement, Plan, PlanPixel, STAGE_1_HEIGHT};
 
-use crate::action::NewStill;
+use crate::action::{NewStill, PlaceNumber};
 use crate::editor::Editor;
 use crate::tools::tool_called;
+
+/// The other of two states.
+fn toggled(is_held: &mut bool) -> bool {
+    *is_held = !*is_held;
+    *is_held
+}
 
 impl Editor {
     pub(super) fn place(&mut self, camera: usize, placement: Placement, name: String) {
@@ -54,6 +60,38 @@ impl Editor {
         placement.fixed = !placement.fixed;
         let verb = if placement.fixed { "hold" } else { "release" };
         session.commit(format!("{verb} {id}"));
+    }
+
+    /// Of a place that is held as a whole the other numbers stay held, each by itself.
+    pub(super) fn hold_number(&mut self, number: PlaceNumber) {
+        self.cancel();
+        let session = &mut self.session;
+        let camera = session.camera;
+        let Some(now) = session.placement(camera) else { return };
+        if session.entry().is_some_and(|entry| entry.placement.is_none()) {
+            session.place(camera, now);
+        }
+        let Some(entry) = session.entry_mut() else { return };
+        let Some(placement) = &mut entry.placement else { return };
+        // To a millimetre: more is not known of any.
+        let height = (1e3 * STAGE_1_HEIGHT * now.scale).round() / 1e3;
+        if std::mem::take(&mut placement.fixed) {
+            placement.held = HeldEntry { x: true, y: true, turn: true };
+            entry.height_m = Some(Known::fixed(height));
+        }
+        let (is_held, name) = match number {
+            PlaceNumber::X => (toggled(&mut placement.held.x), "x"),
+            PlaceNumber::Y => (toggled(&mut placement.held.y), "y"),
+            PlaceNumber::Turn => (toggled(&mut placement.held.turn), "the turn"),
+            PlaceNumber::Height => {
+                let is_held = !entry.height_m.is_some_and(|height| height.fixed);
+                entry.height_m = is_held.then(|| Known::fixed(height));
+                (is_held, "the height")
+            }
+        };
+        let verb = if is_held { "hold" } else { "release" };
+        let name = format!("{verb} {name} of {}", entry.id);
+        session.commit(name);
     }
 
     pub(super) fn forget_place(&mut self) {

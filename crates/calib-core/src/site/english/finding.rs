@@ -63,6 +63,7 @@ impl English<'_> {
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
             F::ScaleAssumed { height } => scale_assumed(*height),
+            F::PlacedByHand => "Where the camera stands a hand says, and nothing tells how well.".into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
@@ -163,6 +164,9 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::NotConnected { .. } => "Link two points with a camera that is tied, or give control points.",
         F::Sliding { .. } => "Link points far apart from each other.",
         F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => GIVE_A_SCALE,
+        F::PlacedByHand => {
+            "Give two control points, or links with a camera that has some, and refine; or hold what is measured."
+        }
         F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
         F::UnusedEvidence { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
         F::FocalUnobservable { .. }

@@ -61,6 +61,7 @@ fn number(finding: &Finding) -> usize {
         F::PointsOutside { is_other_image: false, .. } => 39,
         F::PointsOutside { is_other_image: true, .. } => 40,
         F::HeightsApart { .. } => 41,
+        F::PlacedByHand => 42,
     }
 }
 
@@ -106,6 +107,7 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::UncertaintyUnknown, Subject::Orientation),
         (F::BelowFloor { height: -2.0 }, Subject::Parameter(Parameter::Height)),
         (F::ScaleAssumed { height: 3.0 }, Subject::Parameter(Parameter::Height)),
+        (F::PlacedByHand, Subject::Placement),
         (F::OutOfDate { what: Subject::Line(LINE), stored: Some(0.5), now: Some(90.0) }, Subject::Line(LINE)),
     ]
 }
