@@ -1,7 +1,7 @@
 //! A camera as it enters the adjustment: its initial values, its constraints, and which of its parameters are
 //! estimated.
 
-use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
+use crate::camera::{Camera, Covariance, Lens, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
     edges, times_drawn, weak_prior,
@@ -50,8 +50,9 @@ pub struct BundleCamera<'a> {
     /// Index of the camera whose focal and distortion this one shares, if any. That camera must have a lens of
     /// its own.
     pub lens_of: Option<usize>,
-    /// Which coefficients of the distortion are estimated; of a shared lens those of its own camera count.
-    pub free_coefficients: [bool; Distortion::MOST],
+    /// Which parameters of the lens are estimated, in the order of [`Lens::PARAMETERS`]; of a shared lens those of its
+    /// own camera count. With its own focal a wide lens has that of the camera.
+    pub free_lens: [bool; Lens::PARAMETERS],
 }
 
 /// The constraints of a camera on which nothing was drawn.
@@ -79,7 +80,7 @@ impl<'a> BundleCamera<'a> {
             fit: None,
             noise_is_known: true,
             lens_of: None,
-            free_coefficients: [false; Distortion::MOST],
+            free_lens: [false; Lens::PARAMETERS],
         }
     }
 
@@ -130,8 +131,13 @@ impl<'a> BundleCamera<'a> {
         self.lens_of.unwrap_or(index)
     }
 
+    /// Whether its wide lens has the focal of the camera.
+    fn has_one_focal(&self) -> bool {
+        self.camera.lens.distortion.is_wide() && self.free_lens[Lens::OWN_FOCAL] && self.fixed.focal.is_none()
+    }
+
     pub(crate) fn fits_distortion(&self) -> bool {
-        self.free_coefficients.contains(&true)
+        self.free_lens.contains(&true)
     }
 }
 
@@ -167,6 +173,8 @@ pub(crate) struct View<'a> {
     pub(crate) edge_times: Vec<f64>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
+    /// Whether its wide lens has the focal of the camera, and changes with it.
+    pub(crate) has_one_focal: bool,
 }
 
 impl<'a> View<'a> {
@@ -197,6 +205,22 @@ impl<'a> View<'a> {
             edge_times: times_drawn(edges.iter()),
             edges,
             size: entry.size,
+            has_one_focal: owner.has_one_focal(),
+        }
+    }
+}
+
+impl View<'_> {
+    /// The parameters of its lens on which residuals depend, by their indices.
+    pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
+        std::array::from_fn(|k| self.free[Covariance::LENS + k] || self.has_one_focal && k == Lens::OWN_FOCAL)
+    }
+
+    /// Adds derivatives by the parameters of its lens to those by the camera.
+    pub(crate) fn add_lens(&self, by: &mut [f64; CAMERA_PARAMS], by_lens: &[f64; Lens::PARAMETERS]) {
+        for (k, by_lens) in by_lens.iter().enumerate() {
+            let is_focal = self.has_one_focal && k == Lens::OWN_FOCAL;
+            by[if is_focal { Covariance::FOCAL } else { Covariance::LENS + k }] += by_lens;
         }
     }
 }
@@ -218,7 +242,10 @@ fn free_parameters(
     free[Covariance::PITCH] = entry.fixed.pitch.is_none();
     free[Covariance::ROLL] = entry.fixed.roll.is_none();
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();
-    free[Covariance::LENS..].copy_from_slice(&owner.free_coefficients);
+    free[Covariance::LENS..].copy_from_slice(&owner.free_lens);
+    if owner.camera.lens.distortion.is_wide() {
+        free[Covariance::LENS + Lens::OWN_FOCAL] = false;
+    }
     free
 }
 
@@ -228,7 +255,8 @@ fn with_lens_and_height(entry: &BundleCamera, start: &Camera, owner: &BundleCame
     let z = entry.fixed_height().unwrap_or(start.position.z);
     Camera {
         position: WorldPoint { z, ..start.position },
-        focal: owner.camera.focal,
+        // Straight edges know the focal of a lens better than the lines do under a lens of another.
+        focal: if owner.has_one_focal() { focal } else { owner.camera.focal },
         lens: Lens { distortion, focal, ..start.lens },
         ..*start
     }

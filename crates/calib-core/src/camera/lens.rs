@@ -1,8 +1,6 @@
 //! A lens: distortion as a map of pixels, in both directions, with its derivatives.
 
-use crate::camera::distortion::{
-    ByCoefficient, ByCoefficients, Distortion, Matrix2, RayByCoefficient, RayMatrix,
-};
+use crate::camera::distortion::{ByCoefficient, Distortion, Matrix2, RayByCoefficient, RayMatrix};
 use crate::camera::space::{Pixel, UndistortedPixel};
 
 /// A lens: principal point and distortion, as a map between raw and undistorted pixels.
@@ -19,7 +17,18 @@ pub struct Lens {
     pub distortion: Distortion,
 }
 
+/// How a place changes with every parameter of a lens, in the order of [`Lens::PARAMETERS`].
+pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
+
 impl Lens {
+    /// Number of parameters: the coefficients of the distortion, then the principal point, u and v. Of a wide lens the
+    /// one before the principal point, which no model has as a coefficient, is the log of its own focal.
+    pub const PARAMETERS: usize = Distortion::MOST + 2;
+    /// Index of the log of the own focal of a wide lens.
+    pub(crate) const OWN_FOCAL: usize = Distortion::MOST - 1;
+    /// Index of the principal point's u; v follows.
+    pub const CENTRE: usize = Distortion::MOST;
+
     /// A lens that does not bend lines.
     #[must_use]
     pub const fn pinhole(principal_point: Pixel) -> Self {
@@ -93,18 +102,70 @@ impl Lens {
         Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
     }
 
-    /// How a bearing and its derivatives change with every coefficient at the pixel that has it.
-    pub(crate) fn bearing_by_coefficients(
+    /// How a bearing and its derivatives change with every parameter at the pixel that has it; with focal and
+    /// principal point of a wide lens only.
+    pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
         [x, y, w]: [f64; 3],
-    ) -> [RayByCoefficient; Distortion::MOST] {
+    ) -> [RayByCoefficient; Self::PARAMETERS] {
         let ray = [x / self.focal, y / self.focal, w];
-        self.distortion.ray_by_coefficients(self.normalised(pixel.into()), ray).map(|by| {
+        let bent = self.normalised(pixel.into());
+        let in_pixels = |by: RayByCoefficient| {
             let ([x, y, w], [u, v, ahead]) = (by.at, by.jacobian);
             let at = [self.focal * x, self.focal * y, w];
             RayByCoefficient { at, jacobian: [u, v, ahead.map(|by| by / self.focal)] }
-        })
+        };
+        let mut by = [RayByCoefficient::default(); Self::PARAMETERS];
+        let coefficients = self.distortion.ray_by_coefficients(bent, ray);
+        by.iter_mut().zip(coefficients).for_each(|(by, of)| *by = in_pixels(of));
+        if self.distortion.is_wide() {
+            let [focal, u, v] = self.bearing_by_scale_and_centre(bent, ray);
+            by[Self::OWN_FOCAL] = focal;
+            [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
+        }
+        by
+    }
+
+    /// How the bearing `(f x, f y, w)(q)` of `q = (pixel - c) / f` and its Jacobian `(J, J_w / f)`, with J that of the
+    /// ray by q, change with log f, where `dq = -q`, and with c, where `f dq = -e`. The curvature dJ is that of
+    /// differences.
+    fn bearing_by_scale_and_centre(&self, bent: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
+        /// Of a focal: truncation 1e-10 of the third derivative, rounding 1e-11.
+        const STEP: f64 = 1e-5;
+        let focal = self.focal;
+        let jacobian = self.distortion.ray_jacobian(bent, ray);
+        let slopes = |by: f64, axis: usize| {
+            let mut at = bent;
+            at[axis] += by;
+            Some(self.distortion.ray_jacobian(at, self.distortion.ray(at)?))
+        };
+        let curvature: [RayMatrix; 2] = [0, 1].map(|axis| {
+            // At the rim of the lens there is one side only.
+            let (ahead, behind) = (slopes(STEP, axis), slopes(-STEP, axis));
+            let width = STEP * f64::from(u8::from(ahead.is_some()) + u8::from(behind.is_some()));
+            let (ahead, behind) = (ahead.unwrap_or(jacobian), behind.unwrap_or(jacobian));
+            std::array::from_fn(|row| [0, 1].map(|k| (ahead[row][k] - behind[row][k]) / width.max(STEP)))
+        });
+        let along = |row: usize| jacobian[row][0] * bent[0] + jacobian[row][1] * bent[1];
+        let bend = |row: usize, k: usize| curvature[0][row][k] * bent[0] + curvature[1][row][k] * bent[1];
+        let by_focal = RayByCoefficient {
+            at: [focal * (ray[0] - along(0)), focal * (ray[1] - along(1)), -along(2)],
+            jacobian: [
+                [-bend(0, 0), -bend(0, 1)],
+                [-bend(1, 0), -bend(1, 1)],
+                [0, 1].map(|k| -(bend(2, k) + jacobian[2][k]) / focal),
+            ],
+        };
+        let by_centre = |axis: usize| {
+            let [x, y, ahead] = jacobian.map(|row| row[axis]);
+            let [u, v, bent_ahead] = curvature[axis];
+            RayByCoefficient {
+                at: [-x, -y, -ahead / focal],
+                jacobian: [u, v, bent_ahead.map(|by| by / focal)].map(|row| row.map(|by| -by / focal)),
+            }
+        };
+        [by_focal, by_centre(0), by_centre(1)]
     }
 
     /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
@@ -120,10 +181,19 @@ impl Lens {
 
     /// The same lens with one of its coefficients changed.
     #[cfg(test)]
-    pub(crate) fn nudged(&self, coefficient: usize, by: f64) -> Self {
-        let mut coefficients = self.distortion.coefficients();
-        coefficients[coefficient] += by;
-        Self { distortion: self.distortion.with_coefficients(coefficients), ..*self }
+    pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
+        let mut lens = *self;
+        match parameter {
+            Self::OWN_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
+            Self::CENTRE => lens.principal_point.u += by,
+            coefficient if coefficient < Self::CENTRE => {
+                let mut coefficients = self.distortion.coefficients();
+                coefficients[coefficient] += by;
+                lens.distortion = self.distortion.with_coefficients(coefficients);
+            }
+            _ => lens.principal_point.v += by,
+        }
+        lens
     }
 
     /// The same map of pixels with coefficients that refer to another focal.
@@ -152,15 +222,15 @@ impl Lens {
     }
 
     /// How [`Self::undistort`] and its Jacobian change with every coefficient at `pixel`, which undistorts to
-    /// `straight`.
-    pub(crate) fn undistort_by_coefficients(
-        &self,
-        pixel: Pixel,
-        straight: UndistortedPixel,
-    ) -> ByCoefficients {
+    /// `straight`; zeros for focal and principal point.
+    pub(crate) fn undistort_by_parameters(&self, pixel: Pixel, straight: UndistortedPixel) -> ByParameters {
         let (bent, straight) = (self.normalised(pixel.into()), self.normalised(straight.into()));
-        let by = self.distortion.undistort_by_coefficients(bent, straight);
-        by.map(|by| ByCoefficient { at: by.at.map(|change| self.focal * change), ..by })
+        let mut by = ByParameters::default();
+        let coefficients = self.distortion.undistort_by_coefficients(bent, straight);
+        for (by, of) in by.iter_mut().zip(coefficients) {
+            *by = ByCoefficient { at: of.at.map(|change| self.focal * change), ..of };
+        }
+        by
     }
 
     /// Derivatives of [`Self::distort`] at `straight`: `d raw / d undistorted`, rows u and v, and by every
@@ -236,7 +306,7 @@ mod tests {
                 let back = times(inverse, [jacobian[0][column], jacobian[1][column]]);
                 prop_assert!((back[0] - unit[0]).hypot(back[1] - unit[1]) < 1e-9, "{back:?}");
             }
-            let back = lens.undistort_by_coefficients(Pixel { u, v }, straight);
+            let back = lens.undistort_by_parameters(Pixel { u, v }, straight);
             for (forward, back) in by.iter().zip(back) {
                 // The implicit function: what a coefficient moves one way it moves back the other.
                 let moved = times(inverse, *forward);

@@ -35,6 +35,7 @@ pub use chart::Chart;
 pub use covariance::Covariance;
 pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MODELS, ModelRow};
 pub use floor_covariance::FloorCovariance;
+pub(crate) use lens::ByParameters;
 pub use lens::Lens;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
@@ -43,7 +44,7 @@ pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, World
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
-pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};
+pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, times};
 pub(crate) use elementary::sin_cos;
 pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]

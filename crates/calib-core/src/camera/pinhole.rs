@@ -71,6 +71,13 @@ pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
 }
 
 impl Camera {
+    /// Whether the focal is that of its wide lens, too: a fisheye of one focal, as other programs have it. Then both
+    /// change together, and the focal scales the image.
+    #[must_use]
+    pub fn focal_is_of_lens(&self) -> bool {
+        self.lens.distortion.is_wide() && self.lens.focal == self.focal
+    }
+
     /// Rows right, down, forward of this camera in world axes.
     #[must_use]
     pub fn rotation(&self) -> [[f64; 3]; 3] {
@@ -197,7 +204,12 @@ impl Camera {
             Covariance::YAW => camera.yaw += by,
             Covariance::PITCH => camera.pitch += by,
             Covariance::ROLL => camera.roll += by,
-            Covariance::FOCAL => camera.focal += by,
+            Covariance::FOCAL => {
+                camera.focal += by;
+                if self.focal_is_of_lens() {
+                    camera.lens.focal = camera.focal;
+                }
+            }
             coefficient => camera.lens = camera.lens.nudged(coefficient - Covariance::LENS, by),
         }
         camera

@@ -1,11 +1,12 @@
 //! What is believed of lenses before anything is drawn: normal priors on the coefficients of the Brown-Conrady
-//! model, with coordinates divided by half the diagonal of the image, and of the Kannala-Brandt model.
+//! model, with coordinates divided by half the diagonal of the image, and on those of the Kannala-Brandt model with the
+//! principal point, where it is open.
 //!
 //! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of `OpenCV`)
 //! have k1 between -0.27 and 0.16, of barrels k2 within 0.1 of k1 squared, and |p1|, |p2| below 0.003. So where
 //! edges say little of k2 and k3, these stay small, and the uncertainty of the corners is that of lenses.
 
-use crate::camera::{Coefficient, Distortion, DistortionModel, Lens};
+use crate::camera::{Coefficient, Distortion, DistortionModel, Lens, Pixel};
 
 /// Standard deviations of k1, of k2 less the square of a negative k1, of k3, and of p1 and p2.
 const K1: f64 = 0.2;
@@ -17,19 +18,23 @@ const TANGENTIAL: f64 = 0.003;
 /// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
 const FISHEYE: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 
-/// `(value - expected) / sigma` of one coefficient, with its derivatives.
+/// Standard deviation of a principal point from the middle of the image, as a share of the image's diagonal: sensors of
+/// small fisheyes sit some percent beside their lens.
+const CENTRE: f64 = 0.02;
+
+/// `(value - expected) / sigma` of one parameter, with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
     pub(crate) value: f64,
-    pub(crate) by: [f64; Distortion::MOST],
+    pub(crate) by: [f64; Lens::PARAMETERS],
     pub(crate) sigma: f64,
 }
 
-/// The residuals of these coefficients of a lens, by their indices; none of the division model.
+/// The residuals of these parameters of a lens, by their indices; none of the division model.
 pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
     let brown = match lens.distortion {
         Distortion::BrownConrady(brown) => brown,
-        Distortion::KannalaBrandt { k } => return fisheye_prior(&k, fitted),
+        Distortion::KannalaBrandt { k } => return fisheye_prior(&k, lens.principal_point, size, fitted),
         _ => return Vec::new(),
     };
     let row = DistortionModel::BrownConrady.row();
@@ -38,7 +43,7 @@ pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<L
     let square = ratio * ratio;
     let place = |of: Coefficient| row.coefficients.iter().position(|&named| named == of);
     let residual = |&index: &usize| {
-        let mut by = [0.0; Distortion::MOST];
+        let mut by = [0.0; Lens::PARAMETERS];
         let (value, scale, sigma) = match row.coefficients[index] {
             Coefficient::K1 => (square * brown.k1, square, K1),
             Coefficient::K2 => {
@@ -58,20 +63,27 @@ pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<L
     fitted.iter().map(residual).collect()
 }
 
-/// Those of a fisheye, as near to equidistant as the lenses that are built.
-fn fisheye_prior(k: &[f64; 4], fitted: &[usize]) -> Vec<LensResidual> {
+/// Those of a fisheye, as near to equidistant as the lenses that are built, and about the middle of the image.
+fn fisheye_prior(k: &[f64; 4], centre: Pixel, [w, h]: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
+    let of_centre = CENTRE * w.hypot(h);
     let residual = |&index: &usize| {
-        let (sigma, mut by) = (FISHEYE[index], [0.0; Distortion::MOST]);
+        let (off, sigma) = match index {
+            Lens::OWN_FOCAL => return None,
+            Lens::CENTRE => (centre.u - 0.5 * w, of_centre),
+            coefficient if coefficient < FISHEYE.len() => (k[coefficient], FISHEYE[coefficient]),
+            _ => (centre.v - 0.5 * h, of_centre),
+        };
+        let mut by = [0.0; Lens::PARAMETERS];
         by[index] = sigma.recip();
-        LensResidual { value: k[index] / sigma, by, sigma }
+        Some(LensResidual { value: off / sigma, by, sigma })
     };
-    fitted.iter().filter(|&&index| index < FISHEYE.len()).map(residual).collect()
+    fitted.iter().filter_map(residual).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{BrownConrady, Pixel};
+    use crate::camera::BrownConrady;
     use proptest::prelude::*;
 
     proptest! {

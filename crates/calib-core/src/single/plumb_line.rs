@@ -12,10 +12,10 @@
 //! of edges and priors, the normal matrix H, both in sigmas, and the priors' own L,
 //! `-2 log evidence = chi2 + log det H - log det L`, to first order (Laplace).
 
-use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
+use crate::camera::{DistortionModel, Lens, Pixel};
 use crate::single::constraints::Source;
 use crate::single::fitted::Fitted;
-use crate::single::lens_problem::{LensProblem, shown_by_coefficients};
+use crate::single::lens_problem::{LensProblem, shown_by_parameters};
 use crate::single::straightness::{Edge, edge_redundancy, straightness, times_drawn};
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
@@ -33,9 +33,11 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Covariance of the coefficients, in the order of [`Distortion::coefficients`]; zeros for those that
-    /// were not fitted.
-    pub covariance: [[f64; Distortion::MOST]; Distortion::MOST],
+    /// Which parameters were fitted, in the order of [`Lens::PARAMETERS`]: the coefficients, of a fisheye whose focal
+    /// nobody gave that, too, and the principal point where nobody gave it.
+    pub free: [bool; Lens::PARAMETERS],
+    /// Covariance of the parameters; zeros for those that were not fitted.
+    pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
     /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
     /// of the longer edge, and in the corner, in pixels.
     pub map_error: [f64; 3],
@@ -93,7 +95,8 @@ impl LensFit {
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, .. } = *options;
             let (edges, times) = (edges.clone(), times.clone());
-            LensProblem { edges, times, fitted, principal_point, unit, size, sigma: options.sigma }
+            let open = Vec::new();
+            LensProblem { edges, times, fitted, open, principal_point, unit, size, sigma: options.sigma }
         };
         let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
@@ -102,7 +105,8 @@ impl LensFit {
                 let problem = problem(fitted.clone());
                 let is_open = fitted.has_own_focal() && options.focal.is_none();
                 let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
-                let solved = problem.solve(&[]);
+                let start = vec![0.0; problem.indices().len()];
+                let solved = problem.solve(if is_open { &start } else { &[] });
                 solved.map_or(undistorted, |(values, _)| FittedModel::of(problem, values))
             }
             None => select_model(undistorted, redundancy, &problem),
@@ -129,6 +133,7 @@ impl LensFit {
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
             straightness: [cost_before, *cost].map(|cost| (cost / points).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
+            free: std::array::from_fn(|k| problem.indices()[..values.len()].contains(&k)),
             covariance: full_covariance(problem, values, options.sigma),
             map_error: map_error(problem, values, rejected.as_ref(), options),
             uninformative: problem.uninformative(values),
@@ -221,8 +226,8 @@ fn map_error(
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
     let variance = |place: [f64; 2]| {
         let place = Pixel::from(place);
-        let by = shown_by_coefficients(&lens, place)?;
-        let jacobian: Vec<[f64; 2]> = problem.fitted.indices().iter().map(|&k| by[k].at).collect();
+        let by = shown_by_parameters(&lens, place)?;
+        let jacobian: Vec<[f64; 2]> = problem.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
         for i in 0..values.len() {
             for j in 0..values.len() {
@@ -243,15 +248,15 @@ fn map_error(
     [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
-/// The covariance with a row and a column for every coefficient of the model.
+/// The covariance with a row and a column for every parameter of the lens.
 fn full_covariance(
     problem: &LensProblem,
     values: &[f64],
     sigma: f64,
-) -> [[f64; Distortion::MOST]; Distortion::MOST] {
-    let mut full = [[0.0; Distortion::MOST]; Distortion::MOST];
+) -> [[f64; Lens::PARAMETERS]; Lens::PARAMETERS] {
+    let mut full = [[0.0; Lens::PARAMETERS]; Lens::PARAMETERS];
     let Some(covariance) = problem.covariance(values) else { return full };
-    let indices = problem.fitted.indices();
+    let indices = problem.indices();
     for (i, &a) in indices.iter().enumerate().take(values.len()) {
         for (j, &b) in indices.iter().enumerate().take(values.len()) {
             full[a][b] = sigma * sigma * covariance[(i, j)];

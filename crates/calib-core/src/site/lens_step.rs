@@ -76,8 +76,9 @@ impl Site {
             return None;
         }
         let fitted = fitted.flatten();
-        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map(|focal| focal.value);
-        let focal = distortion.and_then(|d| d.focal_px).or(focal);
+        // A focal that is only believed is estimated with the lens.
+        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
+        let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
         let options = LensOptions {
             principal_point: entry.principal_point(),
             centre_is_held: entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some()),

@@ -202,6 +202,12 @@ document! {
         /// Coefficient of the distortion.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
+        /// In pixels, of a principal point that was fitted.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        principal_point_u_px: Option<f64>,
+        /// In pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        principal_point_v_px: Option<f64>,
         /// Relative standard deviation of lengths on the floor inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,
