@@ -4,7 +4,7 @@
 
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Distortion, DistortionEntry, DistortionModel, Fit,
-    FitOptions, Kind, Lens, LensEntry, Options, Pixel, SceneErrors, Site, SiteCamera, WorldPoint,
+    FitOptions, Kind, Lens, LensEntry, Options, Pixel, SceneEntry, SceneErrors, Site, SiteCamera, WorldPoint,
 };
 use calib_demo::random::normal;
 use rand::{Rng as _, SeedableRng as _};
@@ -16,6 +16,10 @@ const SIZE: [f64; 2] = [1920.0, 1920.0];
 /// A camera of this field of view, in degrees across its image circle, in this height and pitch.
 fn fisheye(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Camera {
     let k = [0.01 + 0.01 * normal(random), -0.002 + 0.001 * normal(random), 0.0, 0.0];
+    fisheye_with(random, field, pitch, k)
+}
+
+fn fisheye_with(random: &mut ChaCha8Rng, field: f64, pitch: f64, k: [f64; 4]) -> Camera {
     let half = 0.5 * field.to_radians();
     let square = half * half;
     let focal = 930.0 / (half * (1.0 + square * (k[0] + square * k[1])));
@@ -127,12 +131,28 @@ fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
 /// A fisheye of which nothing is known but that it is one, with its drawing: the middle of its sensor is some pixels
 /// beside its lens.
 fn drawn_room(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> (Camera, Site) {
-    let mut camera = fisheye(random, field, pitch);
-    let off: [f64; 2] = std::array::from_fn(|_| 12.0 * normal(random));
+    /// What is believed of such lenses: of k1 and k2, of the log of the slope at the rim, and of the principal point in
+    /// pixels of this image.
+    const BELIEF: [f64; 4] = [0.07, 0.03, 0.6, 54.3];
+    let half = 0.5 * field.to_radians();
+    let slope = |k: [f64; 2], theta: f64| 1.0 + theta * theta * (3.0 * k[0] + theta * theta * 5.0 * k[1]);
+    let grows = |k: [f64; 2]| (0..=20).all(|step| slope(k, half * 1.1 * f64::from(step) / 20.0) > 0.2);
+    let is_likely = |k: [f64; 2], draw: f64| {
+        let sigmas = slope(k, half).ln() / BELIEF[2];
+        draw < (-0.5 * sigmas * sigmas).exp()
+    };
+    let mut k = [f64::NAN; 2];
+    while !grows(k) || !is_likely(k, random.random()) {
+        k = [BELIEF[0] * normal(random), BELIEF[1] * normal(random)];
+    }
+    let mut camera = fisheye_with(random, field, pitch, [k[0], k[1], 0.0, 0.0]);
+    let off: [f64; 2] = std::array::from_fn(|_| BELIEF[3] * normal(random));
     camera.lens.principal_point = Pixel::new(960.0 + off[0], 960.0 + off[1]);
     let mut entry = SiteCamera::new("ceiling", [1920, 1920]);
     let distortion = Some(DistortionEntry::new(DistortionModel::KannalaBrandt));
     entry.lens = Some(LensEntry { distortion, ..LensEntry::default() });
+    entry.scene = Some(SceneEntry::EXACT);
+    entry.sigma_px = Some(1.0);
     entry.annotations = room(random, &camera, field, 7).into();
     (camera, Site { cameras: vec![entry], ..Site::default() })
 }
@@ -172,7 +192,7 @@ fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> [f64; ESTIMA
 
 #[test]
 fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_says() {
-    const TRIALS: usize = 200;
+    const TRIALS: usize = 100;
     for (field, pitch) in [(120.0, 0.5), (180.0, 0.4), (180.0, 1.2), (190.0, 1.5)] {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let all: Vec<[f64; 7]> = (0..TRIALS).map(|_| joint_errors(&mut random, field, pitch)).collect();
@@ -181,5 +201,8 @@ fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_sa
             std::array::from_fn(|k| (all.iter().map(|of| of[k] * of[k]).sum::<f64>() / TRIALS as f64).sqrt());
         let held: [f64; 7] = std::array::from_fn(|k| over(k, 1.96) / TRIALS as f64);
         println!("{field} degrees, pitch {pitch}: rms {rms:.2?}, 95 % hold {held:.3?}");
+        // Of so many trials a root mean square has a standard deviation of 7 %, a share one of 2.2 %.
+        assert!(rms.iter().all(|rms| (0.78..1.22).contains(rms)), "{rms:?}");
+        assert!(held.iter().all(|held| *held >= 0.87), "{held:?}");
     }
 }

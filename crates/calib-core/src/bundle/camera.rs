@@ -1,10 +1,10 @@
 //! A camera as it enters the adjustment: its initial values, its constraints, and which of its parameters are
 //! estimated.
 
-use crate::camera::{Camera, Covariance, Lens, WorldPoint};
+use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    edges, times_drawn, weak_prior,
+    edges, outermost, times_drawn, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -171,6 +171,8 @@ pub(crate) struct View<'a> {
     pub(crate) edges: Vec<Edge>,
     /// How often each of them is drawn.
     pub(crate) edge_times: Vec<f64>,
+    /// The drawn point that is farthest from the middle of its lens.
+    pub(crate) outermost: Option<Pixel>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
     /// Whether its wide lens has the focal of the camera, and changes with it.
@@ -194,8 +196,11 @@ impl<'a> View<'a> {
         let unfitted = || vec![0.0; stage_1.nuisances().count()];
         let nuisance = entry.fit.map_or_else(unfitted, |fit| fit.state.nuisance.clone());
         let edges = if fits_lens { edges(entry.annotations) } else { Vec::new() };
+        let camera = with_lens_and_height(entry, start, owner);
+        let drawn: Vec<Pixel> = entry.annotations.iter().flat_map(Annotation::polylines).flatten().collect();
         View {
-            camera: with_lens_and_height(entry, start, owner),
+            outermost: outermost(drawn.iter(), camera.lens.principal_point),
+            camera,
             free,
             lens,
             annotations: entry.annotations,

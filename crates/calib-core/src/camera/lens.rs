@@ -168,6 +168,27 @@ impl Lens {
         [by_focal, by_centre(0), by_centre(1)]
     }
 
+    /// The log of the slope of a wide lens at a pixel, `d radius / d angle` over that at the axis, and its derivatives by
+    /// every parameter. `None` where the lens shows nothing.
+    pub(crate) fn log_slope(&self, pixel: Pixel) -> Option<(f64, [f64; Self::PARAMETERS])> {
+        let bearing = self.bearing(pixel)?;
+        let [u, v] = self.normalised(pixel.into());
+        let radius = u.hypot(v).max(f64::MIN_POSITIVE);
+        let out = [u / radius, v / radius];
+        // Outwards by the unit of q = (pixel - c) / f: a change of c turns it across the radius only.
+        let outwards = |rows: RayMatrix| rows.map(|[u, v]| u * out[0] + v * out[1]);
+        let in_rays = |[u, v, ahead]: RayMatrix| outwards([u, v, ahead.map(|by| by * self.focal)]);
+        let (_, jacobian) = self.bearing_with_jacobian(pixel)?;
+        let turn = in_rays(jacobian);
+        let square = turn.iter().map(|c| c * c).sum::<f64>();
+        let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
+        // There the focal is divided by once more.
+        by[Self::OWN_FOCAL][2] += turn[2];
+        let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
+        // Where the angle is small there is no slope to speak of, nor a change of it.
+        if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
+    }
+
     /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
     /// lens are beyond its image circle, and not asked.
     #[must_use]

@@ -18,6 +18,11 @@ const TANGENTIAL: f64 = 0.003;
 /// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
 const FISHEYE: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 
+/// Standard deviation of the log of the slope, `d radius / d angle` over that at the axis: at right angles to the axis it
+/// is 0, -0.35 and 0.69 of the families. None turns back where it shows something; one that did near the outermost points
+/// that are drawn would have all that they say.
+const FISHEYE_SLOPE: f64 = 0.6;
+
 /// Standard deviation of a principal point from the middle of the image, as a share of the image's diagonal: sensors of
 /// small fisheyes sit some percent beside their lens.
 const CENTRE: f64 = 0.02;
@@ -80,6 +85,14 @@ fn fisheye_prior(k: &[f64; 4], centre: Pixel, [w, h]: [f64; 2], fitted: &[usize]
     fitted.iter().filter_map(residual).collect()
 }
 
+/// What is believed of the slope of a fisheye at the outermost point that is drawn in it; `None` for other lenses.
+/// Infinite where it shows nothing there.
+pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensResidual> {
+    let pixel = outermost.filter(|_| lens.distortion.is_wide())?;
+    let (log, by) = lens.log_slope(pixel).unwrap_or((f64::INFINITY, [0.0; Lens::PARAMETERS]));
+    Some(LensResidual { value: log / FISHEYE_SLOPE, by: by.map(|by| by / FISHEYE_SLOPE), sigma: 1.0 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,6 +115,24 @@ mod tests {
                     let numeric = (ahead[i].value - behind[i].value) / (2.0 * STEP);
                     prop_assert!((numeric - residual.by[k]).abs() < 1e-3 * (1.0 + residual.by[k].abs()), "{i} by {k}: {numeric} {:?}", residual.by);
                 }
+            }
+        }
+
+        #[test]
+        fn derivatives_of_the_slope_of_a_fisheye_are_those_of_differences(
+            k in [-0.05..0.1_f64, -0.02..0.02_f64], focal in 400.0..900.0_f64, at in [0.0..1920.0_f64, 0.0..1920.0_f64],
+        ) {
+            const STEPS: [f64; Lens::PARAMETERS] = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3];
+            let distortion = Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] };
+            let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, distortion };
+            let at = Pixel::from(at);
+            prop_assume!(at.distance(lens.principal_point) > 50.0);
+            let slope = |lens: &Lens| slope_prior(lens, Some(at)).map(|prior| prior.value).unwrap();
+            let here = slope_prior(&lens, Some(at)).unwrap();
+            prop_assume!(here.value.abs() < 2.0);
+            for (k, step) in STEPS.into_iter().enumerate() {
+                let numeric = (slope(&lens.nudged(k, step)) - slope(&lens.nudged(k, -step))) / (2.0 * step);
+                prop_assert!((numeric - here.by[k]).abs() < 1e-3 * (1.0 + here.by[k].abs()), "{k}: {numeric} {:?}", here.by);
             }
         }
     }

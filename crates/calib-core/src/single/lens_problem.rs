@@ -8,8 +8,8 @@ use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
-use crate::single::lens_prior::{LensResidual, lens_prior};
-use crate::single::straightness::{Edge, straightness_in_charts_of, straightness_with_jacobian};
+use crate::single::lens_prior::{LensResidual, lens_prior, slope_prior};
+use crate::single::straightness::{Edge, outermost, straightness_in_charts_of, straightness_with_jacobian};
 
 /// The fit of some coefficients to some polylines, as a least-squares problem.
 pub(super) struct LensProblem<'a> {
@@ -65,7 +65,10 @@ impl LensProblem<'_> {
 
     /// What is believed of the coefficients, in sigmas.
     fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
-        lens_prior(&self.lens(values), self.size, &self.indices()[..values.len()])
+        let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
+        let drawn = self.edges.iter().flat_map(|edge| &edge.points);
+        let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
+        lens_prior(&lens, self.size, fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is

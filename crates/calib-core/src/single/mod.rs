@@ -81,7 +81,7 @@ pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-pub(crate) use lens_prior::lens_prior;
+pub(crate) use lens_prior::{lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{
@@ -90,4 +90,4 @@ pub(crate) use outliers::{
 pub(crate) use overlaps::{BESIDE, lies_on};
 pub(crate) use prediction::{Held, predictable, residuals_at, residuals_held};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edge_redundancy, edges, straightness_with_jacobian, times_drawn};
+pub(crate) use straightness::{edge_redundancy, edges, outermost, straightness_with_jacobian, times_drawn};

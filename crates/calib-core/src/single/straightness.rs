@@ -33,6 +33,11 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     .collect()
 }
 
+/// The drawn point that is farthest from the middle of the lens.
+pub(crate) fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> Option<Pixel> {
+    points.copied().max_by(|a, b| a.distance(centre).total_cmp(&b.distance(centre)))
+}
+
 /// How often each of these edges is drawn: the residuals of each are divided by the root of it, so that copies
 /// together say what one of them says (`repeats.rs`).
 pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
