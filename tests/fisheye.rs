@@ -4,7 +4,8 @@
 
 use calib_core::{
     Annotation, Camera, Constraints, Covariance, Distortion, DistortionEntry, DistortionModel, Fit,
-    FitOptions, Kind, Lens, LensEntry, Options, Pixel, SceneEntry, SceneErrors, Site, SiteCamera, WorldPoint,
+    FitOptions, ImageCircle, Kind, Lens, LensEntry, Options, Pixel, SceneEntry, SceneErrors, Site,
+    SiteCamera, WorldPoint,
 };
 use calib_demo::random::normal;
 use rand::{Rng as _, SeedableRng as _};
@@ -27,6 +28,7 @@ fn fisheye_with(random: &mut ChaCha8Rng, field: f64, pitch: f64, k: [f64; 4]) ->
         principal_point: Pixel::new(960.0, 960.0),
         focal,
         distortion: Distortion::KannalaBrandt { k },
+        image_circle: None,
     };
     Camera {
         position: WorldPoint::new(0.0, 0.0, random.random_range(2.5..5.0)),
@@ -205,4 +207,53 @@ fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_sa
         assert!(rms.iter().all(|rms| (0.78..1.22).contains(rms)), "{rms:?}");
         assert!(held.iter().all(|held| *held >= 0.87), "{held:?}");
     }
+}
+
+#[test]
+fn a_fisheye_is_told_by_its_edges_and_no_other_lens_is_taken_for_one() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let model = |site: &Site| {
+        let report = site.calibrate(&Options::default());
+        let solution = report.cameras[0].1.as_ref().unwrap();
+        solution.distortion.as_ref().map(|distortion| distortion.model)
+    };
+    let mut told = 0;
+    for _ in 0..20 {
+        let (_, mut site) = drawn_room(&mut random, 180.0, 0.6);
+        site.cameras[0].lens = None;
+        site.cameras[0].annotations[0].kind = Kind::Vertical;
+        let edges = site.cameras[0].annotations.clone();
+        // Only where straight edges are drawn is a lens fitted that nobody asked for.
+        site.cameras[0].annotations.extend(edges.iter().map(|drawn| {
+            Annotation::of_segments(Kind::Straight, drawn.segments.clone().unwrap_or_default())
+        }));
+        told += usize::from(model(&site) == Some(DistortionModel::KannalaBrandt));
+    }
+    assert!(told >= 19, "{told} of 20 fisheyes are told");
+}
+
+#[test]
+fn a_pixel_outside_the_image_circle_has_no_answer() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let (truth, mut site) = drawn_room(&mut random, 185.0, 1.4);
+    let centre = truth.lens.principal_point;
+    let circle = ImageCircle { u: centre.u + 4.0, v: centre.v - 3.0, radius: 940.0 };
+    let lens = site.cameras[0].lens.as_mut().unwrap();
+    lens.image_circle_px = Some(circle);
+    let report = site.calibrate(&Options::default());
+    let solved = report.write_into(&site);
+    let camera = solved.cameras[0].solution.as_ref().unwrap().camera().unwrap();
+    assert_eq!(camera.lens.image_circle, Some(circle));
+    let along = |share: f64, angle: f64| {
+        let radius = share * circle.radius;
+        Pixel::new(circle.u + radius * angle.cos(), circle.v + radius * angle.sin())
+    };
+    for step in 0..36 {
+        let angle = f64::from(step).to_radians() * 10.0;
+        let (inside, outside) = (along(0.999, angle), along(1.001, angle));
+        assert!(camera.pixel_to_ray(inside).is_some() && camera.pixel_to_ray(outside).is_none());
+        assert!(camera.pixel_to_floor(outside, 0.0).is_none());
+    }
+    // What the circle says of the principal point is within a hundredth of its radius.
+    assert!(camera.lens.principal_point.distance(centre) < 15.0);
 }

@@ -133,7 +133,12 @@ mod tests {
     fn a_straightened_canvas_maps_both_ways_and_shows_straight_what_the_lens_bends() {
         let brown = calib_core::BrownConrady { k1: -0.3, k2: 0.08, p1: 0.0, p2: 0.0, k3: 0.0 };
         let distortion = calib_core::Distortion::BrownConrady(brown);
-        let lens = Lens { principal_point: calib_core::Pixel::new(960.0, 540.0), focal: 1400.0, distortion };
+        let lens = Lens {
+            principal_point: calib_core::Pixel::new(960.0, 540.0),
+            focal: 1400.0,
+            distortion,
+            image_circle: None,
+        };
         let mapping = Mapping { lens: Some(lens), ..mapping(false) };
         let there = mapping.document(mapping.screen([123.4, 777.7]));
         assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");

@@ -135,8 +135,8 @@ pub use bundle::{
 };
 pub use camera::{
     BrownConrady, Camera, Chart, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance,
-    FloorPoint, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, UndistortedPixel,
-    WorldPoint, angles_from_rotation, camera_from_world,
+    FloorPoint, ImageCircle, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray,
+    UndistortedPixel, WorldPoint, angles_from_rotation, camera_from_world,
 };
 pub use floor::{
     BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape,

@@ -33,6 +33,7 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
         principal_point,
         focal,
         distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
     });
     Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
 }

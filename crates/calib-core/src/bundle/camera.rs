@@ -1,7 +1,7 @@
 //! A camera as it enters the adjustment: its initial values, its constraints, and which of its parameters are
 //! estimated.
 
-use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
     edges, outermost, times_drawn, weak_prior,
@@ -32,6 +32,8 @@ pub struct BundleCamera<'a> {
     pub initial_pose: InitialPose,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
+    /// Where the scene is in the image of a fisheye, if that is known.
+    pub circle: Option<ImageCircle>,
     /// Which of roll, pitch, focal and height are not estimated. A fixed height takes the place of the
     /// camera's; of the others the camera's values hold.
     pub fixed: FixedParameters,
@@ -68,6 +70,7 @@ impl<'a> BundleCamera<'a> {
             camera,
             initial_pose: InitialPose::Unknown,
             size,
+            circle: None,
             fixed: FixedParameters {
                 roll: Some(camera.roll),
                 pitch: Some(camera.pitch),
@@ -175,6 +178,8 @@ pub(crate) struct View<'a> {
     pub(crate) outermost: Option<Pixel>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
+    /// Where the scene is in it, of a fisheye, if that is known.
+    pub(crate) circle: Option<ImageCircle>,
     /// Whether its wide lens has the focal of the camera, and changes with it.
     pub(crate) has_one_focal: bool,
 }
@@ -210,6 +215,7 @@ impl<'a> View<'a> {
             edge_times: times_drawn(edges.iter()),
             edges,
             size: entry.size,
+            circle: entry.circle,
             has_one_focal: owner.has_one_focal(),
         }
     }

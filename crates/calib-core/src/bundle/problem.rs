@@ -132,6 +132,7 @@ impl<'a> BundleProblem<'a> {
             principal_point: Pixel { u, v },
             focal: if self.views[view].has_one_focal { focal } else { camera.lens.focal },
             distortion: camera.lens.distortion.with_coefficients([a, b, c, d, e]),
+            image_circle: None,
         };
         Camera { position: [x, y, z].into(), yaw, pitch, roll, focal, lens, ..camera }
     }
@@ -245,7 +246,9 @@ impl<'a> BundleProblem<'a> {
         // What is believed of a lens that several views have counts once.
         if this.lens == view {
             let of_slope = slope_prior(&camera.lens, this.outermost);
-            for believed in lens_prior(&camera.lens, this.size, &free).into_iter().chain(of_slope) {
+            for believed in
+                lens_prior(&camera.lens, (this.size, this.circle), &free).into_iter().chain(of_slope)
+            {
                 let mut by = [0.0; CAMERA_PARAMS];
                 this.add_lens(&mut by, &believed.by);
                 self.sink_view(view, believed.value, &by, &[], ResidualKind::CameraPrior, sink);

@@ -153,6 +153,7 @@ mod tests {
             principal_point: Pixel::new(960.0, 540.0),
             focal: 1100.0,
             distortion,
+            image_circle: None,
         })
     }
 

@@ -246,7 +246,7 @@ mod tests {
                     outermost: is_fisheye.then(|| Pixel::new(1700.0, 900.0)),
                     camera: cameras[index], free, lens: index, annotations: &annotations[index],
                     nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: if is_fisheye { edges() } else { Vec::new() },
-                    edge_times: vec![1.0; 2], size: [1920.0, 1080.0], has_one_focal: is_fisheye,
+                    edge_times: vec![1.0; 2], size: [1920.0, 1080.0], circle: None, has_one_focal: is_fisheye,
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];

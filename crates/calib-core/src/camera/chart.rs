@@ -187,6 +187,7 @@ mod tests {
             principal_point: Pixel::new(1000.0, 990.0),
             focal: 600.0,
             distortion: Distortion::KannalaBrandt { k },
+            image_circle: None,
         }
     }
 

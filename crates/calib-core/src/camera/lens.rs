@@ -1,7 +1,7 @@
 //! A lens: distortion as a map of pixels, in both directions, with its derivatives.
 
 use crate::camera::distortion::{ByCoefficient, Distortion, Matrix2, RayByCoefficient, RayMatrix};
-use crate::camera::space::{Pixel, UndistortedPixel};
+use crate::camera::space::{ImageCircle, Pixel, UndistortedPixel};
 
 /// A lens: principal point and distortion, as a map between raw and undistorted pixels.
 ///
@@ -15,6 +15,8 @@ pub struct Lens {
     pub focal: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
+    /// Where a wide lens shows something, if that is known: it shows no ray outside. Other lenses fill the image.
+    pub image_circle: Option<ImageCircle>,
 }
 
 /// How a place changes with every parameter of a lens, in the order of [`Lens::PARAMETERS`].
@@ -32,7 +34,7 @@ impl Lens {
     /// A lens that does not bend lines.
     #[must_use]
     pub const fn pinhole(principal_point: Pixel) -> Self {
-        Self { principal_point, focal: 1.0, distortion: Distortion::None }
+        Self { principal_point, focal: 1.0, distortion: Distortion::None, image_circle: None }
     }
 
     /// Where a pinhole would show what this lens shows at `pixel`.
@@ -42,6 +44,9 @@ impl Lens {
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
         if self.distortion == Distortion::None {
             return Some(UndistortedPixel { u: pixel.u, v: pixel.v });
+        }
+        if !self.lights(pixel) {
+            return None;
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.undistort(self.normalised(pixel.into()))?;
@@ -58,7 +63,7 @@ impl Lens {
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.distort(self.normalised(pixel.into()))?;
-        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
+        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y }).filter(|&pixel| self.lights(pixel))
     }
 
     /// The bearing of a pixel: where a pinhole would show what this lens shows there, as a homogeneous pixel relative
@@ -71,6 +76,9 @@ impl Lens {
         if !self.distortion.is_wide() {
             let (straight, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
             return Some([straight.u - cu, straight.v - cv, 1.0]);
+        }
+        if !self.lights(pixel) {
+            return None;
         }
         let [x, y, w] = self.distortion.ray(self.normalised(pixel.into()))?;
         Some([self.focal * x, self.focal * y, w])
@@ -85,7 +93,12 @@ impl Lens {
             return if w > 0.0 { self.distort(straight) } else { None };
         }
         let [a, b] = self.distortion.shown([x / self.focal, y / self.focal, w])?;
-        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
+        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b }).filter(|&pixel| self.lights(pixel))
+    }
+
+    /// Whether a pixel is within the image circle, where one is known.
+    fn lights(&self, pixel: Pixel) -> bool {
+        self.image_circle.is_none_or(|circle| circle.holds(pixel) || !self.distortion.is_wide())
     }
 
     /// [`Self::bearing`] with its derivatives by u and v.
@@ -94,6 +107,9 @@ impl Lens {
             let (straight, [u, v]) = self.undistort_with_jacobian(pixel)?;
             let Pixel { u: cu, v: cv } = self.principal_point;
             return Some(([straight.u - cu, straight.v - cv, 1.0], [u, v, [0.0; 2]]));
+        }
+        if !self.lights(pixel) {
+            return None;
         }
         let bent = self.normalised(pixel.into());
         let ray = self.distortion.ray(bent)?;
@@ -281,7 +297,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn lens_of(distortion: Distortion) -> Lens {
-        Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion }
+        Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion, image_circle: None }
     }
 
     proptest! {

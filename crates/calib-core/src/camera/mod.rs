@@ -39,7 +39,7 @@ pub(crate) use lens::ByParameters;
 pub use lens::Lens;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
-pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]

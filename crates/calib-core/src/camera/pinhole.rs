@@ -252,7 +252,8 @@ pub(crate) mod tests {
             |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), bent)| {
                 let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
                 let distortion = if bent { brown } else { Distortion::None };
-                let lens = Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion };
+                let lens =
+                    Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion, image_circle: None };
                 let covariance = Covariance::EXACT;
                 Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens, covariance }
             },

@@ -348,6 +348,7 @@ mod tests {
             principal_point: Pixel::new(160.0, 90.0),
             focal: 220.0,
             distortion: Distortion::BrownConrady(brown),
+            image_circle: None,
         }
     }
 

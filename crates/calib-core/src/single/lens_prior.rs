@@ -6,7 +6,7 @@
 //! have k1 between -0.27 and 0.16, of barrels k2 within 0.1 of k1 squared, and |p1|, |p2| below 0.003. So where
 //! edges say little of k2 and k3, these stay small, and the uncertainty of the corners is that of lenses.
 
-use crate::camera::{Coefficient, Distortion, DistortionModel, Lens, Pixel};
+use crate::camera::{Coefficient, Distortion, DistortionModel, ImageCircle, Lens, Pixel};
 
 /// Standard deviations of k1, of k2 less the square of a negative k1, of k3, and of p1 and p2.
 const K1: f64 = 0.2;
@@ -27,6 +27,10 @@ const FISHEYE_SLOPE: f64 = 0.6;
 /// small fisheyes sit some percent beside their lens.
 const CENTRE: f64 = 0.02;
 
+/// That from the middle of the image circle, as a share of its radius: the rim is that of a stop or of the mount, which sits
+/// a little beside the glass.
+const CENTRE_OF_CIRCLE: f64 = 0.01;
+
 /// `(value - expected) / sigma` of one parameter, with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
@@ -36,10 +40,16 @@ pub(crate) struct LensResidual {
 }
 
 /// The residuals of these parameters of a lens, by their indices; none of the division model.
-pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
+pub(crate) fn lens_prior(
+    lens: &Lens,
+    (size, circle): ([f64; 2], Option<ImageCircle>),
+    fitted: &[usize],
+) -> Vec<LensResidual> {
     let brown = match lens.distortion {
         Distortion::BrownConrady(brown) => brown,
-        Distortion::KannalaBrandt { k } => return fisheye_prior(&k, lens.principal_point, size, fitted),
+        Distortion::KannalaBrandt { k } => {
+            return fisheye_prior(&k, lens.principal_point, centre_belief(size, circle), fitted);
+        }
         _ => return Vec::new(),
     };
     let row = DistortionModel::BrownConrady.row();
@@ -68,15 +78,25 @@ pub(crate) fn lens_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<L
     fitted.iter().map(residual).collect()
 }
 
-/// Those of a fisheye, as near to equidistant as the lenses that are built, and about the middle of the image.
-fn fisheye_prior(k: &[f64; 4], centre: Pixel, [w, h]: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
-    let of_centre = CENTRE * w.hypot(h);
+/// Where the principal point of a fisheye is believed to be, and its standard deviation, in pixels.
+fn centre_belief([w, h]: [f64; 2], circle: Option<ImageCircle>) -> (Pixel, f64) {
+    let of_image = || (Pixel::new(0.5 * w, 0.5 * h), CENTRE * w.hypot(h));
+    circle.map_or_else(of_image, |circle| (circle.centre(), CENTRE_OF_CIRCLE * circle.radius))
+}
+
+/// Those of a fisheye, as near to equidistant as the lenses that are built, and about where its middle is believed.
+fn fisheye_prior(
+    k: &[f64; 4],
+    centre: Pixel,
+    (believed, of_centre): (Pixel, f64),
+    fitted: &[usize],
+) -> Vec<LensResidual> {
     let residual = |&index: &usize| {
         let (off, sigma) = match index {
             Lens::OWN_FOCAL => return None,
-            Lens::CENTRE => (centre.u - 0.5 * w, of_centre),
+            Lens::CENTRE => (centre.u - believed.u, of_centre),
             coefficient if coefficient < FISHEYE.len() => (k[coefficient], FISHEYE[coefficient]),
-            _ => (centre.v - 0.5 * h, of_centre),
+            _ => (centre.v - believed.v, of_centre),
         };
         let mut by = [0.0; Lens::PARAMETERS];
         by[index] = sigma.recip();
@@ -104,13 +124,13 @@ mod tests {
         fn derivatives_are_those_of_differences(k in [-0.4..0.2_f64, -0.3..0.3_f64, -0.2..0.2_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64], focal in 400.0..3000.0_f64) {
             const STEP: f64 = 1e-6;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
-            let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion: Distortion::BrownConrady(brown) };
+            let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion: Distortion::BrownConrady(brown), image_circle: None };
             let all = [0, 1, 2, 3, 4];
             let size = [1920.0, 1080.0];
-            let here = lens_prior(&lens, size, &all);
+            let here = lens_prior(&lens, (size, None), &all);
             prop_assert_eq!(here.len(), 5);
             for k in all {
-                let (ahead, behind) = (lens_prior(&lens.nudged(k, STEP), size, &all), lens_prior(&lens.nudged(k, -STEP), size, &all));
+                let (ahead, behind) = (lens_prior(&lens.nudged(k, STEP), (size, None), &all), lens_prior(&lens.nudged(k, -STEP), (size, None), &all));
                 for (i, residual) in here.iter().enumerate() {
                     let numeric = (ahead[i].value - behind[i].value) / (2.0 * STEP);
                     prop_assert!((numeric - residual.by[k]).abs() < 1e-3 * (1.0 + residual.by[k].abs()), "{i} by {k}: {numeric} {:?}", residual.by);
@@ -124,7 +144,7 @@ mod tests {
         ) {
             const STEPS: [f64; Lens::PARAMETERS] = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3];
             let distortion = Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] };
-            let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, distortion };
+            let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, distortion, image_circle: None };
             let at = Pixel::from(at);
             prop_assume!(at.distance(lens.principal_point) > 50.0);
             let slope = |lens: &Lens| slope_prior(lens, Some(at)).map(|prior| prior.value).unwrap();

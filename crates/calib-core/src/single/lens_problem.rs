@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::camera::{ByParameters, Chart, Lens, Pixel};
+use crate::camera::{ByParameters, Chart, ImageCircle, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
@@ -26,6 +26,8 @@ pub(super) struct LensProblem<'a> {
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
     pub(super) size: [f64; 2],
+    /// Where the scene is in the image of a fisheye, if that is known.
+    pub(super) circle: Option<ImageCircle>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(super) sigma: f64,
 }
@@ -41,6 +43,7 @@ impl LensProblem<'_> {
             principal_point: self.principal_point,
             focal: self.unit,
             distortion: self.fitted.distortion(values),
+            image_circle: None,
         };
         for (&index, value) in self.open.iter().zip(values.iter().skip(self.fitted.len())) {
             match index {
@@ -68,7 +71,7 @@ impl LensProblem<'_> {
         let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
         let drawn = self.edges.iter().flat_map(|edge| &edge.points);
         let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
-        lens_prior(&lens, self.size, fitted).into_iter().chain(of_slope).collect()
+        lens_prior(&lens, (self.size, self.circle), fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
@@ -168,7 +171,8 @@ impl LensProblem<'_> {
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
-        let starts = STARTS.iter().map(|start| padded(start));
+        let starts = if self.fitted.is_wide() { &FISHEYE_STARTS[..] } else { &STARTS[..] };
+        let starts = starts.iter().map(|start| padded(start));
         let mut candidates: Vec<(Vec<f64>, f64)> = starts
             .chain([padded(smaller)])
             .filter_map(|start| {
@@ -250,6 +254,9 @@ impl Normal {
 /// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
 const STARTS: [[f64; 2]; 7] =
     [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
+
+/// Those of a fisheye: the families equidistant, equisolid and stereographic.
+const FISHEYE_STARTS: [[f64; 2]; 3] = [[0.0, 0.0], [-0.042, 0.0005], [0.083, 0.008]];
 
 /// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be
 /// undistorted.

@@ -194,6 +194,7 @@ impl<'a> Member<'a> {
             camera: self.placed(),
             initial_pose: self.initial_pose(),
             size: entry.size(),
+            circle: entry.image_circle(),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() { Priors::default() } else { entry.priors() },
             annotations: &entry.annotations,

@@ -83,8 +83,9 @@ impl Site {
             principal_point: entry.principal_point(),
             centre_is_held: entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some()),
             size: entry.size(),
+            circle: entry.image_circle(),
             // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
-            focal: focal.filter(|_| fitted.as_ref().is_some_and(Fitted::has_own_focal)),
+            focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
             fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
         };

@@ -295,6 +295,7 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
         covariance: lens_covariance(lens_estimate),
     };
     let mut solution = Solution {
+        image_circle_px: entry.image_circle(),
         distortion: DistortionEntry::of(&camera.lens, focal),
         sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
         covariance: CovarianceEntry::of(&camera),
