@@ -81,7 +81,7 @@ pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-pub(crate) use lens_prior::{lens_prior, slope_prior};
+pub(crate) use lens_prior::{LensResidual, lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{
