@@ -3,8 +3,8 @@
 
 use crate::camera::{Camera, Covariance, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::single::{
-    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    edges, outermost, times_drawn, weak_prior,
+    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, LensResidual, Prior, Priors,
+    Problem, edges, lens_prior, outermost, slope_prior, times_drawn, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -225,6 +225,12 @@ impl View<'_> {
     /// The parameters of its lens on which residuals depend, by their indices.
     pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
         std::array::from_fn(|k| self.free[Covariance::LENS + k] || self.has_one_focal && k == Lens::OWN_FOCAL)
+    }
+
+    /// What is believed of the parameters of its lens that are free.
+    pub(crate) fn beliefs(&self, lens: &Lens, free: &[usize]) -> Vec<LensResidual> {
+        let of_slope = slope_prior(lens, self.outermost);
+        lens_prior(lens, (self.size, self.circle), free).into_iter().chain(of_slope).collect()
     }
 
     /// Adds derivatives by the parameters of its lens to those by the camera.

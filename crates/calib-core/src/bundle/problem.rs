@@ -10,9 +10,7 @@ use crate::bundle::plane_parameters::parameters_of_plane;
 use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
 use crate::camera::{Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
-use crate::single::{
-    PlanePrior, Prior, edge_redundancy, lens_prior, slope_prior, straightness_with_jacobian,
-};
+use crate::single::{PlanePrior, Prior, edge_redundancy, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -245,10 +243,7 @@ impl<'a> BundleProblem<'a> {
         }
         // What is believed of a lens that several views have counts once.
         if this.lens == view {
-            let of_slope = slope_prior(&camera.lens, this.outermost);
-            for believed in
-                lens_prior(&camera.lens, (this.size, this.circle), &free).into_iter().chain(of_slope)
-            {
+            for believed in this.beliefs(&camera.lens, &free) {
                 let mut by = [0.0; CAMERA_PARAMS];
                 this.add_lens(&mut by, &believed.by);
                 self.sink_view(view, believed.value, &by, &[], ResidualKind::CameraPrior, sink);

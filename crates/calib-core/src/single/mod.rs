@@ -83,7 +83,7 @@ pub(crate) use annotation::Belongs;
 pub(crate) use chi_square::{LEVEL, chi2_score, is_misfit};
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-pub(crate) use lens_prior::{lens_prior, slope_prior};
+pub(crate) use lens_prior::{LensResidual, lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
 pub(crate) use outliers::{inflation, is_inconsistent, is_significant, student_factor};
