@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use calib_core::{Distortion, Pixel};
+use calib_core::{Distortion, Pixel, drawn_line};
 use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -193,8 +193,11 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         overlay.compare(split, app.editor.newer(camera));
     }
     overlay.paint(&painter);
+    // A box that selects is one of pixels; every other line is to become one of the scene.
+    let is_box = app.editor.tool_row() == 0;
     for points in app.editor.tool().rubber(pane) {
-        let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
+        let pixels: Vec<Pixel> = points.iter().map(|&at| at.into()).collect();
+        let points = if is_box { overlay.path(&pixels) } else { overlay.curve(&pixels) };
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
     offered(app, ui, &painter, camera, &mapping);
@@ -221,9 +224,11 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     }
     let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::RADIUS) else { return };
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
-    let ends = edge.map(|pixel| mapping.screen(pixel.into()));
-    line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
-    for end in ends {
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
+    let lens = hit::shown_lens(entry, app.editor.session().solved.pose(camera));
+    let way = drawn_line(&lens, &edge).into_iter().map(|pixel| mapping.screen(pixel.into()));
+    line(painter, &way.collect::<Vec<Pos2>>(), Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
+    for end in edge.map(|pixel| mapping.screen(pixel.into())) {
         painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
     }
 }

@@ -142,8 +142,8 @@ pub use floor::{
     BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorProjector, MarkKind, MarkShape,
     NoStraightView, PRISM_HEIGHT, PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT,
     Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector,
-    SurfaceSigmas, Undistortion, default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid,
-    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
+    SurfaceSigmas, Undistortion, default_efov, drawn_line, efov_on_floor, efov_on_plane, ellipse, floor_grid,
+    from_control_points, horizon, in_front, line_beyond, on_image, position_ellipse, prism, vertical,
     with_placement_covariance,
 };
 pub use health::{

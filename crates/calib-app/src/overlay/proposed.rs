@@ -110,7 +110,7 @@ impl Overlay<'_> {
         points: &[Pixel],
         [is_bright, is_picked]: [bool; 2],
     ) {
-        let path = self.path(points);
+        let path = self.curve(points);
         let colour = theme::kind(kind);
         let pen = Pen::of(Look::of(Meaning::Suggestion(kind))).coloured(colour);
         match (is_picked, is_bright) {

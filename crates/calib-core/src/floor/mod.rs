@@ -33,7 +33,7 @@ pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
-pub use image_curve::{horizon, in_front, on_image};
+pub use image_curve::{drawn_line, horizon, in_front, line_beyond, on_image};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
