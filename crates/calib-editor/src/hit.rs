@@ -121,6 +121,12 @@ pub fn shown_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Lens {
     pose.map_or_else(|| entry.likely_lens(), |pose| pose.lens)
 }
 
+/// The same of a camera of a site, which may not be there.
+#[must_use]
+pub fn lens_of(site: &Site, camera: usize, pose: Option<&Camera>) -> Option<Lens> {
+    site.cameras.get(camera).map(|entry| shown_lens(entry, pose))
+}
+
 fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hit> {
     let mut hits = Vec::new();
     for (annotation, drawn) in entry.annotations.iter().enumerate() {
