@@ -264,8 +264,8 @@ mod tests {
                         let u = [a.x - foot.x, a.y - foot.y, a.z - foot.z];
                         let v = [b.x - foot.x, b.y - foot.y, b.z - foot.z];
                         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-                        let norm = crate::camera::dot(&n, &n).sqrt().max(1e-12);
-                        prop_assert!(crate::camera::dot(&n, &ray.direction).abs() / norm < 1e-6);
+                        let norm = dot(&n, &n).sqrt().max(1e-12);
+                        prop_assert!(dot(&n, &ray.direction).abs() / norm < 1e-6);
                     }
                 }
             }

@@ -8,7 +8,8 @@
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
-//! - `remap` undistorted images; `straight_view` those of a stream.
+//! - `remap` undistorted images; `straight_view` those of a stream; `window` **flat and round windows that look anywhere
+//!   within a lens**.
 
 mod placement;
 mod resection;
@@ -28,6 +29,7 @@ mod detection_box;
 mod camera_view;
 mod remap;
 mod straight_view;
+mod window;
 
 pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
@@ -47,3 +49,4 @@ pub use straight_view::{NoStraightView, StraightView};
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};
+pub use window::{Look, Mount, Window, lens_reach};
