@@ -99,6 +99,11 @@ impl OutputArgs {
         path.with_file_name(format!("{stem}-{name}{extension}")).to_string_lossy().into_owned()
     }
 
+    /// Refuses one of several files that is there.
+    pub(crate) fn check_named(&self, path: &str) -> Result<(), Stop> {
+        files::check_free(path, self.force)
+    }
+
     /// Writes one of several files whole or not at all.
     pub(crate) fn write_named(&self, path: &str, bytes: &[u8]) -> Result<(), Stop> {
         files::write(path, bytes, self.force)

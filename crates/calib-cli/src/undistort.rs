@@ -41,7 +41,9 @@ pub(crate) struct Args {
 /// Writes the image, and says which focal and principal point it has; or the windows that are asked for.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.windows.check()?;
-    args.output.check_free()?;
+    if !args.windows.is_asked() {
+        args.output.check_free()?;
+    }
     let file = args.site.read()?;
     let entry = file.camera(&args.camera)?;
     let lens = lens_of(entry);

@@ -55,11 +55,11 @@ fn look(text: &str) -> Result<Look, String> {
     };
     let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let parts = parts.ok_or_else(wrong)?;
-    let (&[pitch, yaw, hfov], roll) = (match parts.split_first_chunk::<3>() {
+    let (&[pitch, yaw, hfov], roll) = match parts.split_first_chunk::<3>() {
         Some((first, [])) => (first, 0.0),
         Some((first, &[roll])) => (first, roll),
         _ => return Err(wrong()),
-    });
+    };
     let [pitch, yaw, hfov, roll] = [pitch, yaw, hfov, roll].map(f64::to_radians);
     let asked = Look { pitch, yaw, roll, hfov };
     Window::flat(asked, [1, 1]).map(|_| asked).ok_or_else(wrong)
@@ -138,12 +138,25 @@ pub(crate) fn run(
     if windows.len() > 1 && output.is_stdout() {
         return Err(Stop::Usage("several windows are several files: -o FILE names them".into()));
     }
-    for (name, window) in &windows {
-        let file = output.named(name);
-        let seen = Seen { window, lens: &lens, focal, camera: camera.as_ref(), entry, reach };
-        seen.write(args, output, &file, image)?;
+    let (lens, camera) = (&lens, camera.as_ref());
+    let seen = windows
+        .iter()
+        .map(|(name, window)| (output.named(name), Seen { window, lens, focal, camera, entry, reach }));
+    let seen: Vec<(String, Seen<'_>)> = seen.collect();
+    // All of them or none.
+    for (file, window) in &seen {
+        window.check([width, height])?;
+        let extensions: &[&str] = if args.remap { &["json", "remap.npy"] } else { &["json"] };
+        let others = extensions.iter().map(|extension| beside(file, extension));
+        let others = others.filter(|_| !output.is_stdout());
+        std::iter::once(file.clone()).chain(others).try_for_each(|file| output.check_named(&file))?;
     }
-    Ok(())
+    seen.iter().try_for_each(|(file, window)| window.write(args, output, file, image))
+}
+
+/// The name of what stands beside an image.
+fn beside(file: &str, extension: &str) -> String {
+    Path::new(file).with_extension(extension).to_string_lossy().into_owned()
 }
 
 /// A window of one camera.
@@ -173,26 +186,16 @@ impl Seen<'_> {
         if !map.apply_into(image.as_raw(), &mut bytes) {
             return Err(too_large().into());
         }
-        if !self.shows_anything(size) {
-            let reach = self.reach.to_degrees();
-            let what = format!(
-                "camera \"{}\" sees nothing there: up to {reach:.0}\u{b0} off its axis",
-                self.entry.id
-            );
-            return Err(Stop::Usage(what));
-        }
         let picture = RgbImage::from_raw(width as u32, height as u32, bytes).ok_or_else(too_large)?;
         if output.is_stdout() {
             return output.write_image(&picture);
         }
-        let beside =
-            |extension: &str| Path::new(file).with_extension(extension).to_string_lossy().into_owned();
         let numbers = format!("{:#}\n", self.numbers(image));
         output.write_named(file, &picture::encoded(&picture, file)?)?;
-        output.write_named(&beside("json"), numbers.as_bytes())?;
+        output.write_named(&beside(file, "json"), numbers.as_bytes())?;
         if args.remap {
             let npy = remap_npy(self.window.size.map(|side| side as u32), |pixel| self.raw(pixel));
-            output.write_named(&beside("remap.npy"), &npy)?;
+            output.write_named(&beside(file, "remap.npy"), &npy)?;
         }
         let Pixel { u, v } = self.window.principal_point;
         let kind = if self.window.is_round { "pixels for a radian" } else { "focal" };
@@ -207,13 +210,18 @@ impl Seen<'_> {
         self.window.raw(self.lens, self.focal, pixel)
     }
 
-    /// Whether any of it is within the raw image.
-    fn shows_anything(&self, [width, height]: [usize; 2]) -> bool {
+    /// Refuses a window that none of the raw image is in.
+    fn check(&self, [width, height]: [u32; 2]) -> Result<(), Stop> {
         const STEPS: u32 = 24;
         let [w, h] = self.window.size.map(|side| side as f64 / f64::from(STEPS));
-        let within = |p: Pixel| p.u >= 0.0 && p.v >= 0.0 && p.u <= width as f64 && p.v <= height as f64;
+        let within =
+            |p: Pixel| p.u >= 0.0 && p.v >= 0.0 && p.u <= f64::from(width) && p.v <= f64::from(height);
         let at = |i: u32| Pixel::new(w * (f64::from(i % STEPS) + 0.5), h * (f64::from(i / STEPS) + 0.5));
-        (0..STEPS * STEPS).any(|i| self.raw(at(i)).is_some_and(within))
+        if (0..STEPS * STEPS).any(|i| self.raw(at(i)).is_some_and(within)) {
+            return Ok(());
+        }
+        let (id, reach) = (&self.entry.id, self.reach.to_degrees());
+        Err(Stop::Usage(format!("camera \"{id}\" sees nothing there: up to {reach:.0}\u{b0} off its axis")))
     }
 
     /// The window as a camera: its numbers, under the names that the table of `calib export` has for them.

@@ -55,6 +55,7 @@ pub(crate) fn plot(id: &str) -> Plot {
         "shop-1" => Plot { extras: &[Extra::EqualLength, Extra::Upright(0)], ..shop },
         "shop-2" => Plot { lines: [4, 3], verticals: 5, polylines: 8, ..shop },
         "shop-3" => Plot { lines: [3, 4], extras: &[Extra::EqualLength], ..shop },
+        "checkouts" => Plot { polylines: 8, ..shop },
         "store" => Plot {
             floor: store_floor,
             lines: [4, 3],
