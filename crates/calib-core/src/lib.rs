@@ -144,7 +144,7 @@ pub use floor::{
     Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector,
     SurfaceSigmas, Undistortion, Window, default_efov, drawn_line, efov_on_floor, efov_on_plane, ellipse,
     floor_grid, from_control_points, horizon, in_front, lens_reach, line_beyond, on_image, position_ellipse,
-    prism, vertical, with_placement_covariance,
+    prism, vertical, view_angle, with_placement_covariance,
 };
 pub use health::{
     CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting,

@@ -116,7 +116,12 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
     let centre = hand.camera.lens.principal_point;
     let half = centre.u.hypot(centre.v);
     let runs = hand.runs(&straight(), 420.0);
-    let worth = |run: &Run| run.length().min(1400.0) * (0.15 + run.middle().distance(centre) / half);
+    let is_wide = hand.camera.lens.distortion.is_wide();
+    let worth = |run: &Run| {
+        // What runs through the middle of a fisheye is straight whatever its lens; elsewhere its bend is plain to see.
+        let bent = if is_wide { bow(hand, run) } else { run.middle().distance(centre) };
+        run.length().min(1400.0) * (0.15 * f64::from(u8::from(!is_wide)) + bent / half)
+    };
     let chosen = spread(&runs, count, Run::middle, worth);
     chosen
         .iter()
@@ -125,6 +130,14 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
             Annotation { points: Some(hand.polyline(run, count)), ..Annotation::new(Kind::Straight) }
         })
         .collect()
+}
+
+/// How far the image of a run is from its chord, in pixels.
+fn bow(hand: &Hand, run: &Run) -> f64 {
+    let [a, b] = run.ends;
+    let off = |p: Pixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
+    let inner = (1..8).filter_map(|i| hand.pixel(run.edge.at(f64::from(i) / 8.0)));
+    inner.map(off).fold(0.0, f64::max)
 }
 
 /// A stretch of the floor, if all of it can be seen.

@@ -320,7 +320,8 @@ fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_han
 
 #[test]
 fn a_cone_opens_about_the_way_its_camera_looks() {
-    let [foot, left, right] = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
+    let corners = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
+    let [foot, left, right]: [[f64; 2]; 3] = corners.try_into().unwrap();
     let way = [0.6, -0.8];
     for [x, y] in [left, right] {
         let along = (x - foot[0]) * way[0] + (y - foot[1]) * way[1];

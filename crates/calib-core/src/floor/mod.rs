@@ -49,4 +49,4 @@ pub use straight_view::{NoStraightView, StraightView};
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};
-pub use window::{Look, Mount, Window, lens_reach};
+pub use window::{Look, Mount, Window, lens_reach, view_angle};

@@ -216,6 +216,17 @@ pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
     sides.into_iter().filter_map(seen).fold(0.0, f64::max)
 }
 
+/// The horizontal field of view of an image, in radians: without the bend of its lens, but of a fisheye with it, as far as it
+/// sees to both sides. `focal` is that of the camera, in pixels.
+#[must_use]
+pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
+    if lens.distortion.is_wide() {
+        2.0 * lens_reach(lens, focal, size)
+    } else {
+        2.0 * (0.5 * size[0] / focal).atan()
+    }
+}
+
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
@@ -344,6 +355,10 @@ mod tests {
             }
         }
         assert!(seen > 10_000, "{seen}");
+        let wide = view_angle(&lens, lens.focal, [1000.0, 980.0]).to_degrees();
+        assert!((185.0..200.0).contains(&wide), "{wide}");
+        let flat = Lens::pinhole(Pixel::new(500.0, 490.0));
+        assert_eq!(view_angle(&flat, 500.0, [1000.0, 980.0]), FRAC_PI_2);
         assert!((lens_reach(&lens, lens.focal, [1000.0, 980.0]) - 500.0 / 300.0).abs() < 0.1);
     }
 }

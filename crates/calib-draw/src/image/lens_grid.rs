@@ -1,6 +1,6 @@
 //! The undistorted grid bent over the raw image: every line of it is straight in the scene.
 
-use calib_core::{Lens, Pixel, UndistortedPixel};
+use calib_core::{Lens, Pixel, UndistortedPixel, lens_reach};
 
 use crate::image::ImageView;
 use crate::item::Item;
@@ -34,7 +34,11 @@ fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let side = across.fold(0.0, f64::max).to_degrees();
     let step: f64 = [5.0, 10.0, 15.0].into_iter().find(|step| 2.0 * side <= COLUMNS * step).unwrap_or(15.0);
     let count = (180.0 / step) as i32;
-    let shown = |[x, y, w]: [f64; 3]| lens.shown([lens.focal * x, lens.focal * y, w]);
+    let rim = rim(lens, size);
+    let shown = |[x, y, w]: [f64; 3]| {
+        let within = x.hypot(y).atan2(w) <= rim;
+        lens.shown([lens.focal * x, lens.focal * y, w]).filter(|_| within)
+    };
     let mut found = Vec::new();
     for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {
         let (sin, cos) = turn.sin_cos();
@@ -51,6 +55,13 @@ fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
         found.extend(pieces(size, column).into_iter().chain(pieces(size, row)));
     }
     found
+}
+
+/// How far from its axis the lines of a fisheye are drawn, in radians: to the rim of a circle that lies within the image.
+fn rim(lens: &Lens, size: [f64; 2]) -> f64 {
+    /// What sees less at the sides of its image has more in the corners.
+    const CIRCLE: f64 = 85.0;
+    Some(lens_reach(lens, lens.focal, size)).filter(|reach| *reach > CIRCLE.to_radians()).unwrap_or(f64::MAX)
 }
 
 /// The lines of the grid in raw pixels, cut where they leave the image or the lens.
