@@ -118,9 +118,9 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
     let runs = hand.runs(&straight(), 420.0);
     let is_wide = hand.camera.lens.distortion.is_wide();
     let worth = |run: &Run| {
-        // What runs through the middle of a fisheye is straight whatever its lens; elsewhere its bend is plain to see.
-        let bent = if is_wide { bow(hand, run) } else { run.middle().distance(centre) };
-        run.length().min(1400.0) * (0.15 * f64::from(u8::from(!is_wide)) + bent / half)
+        let out = 0.15 + run.middle().distance(centre) / half;
+        // What runs through the middle of a fisheye is straight whatever its lens.
+        run.length().min(1400.0) * if is_wide { bow(hand, run) * out } else { out }
     };
     let chosen = spread(&runs, count, Run::middle, worth);
     chosen

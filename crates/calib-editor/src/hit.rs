@@ -140,11 +140,7 @@ fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hi
     }
     if let Some(corners) = &entry.efov_px {
         let closed: Vec<Pixel> = corners.iter().chain(corners.first()).copied().collect();
-        hits.extend(nearest_drawn(lens, &closed, at).map(|(edge, distance)| Hit {
-            part: Part::Field,
-            edge,
-            distance,
-        }));
+        hits.extend(nearest(&closed, at).map(|(edge, distance)| Hit { part: Part::Field, edge, distance }));
     }
     hits.retain(|hit| hit.distance <= radius);
     hits.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))

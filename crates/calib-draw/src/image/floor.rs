@@ -63,12 +63,8 @@ pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(corners) = corners else { return Vec::new() };
     let meaning = Meaning::Efov(view.camera);
     let points = corners.iter().map(|&corner| Item::point(meaning, corner));
-    let mut outline = corners.clone();
-    outline.extend(corners.first());
-    // Edges of the floor are bent as what lies on it.
-    let mut outline = view.drawn(outline);
-    outline.pop();
-    std::iter::once(Item::polygon(meaning, outline)).chain(points).collect()
+    // It is a polygon of pixels, whatever the lens: what is asked of a pixel is whether it lies inside.
+    std::iter::once(Item::polygon(meaning, corners.clone())).chain(points).collect()
 }
 
 /// Its edges stand on the corners that were drawn; a field that nobody drew has no prism worth looking at.
