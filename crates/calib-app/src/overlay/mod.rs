@@ -94,7 +94,7 @@ impl Overlay<'_> {
     }
 
     pub(crate) fn path(&self, pixels: &[Pixel]) -> Vec<Pos2> {
-        pixels.iter().map(|&pixel| self.at(pixel)).collect()
+        self.mapping.path(pixels)
     }
 
     /// Lines that are drawn by their ends, as the lens bends them.

@@ -79,6 +79,28 @@ impl Window {
         Some(Self { rotation, size, focal: 0.5 * width * cos / sin, principal_point, is_round: false })
     }
 
+    /// A flat window towards a direction in axes of the camera, in which what is upright is upright; `None` of one without
+    /// pixels, or not between 0 and [`Self::WIDEST`] wide. Straight ahead under a ceiling, up is that of the image.
+    #[must_use]
+    pub fn toward(mount: Mount, direction: [f64; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
+        let [x, y, z] = direction;
+        let out = hypot(x, y);
+        match mount {
+            Mount::Wall => {
+                let (pitch, yaw) = (y.atan2(hypot(x, z)), (-x).atan2(z));
+                Self::flat(Look { pitch, yaw, roll: 0.0, hfov }, size)
+            }
+            Mount::Ceiling => {
+                let length = hypot(out, z);
+                let [sin, cos] = [out / length, z / length];
+                let [out_u, out_v] = if out > 1e-9 * length { [x / out, y / out] } else { [0.0, -1.0] };
+                let forward = [sin * out_u, sin * out_v, cos];
+                let down = [-cos * out_u, -cos * out_v, sin];
+                Self::turned([cross(down, forward), down, forward], hfov, size)
+            }
+        }
+    }
+
     /// Four windows round the axis of a camera. Under a ceiling they look outward, with what is upright upright, to the
     /// sides that the image has at its top, right, bottom and left; on a wall up left, up right, down left, down right.
     #[must_use]
@@ -88,11 +110,9 @@ impl Window {
         const WIDE: f64 = 95.0 / 180.0 * PI;
         let quadrant = |index: usize| match mount {
             Mount::Ceiling => {
-                let (out_v, out_u) = [(-1.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.0, -1.0)][index];
+                let (out_u, out_v) = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)][index];
                 let (sin, cos) = sin_cos(TILT);
-                let forward = [sin * out_u, sin * out_v, cos];
-                let down = [-cos * out_u, -cos * out_v, sin];
-                Self::turned([cross(down, forward), down, forward], WIDE, size)
+                Self::toward(mount, [sin * out_u, sin * out_v, cos], WIDE, size)
             }
             Mount::Wall => {
                 let (side, up) = [(1.0, -1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][index];
@@ -325,12 +345,27 @@ mod tests {
     }
 
     #[test]
+    fn a_window_towards_a_direction_has_it_in_its_middle() {
+        for mount in [Mount::Ceiling, Mount::Wall] {
+            for direction in [[0.0, 0.0, 2.0], [0.3, -0.4, 0.5], [-1.0, 0.2, -0.1]] {
+                let window = Window::toward(mount, direction, 1.2, [640, 480]).unwrap();
+                let middle = window.pixel(direction).unwrap();
+                assert!(
+                    middle.distance(window.principal_point) < 1e-9,
+                    "{mount:?} {direction:?}: {middle:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn what_is_no_window_is_refused() {
         let look = |hfov: f64| Look { hfov, ..Look::default() };
         assert_eq!(Window::flat(look(0.0), [10, 10]), None);
         assert_eq!(Window::flat(look(PI), [10, 10]), None);
         assert_eq!(Window::flat(look(1.0), [0, 10]), None);
         assert_eq!(Window::flat(Look { pitch: f64::NAN, ..look(1.0) }, [10, 10]), None);
+        assert_eq!(Window::toward(Mount::Ceiling, [0.0; 3], 1.0, [10, 10]), None);
         assert_eq!(Window::panorama(Mount::Wall, 0.0, [10, 10]), None);
         let window = Window::flat(look(1.0), [10, 10]).unwrap();
         assert!(window.remap(&fisheye(), 300.0, [1, 10]).is_none());
