@@ -61,7 +61,12 @@ fn without_a_plan_links_and_marks_find_the_shop() {
             assert!(seen.px < 2.0 && !seen.outlier, "{:?} in {}: {} px", mark.id, seen.camera, seen.px);
         }
     }
-    assert!(report.site.components.contains(&["shop-1", "shop-2", "shop-3", "checkouts"].map(String::from).to_vec()));
+    assert!(
+        report
+            .site
+            .components
+            .contains(&["shop-1", "shop-2", "shop-3", "checkouts"].map(String::from).to_vec())
+    );
     let apart = report.site.warnings.iter().filter(|warning| warning.code == Code::NotConnected).count();
     assert_eq!(apart, 2, "the store and the barn are said to be by themselves: {:?}", report.site.warnings);
 }
