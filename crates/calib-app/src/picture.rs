@@ -197,6 +197,8 @@ impl Piece {
         if !rect.is_positive() {
             return;
         }
+        // As black as what is outside an image circle.
+        painter.rect_filled(rect, 0.0, Color32::BLACK);
         let [columns, rows] = [rect.width(), rect.height()].map(|side| (side / CELL).ceil() as u32);
         let mut mesh = egui::Mesh::with_texture(self.texture);
         let mut is_shown = Vec::new();

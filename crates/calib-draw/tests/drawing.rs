@@ -172,7 +172,7 @@ fn the_grid_of_a_lens_is_straight_in_the_scene_and_ends_at_the_image() {
             let inside = |p: &&Pixel| (0.0..w).contains(&p.u) && (0.0..h).contains(&p.v);
             if lens.distortion.is_wide() {
                 let rays: Vec<[f64; 3]> = points.iter().filter_map(|&p| lens.bearing(p)).collect();
-                assert!(out_of_plane(&rays, lens.focal) < 1e-6, "camera {camera}");
+    XX
             } else {
                 let flat: Vec<[f64; 2]> = points
                     .iter()
