@@ -57,8 +57,12 @@ impl Bend {
                 let [x, y, z] = window
                     .window_from_camera()
                     .map(|row| row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2]);
-                let depth = z.max(BESIDE * x.hypot(y)).max(f64::MIN_POSITIVE);
                 let Pixel { u, v } = window.principal_point;
+                let beside = x.hypot(y);
+                if z <= 0.0 && beside < 1e-9 {
+                    return Some([u + window.focal / BESIDE, v]);
+                }
+                let depth = z.max(BESIDE * beside);
                 Some([u + window.focal * x / depth, v + window.focal * y / depth])
             }
         }
