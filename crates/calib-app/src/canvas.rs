@@ -257,7 +257,7 @@ mod tests {
     fn a_straightened_canvas_maps_both_ways_and_shows_straight_what_the_lens_bends() {
         let brown = calib_core::BrownConrady { k1: -0.3, k2: 0.08, p1: 0.0, p2: 0.0, k3: 0.0 };
         let distortion = calib_core::Distortion::BrownConrady(brown);
-        let lens = Lens { principal_point: calib_core::Pixel::new(960.0, 540.0), focal: 1400.0, distortion };
+        let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal: 1400.0, distortion };
         let mapping = Mapping { bend: Some(Bend::Lens(lens)), ..mapping(false) };
         let there = mapping.document(mapping.screen([123.4, 777.7]));
         assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn a_window_maps_both_ways_and_shows_great_circles_straight() {
         let lens = fisheye();
-        for window in calib_core::Window::quadrants(calib_core::Mount::Ceiling, [1280, 800]).unwrap() {
+        for window in Window::quadrants(calib_core::Mount::Ceiling, [1280, 800]).unwrap() {
             let bend = Bend::Window { lens, focal: lens.focal, window };
             let view = View { centre: [640.0, 400.0], zoom: 0.6, y_up: false };
             let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_line_across_the_seam_of_a_panorama_does_not_cross_it() {
         let lens = fisheye();
-        let window = calib_core::Window::panorama(calib_core::Mount::Ceiling, 1.6, [2400, 800]).unwrap();
+        let window = Window::panorama(calib_core::Mount::Ceiling, 1.6, [2400, 800]).unwrap();
         let bend = Bend::Window { lens, focal: lens.focal, window };
         let view = View { centre: [1200.0, 400.0], zoom: 0.3, y_up: false };
         let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
