@@ -28,7 +28,7 @@ fn open(editor: &mut Editor, site: Site) {
 
 fn stages(editor: &Editor) -> Vec<Stage> {
     let session = editor.session();
-    (0..5).filter_map(|camera| Some(session.solved.solution(camera)?.stage)).collect()
+    (0..6).filter_map(|camera| Some(session.solved.solution(camera)?.stage)).collect()
 }
 
 fn change(editor: &mut Editor, change: impl FnOnce(&mut Site)) {
