@@ -45,7 +45,7 @@ pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, times};
-pub(crate) use elementary::sin_cos;
+pub(crate) use elementary::{angle_from_axis, hypot, sin_cos};
 pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;

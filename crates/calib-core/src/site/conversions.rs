@@ -168,6 +168,21 @@ impl SiteCamera {
         given().unwrap_or(pinhole)
     }
 
+    /// The lens to draw under while nothing is solved: as [`Self::lens`]; for a fisheye that is to be fitted, the one
+    /// with coefficients of zero that shows 180 degrees across the shorter side of the image, unless its focal is given.
+    #[must_use]
+    pub fn likely_lens(&self) -> Lens {
+        let lens = self.lens();
+        let entry = self.lens.as_ref();
+        let sought =
+            entry.and_then(|entry| entry.distortion.as_ref()).map(|distortion| distortion.model.row());
+        let Some(row) = sought.filter(|row| row.is_wide && !lens.distortion.is_wide()) else { return lens };
+        let [width, height] = self.size();
+        let known = entry.and_then(|entry| entry.focal_px).map(|focal| focal.value);
+        let focal = known.unwrap_or(width.min(height) / std::f64::consts::PI);
+        Lens { focal, distortion: row.zero, ..lens }
+    }
+
     /// The parameters that are fixed, with their values.
     #[must_use]
     pub fn fixed_parameters(&self) -> FixedParameters {
