@@ -1,14 +1,15 @@
 //! The site: what the operator entered, and the truth.
 
 use calib_core::{
-    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format, Known,
-    LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera, WorldPoint,
+    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format,
+    ImageCircle, Known, LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera,
+    WorldPoint,
 };
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cameras::{cameras, is_in_shop};
+use crate::cameras::{cameras, is_in_shop, rim};
 use crate::drawing::plot;
 use crate::edge::Edge;
 use crate::element::marks;
@@ -149,9 +150,9 @@ fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
         }
         _ => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
     };
-    // What one of the same make had on a board: the next one's is within half a percent.
-    let sister = camera.lens.distortion.is_wide().then(|| Known::prior(455.5, 2.3));
-    Some(LensEntry { distortion: Some(distortion), focal_px: sister, ..LensEntry::default() })
+    let Pixel { u, v } = camera.lens.principal_point;
+    let image_circle_px = rim(camera).map(|radius| ImageCircle { u, v, radius });
+    Some(LensEntry { distortion: Some(distortion), image_circle_px, ..LensEntry::default() })
 }
 
 /// The floor that every camera is to watch, corner by corner, in metres.
