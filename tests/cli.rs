@@ -138,6 +138,7 @@ fn straight_edges_alone_give_the_lens() {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 1500.0,
         distortion: Distortion::Division { lambda: -0.2 },
+        image_circle: None,
     };
     let edge = |from: [f64; 2], to: [f64; 2]| {
         let points = (0..9).filter_map(|i| {

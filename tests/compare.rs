@@ -93,6 +93,7 @@ fn stills(width: u32) -> Vec<Stills> {
                 principal_point: serde_json::from_value(truth["principal_point"].clone()).unwrap(),
                 focal: number("focal_px"),
                 distortion: Distortion::BrownConrady(brown),
+                image_circle: None,
             };
             let position = WorldPoint::new(0.0, 0.0, 3.5);
             let covariance = Covariance::EXACT;

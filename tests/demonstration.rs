@@ -49,7 +49,7 @@ fn without_a_plan_links_and_marks_find_the_shop() {
     let report = demo.site.calibrate(&Options::default());
     for ((index, solution), (id, truth)) in report.cameras.iter().zip(&demo.truth) {
         let solution = solution.as_ref().unwrap();
-        let in_shop = id.starts_with("shop");
+        let in_shop = id.starts_with("shop") || id == "checkouts";
         assert_eq!(solution.stage, if in_shop { Stage::Refined } else { Stage::Partial }, "{index}");
         if in_shop {
             within_three_sigmas(id, &solution.camera().unwrap(), truth);
@@ -61,7 +61,12 @@ fn without_a_plan_links_and_marks_find_the_shop() {
             assert!(seen.px < 2.0 && !seen.outlier, "{:?} in {}: {} px", mark.id, seen.camera, seen.px);
         }
     }
-    assert!(report.site.components.contains(&vec!["shop-1".into(), "shop-2".into(), "shop-3".into()]));
+    assert!(
+        report
+            .site
+            .components
+            .contains(&["shop-1", "shop-2", "shop-3", "checkouts"].map(String::from).to_vec())
+    );
     let apart = report.site.warnings.iter().filter(|warning| warning.code == Code::NotConnected).count();
     assert_eq!(apart, 2, "the store and the barn are said to be by themselves: {:?}", report.site.warnings);
 }

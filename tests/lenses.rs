@@ -58,11 +58,17 @@ fn synthetic_edges_give_the_lens_back() {
             ..BrownConrady::default()
         };
         let distortion = Distortion::BrownConrady(brown);
-        let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal: half_diagonal, distortion };
+        let lens = Lens {
+            principal_point: Pixel::new(960.0, 540.0),
+            focal: half_diagonal,
+            distortion,
+            image_circle: None,
+        };
         let edges = drawn(&mut random, &lens, size);
         let options = LensOptions {
             principal_point: lens.principal_point,
             centre_is_held: true,
+            circle: None,
             size,
             fitted: None,
             focal: None,
@@ -116,7 +122,12 @@ fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]
             },
         };
         let Some([side, _]) = distortion.distort([edge, 0.0]) else { continue };
-        let lens = Lens { principal_point: Pixel::new(0.5 * w, 0.5 * h), focal: 0.5 * w / side, distortion };
+        let lens = Lens {
+            principal_point: Pixel::new(0.5 * w, 0.5 * h),
+            focal: 0.5 * w / side,
+            distortion,
+            image_circle: None,
+        };
         if lens.undistort(Pixel::new(0.0, 0.0)).is_some() {
             return lens;
         }
@@ -144,6 +155,7 @@ fn wide_lenses_come_back_from_synthetic_edges() {
             let options = LensOptions {
                 principal_point: lens.principal_point,
                 centre_is_held: true,
+                circle: None,
                 size,
                 fitted: match family {
                     Family::Brown2 | Family::Brown3 => None,
@@ -214,10 +226,22 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
     let size = [1920.0, 1072.0];
     let brown = BrownConrady { k1: -0.37, k2: 0.14, ..BrownConrady::default() };
     let principal_point = Pixel::new(960.0, 536.0);
-    let lens = Lens { principal_point, focal: 1453.0, distortion: Distortion::BrownConrady(brown) };
+    let lens = Lens {
+        principal_point,
+        focal: 1453.0,
+        distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
+    };
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    let options =
-        LensOptions { principal_point, centre_is_held: true, size, fitted: None, focal: None, sigma: 1.0 };
+    let options = LensOptions {
+        principal_point,
+        centre_is_held: true,
+        circle: None,
+        size,
+        fitted: None,
+        focal: None,
+        sigma: 1.0,
+    };
     for _ in 0..20 {
         let mut lines = vec![seen(&lens, [[150.0, 160.0], [1600.0, 220.0]], 8, 1.0, &mut random)];
         for u in [930.0, 960.0, 1000.0] {
@@ -238,12 +262,19 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
 fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
     let size = [1920.0, 1080.0];
     let principal_point = Pixel::new(960.0, 540.0);
-    let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None };
+    let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None, image_circle: None };
     let mut random = ChaCha8Rng::seed_from_u64(9);
     // Short edges in the middle, and a hand that trembles.
     let fitted = Some(Fitted::first(DistortionModel::BrownConrady, 2));
-    let options =
-        LensOptions { principal_point, centre_is_held: true, size, fitted, focal: None, sigma: 1.0 };
+    let options = LensOptions {
+        principal_point,
+        centre_is_held: true,
+        circle: None,
+        size,
+        fitted,
+        focal: None,
+        sigma: 1.0,
+    };
     for _ in 0..20 {
         let lines = [
             [[700.0, 400.0], [1200.0, 420.0]],
@@ -272,10 +303,12 @@ fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 1450.0,
         distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
         centre_is_held: true,
+        circle: None,
         size,
         fitted: None,
         focal: None,
@@ -331,6 +364,7 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
         principal_point: Pixel::new(950.0, 530.0),
         focal,
         distortion,
+        image_circle: None,
     };
     let brown = |k1, k2, k3| BrownConrady { k1, k2, k3, ..BrownConrady::default() };
     lenses.extend([
@@ -417,6 +451,7 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
             principal_point,
             focal: entry["focal_px"][0].as_f64().unwrap(),
             distortion: Distortion::BrownConrady(brown),
+            image_circle: None,
         }
     };
     let reference = reference("k1k2");
@@ -427,6 +462,7 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
         let options = LensOptions {
             principal_point: reference.principal_point,
             centre_is_held: true,
+            circle: None,
             size,
             fitted,
             focal: None,
@@ -503,10 +539,12 @@ fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 0.5 * f64::hypot(size[0], size[1]),
         distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
         centre_is_held: true,
+        circle: None,
         size,
         fitted: None,
         focal: None,
@@ -554,6 +592,7 @@ fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
     let options = LensOptions {
         principal_point: plain.principal_point,
         centre_is_held: true,
+        circle: None,
         size,
         fitted: None,
         focal: None,

@@ -381,11 +381,13 @@ fn edges_of_the_scene_find_the_lenses() {
             principal_point: serde_json::from_value(camera["truth"]["principal_point"].clone()).unwrap(),
             focal: number("focal_px"),
             distortion: Distortion::BrownConrady(brown),
+            image_circle: None,
         };
         let size: [f64; 2] = serde_json::from_value(camera["size"].clone()).unwrap();
         let options = LensOptions {
             principal_point: given.principal_point,
             centre_is_held: true,
+            circle: None,
             size,
             fitted: None,
             focal: None,

@@ -182,7 +182,12 @@ pub const fn camera(distortion: Distortion) -> Camera {
         pitch: 0.5,
         roll: 0.05,
         focal: 1250.0,
-        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal: 1250.0, distortion },
+        lens: Lens {
+            principal_point: Pixel::new(957.0, 548.0),
+            focal: 1250.0,
+            distortion,
+            image_circle: None,
+        },
         covariance: Covariance::EXACT,
     }
 }

@@ -1,6 +1,6 @@
 //! Where on the screen a canvas shows its document: pan, zoom, screen from document and back.
 
-use calib_core::{Lens, UndistortedPixel};
+use calib_core::{Lens, Pixel, UndistortedPixel, Window};
 use egui::{Pos2, Rect, Vec2};
 
 /// What a canvas looks at. Document units are pixels of an image, or metres of the floor.
@@ -21,8 +21,77 @@ pub struct Mapping {
     pub view: View,
     /// Where on the screen.
     pub rect: Rect,
-    /// The lens whose bend is taken out of what is shown: what is straight in space is straight here.
-    pub lens: Option<Lens>,
+    /// What is taken out of what is shown.
+    pub bend: Option<Bend>,
+}
+
+/// What is between the pixels of an image and a canvas on which what is straight in space is straight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bend {
+    /// The bend of a lens.
+    Lens(Lens),
+    /// A window onto what a fisheye of this lens and focal shows: its pixels are what the canvas looks at.
+    Window {
+        /// Of the camera.
+        lens: Lens,
+        /// Of the camera, in pixels.
+        focal: f64,
+        /// Flat or round.
+        window: Window,
+    },
+}
+
+impl Bend {
+    /// Where the canvas has a pixel of the image, if it shows it.
+    fn straight(&self, at: Pixel) -> Option<[f64; 2]> {
+        match self {
+            Self::Lens(lens) => lens.undistort(at).map(|pixel| [pixel.u, pixel.v]),
+            Self::Window { lens, focal, window } if window.is_round => {
+                window.of_raw(lens, *focal, at).map(Into::into)
+            }
+            Self::Window { lens, focal, window } => {
+                // What is beside and behind a window is far off it, where it would leave.
+                const BESIDE: f64 = 0.02;
+                let [x, y, z] = lens.bearing(at)?;
+                let direction = [x / focal, y / focal, z];
+                let [x, y, z] = window
+                    .window_from_camera()
+                    .map(|row| row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2]);
+                let Pixel { u, v } = window.principal_point;
+                let beside = x.hypot(y);
+                if z <= 0.0 && beside < 1e-9 {
+                    return Some([u + window.focal / BESIDE, v]);
+                }
+                let depth = z.max(BESIDE * beside);
+                Some([u + window.focal * x / depth, v + window.focal * y / depth])
+            }
+        }
+    }
+
+    /// The pixel of the image that is at a point of the canvas, if there is one.
+    fn bent(&self, [x, y]: [f64; 2]) -> Option<Pixel> {
+        match self {
+            Self::Lens(lens) => lens.distort(UndistortedPixel::new(x, y)),
+            Self::Window { lens, focal, window } => window.raw(lens, *focal, Pixel::new(x, y)),
+        }
+    }
+
+    /// The size of what is looked at whole, in pixels: that of the window, if it is one.
+    #[must_use]
+    pub fn size(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Lens(_) => None,
+            Self::Window { window, .. } => Some(window.size.map(|side| side as f64)),
+        }
+    }
+
+    /// Pixels of the canvas once round, where it goes round.
+    fn round(&self) -> Option<f64> {
+        match self {
+            Self::Window { window, .. } if window.is_round => Some(std::f64::consts::TAU * window.focal),
+            _ => None,
+        }
+    }
 }
 
 /// How much of the canvas a document fills that is shown whole.
@@ -57,21 +126,42 @@ impl Mapping {
     /// A view in its rectangle, bent as the lens bends it.
     #[must_use]
     pub const fn new(view: View, rect: Rect) -> Self {
-        Self { view, rect, lens: None }
+        Self { view, rect, bend: None }
     }
 
     /// Where a document point lies once the lens's bend is taken out.
     #[must_use]
     pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
-        let straight = self.lens.and_then(|lens| lens.undistort(at.into()));
-        straight.map_or(at, |pixel| [pixel.u, pixel.v])
+        self.bend.and_then(|bend| bend.straight(at.into())).unwrap_or(at)
     }
 
     /// Where the screen shows a document point.
     #[must_use]
     pub fn screen(&self, at: [f64; 2]) -> Pos2 {
+        self.screen_of_flat(self.flat(at))
+    }
+
+    /// The way on the screen of a line of the document. On a canvas that goes round it leaves at one side rather than cross
+    /// to the other; through a window straight lines of the image are bent.
+    #[must_use]
+    pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
+        let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
+            return points.iter().map(|&at| self.screen(at.into())).collect();
+        };
+        let mut before: Option<[f64; 2]> = None;
+        let flat = fine(points).map(|at| {
+            let mut flat = self.flat(at.into());
+            if let (Some(round), Some([x, _])) = (bend.round(), before) {
+                flat[0] += round * ((x - flat[0]) / round).round();
+            }
+            before = Some(flat);
+            self.screen_of_flat(flat)
+        });
+        flat.collect()
+    }
+
+    fn screen_of_flat(&self, [x, y]: [f64; 2]) -> Pos2 {
         let View { centre, zoom, .. } = self.view;
-        let [x, y] = self.flat(at);
         let (dx, dy) = ((x - centre[0]) * zoom, self.view.sign() * (y - centre[1]) * zoom);
         // Far off the screen the painter needs no more than the direction.
         let clamp = |value: f64| value.clamp(-1e7, 1e7) as f32;
@@ -81,9 +171,24 @@ impl Mapping {
     /// The document point at a point of the screen.
     #[must_use]
     pub fn document(&self, at: Pos2) -> [f64; 2] {
-        let flat = self.flat_at(at);
-        let bent = self.lens.and_then(|lens| lens.distort(UndistortedPixel::new(flat[0], flat[1])));
-        bent.map_or(flat, Into::into)
+        self.bent_at(at).map_or_else(|| self.beyond(at), Into::into)
+    }
+
+    /// The pixel of the image at a point of the screen, where its bend is taken out and there is one.
+    #[must_use]
+    pub fn bent_at(&self, at: Pos2) -> Option<Pixel> {
+        self.bend.and_then(|bend| bend.bent(self.flat_at(at)))
+    }
+
+    /// The document point where no pixel is: beside a window, off the image.
+    fn beyond(&self, at: Pos2) -> [f64; 2] {
+        match self.bend {
+            Some(Bend::Window { lens, .. }) => {
+                let Pixel { u, v } = lens.principal_point;
+                [-u.abs() - 1e4, -v.abs() - 1e4]
+            }
+            _ => self.flat_at(at),
+        }
     }
 
     /// What is at a point of the screen once the lens's bend is taken out.
@@ -96,7 +201,11 @@ impl Mapping {
     /// Screen points as document units.
     #[must_use]
     pub fn units(&self, points: f32) -> f64 {
-        f64::from(points) / self.view.zoom
+        let units = f64::from(points) / self.view.zoom;
+        match self.bend {
+            Some(Bend::Window { lens, window, .. }) => units * lens.focal / window.focal,
+            _ => units,
+        }
     }
 
     /// The view after zooming by `factor` with what is under `at` staying there.
@@ -109,6 +218,21 @@ impl Mapping {
         view.centre = [view.centre[0] + fixed[0] - now[0], view.centre[1] + fixed[1] - now[1]];
         view
     }
+}
+
+/// Points with more between them, no farther apart than a line that a window bends may leave its chord.
+fn fine(points: &[Pixel]) -> impl Iterator<Item = Pixel> {
+    const STEP: f64 = 16.0;
+    const MOST: f64 = 400.0;
+    let between = points.windows(2).flat_map(|pair| {
+        let (a, b) = (pair[0], pair[1]);
+        let steps = (a.distance(b) / STEP).clamp(1.0, MOST).ceil();
+        (1..=steps as usize).map(move |step| {
+            let t = step as f64 / steps;
+            Pixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v))
+        })
+    });
+    points.first().copied().into_iter().chain(between)
 }
 
 #[cfg(test)]
@@ -133,14 +257,61 @@ mod tests {
     fn a_straightened_canvas_maps_both_ways_and_shows_straight_what_the_lens_bends() {
         let brown = calib_core::BrownConrady { k1: -0.3, k2: 0.08, p1: 0.0, p2: 0.0, k3: 0.0 };
         let distortion = calib_core::Distortion::BrownConrady(brown);
-        let lens = Lens { principal_point: calib_core::Pixel::new(960.0, 540.0), focal: 1400.0, distortion };
-        let mapping = Mapping { lens: Some(lens), ..mapping(false) };
+        let lens =
+            Lens { principal_point: Pixel::new(960.0, 540.0), focal: 1400.0, distortion, image_circle: None };
+        let mapping = Mapping { bend: Some(Bend::Lens(lens)), ..mapping(false) };
         let there = mapping.document(mapping.screen([123.4, 777.7]));
         assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");
         let edge = [300.0, 900.0, 1500.0].map(|u| lens.distort(UndistortedPixel::new(u, 200.0)).unwrap());
         assert!(edge[0].v - edge[1].v > 5.0, "the lens bends it");
         let shown = edge.map(|pixel| mapping.screen(pixel.into()).y);
         assert!((shown[0] - shown[1]).abs() < 1e-2 && (shown[0] - shown[2]).abs() < 1e-2, "{shown:?}");
+    }
+
+    fn fisheye() -> Lens {
+        let distortion = calib_core::Distortion::KannalaBrandt { k: [0.0; 4] };
+        Lens { principal_point: Pixel::new(720.0, 720.0), focal: 440.0, distortion, image_circle: None }
+    }
+
+    #[test]
+    fn a_window_maps_both_ways_and_shows_great_circles_straight() {
+        let lens = fisheye();
+        for window in Window::quadrants(calib_core::Mount::Ceiling, [1280, 800]).unwrap() {
+            let bend = Bend::Window { lens, focal: lens.focal, window };
+            let view = View { centre: [640.0, 400.0], zoom: 0.6, y_up: false };
+            let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
+            let ends = [Pos2::new(250.0, 200.0), Pos2::new(700.0, 480.0)].map(|at| mapping.document(at));
+            for at in ends {
+                let there = mapping.document(mapping.screen(at));
+                assert!(
+                    (there[0] - at[0]).abs() < 1e-2 && (there[1] - at[1]).abs() < 1e-2,
+                    "{there:?} {at:?}"
+                );
+            }
+            let path = mapping.path(&calib_core::drawn_line(&lens, &ends.map(Pixel::from)));
+            let (a, b) = (path[0], path[path.len() - 1]);
+            let along = (b - a).normalized();
+            let off = |at: &Pos2| ((*at - a).x * along.y - (*at - a).y * along.x).abs();
+            assert!(path.iter().map(off).fold(0.0, f32::max) < 0.5, "straight in the window");
+            // What is behind the window is nowhere near its canvas.
+            let behind = window.direction(window.principal_point).map(|part| -part);
+            if let Some(pixel) = lens.shown([lens.focal * behind[0], lens.focal * behind[1], behind[2]]) {
+                assert!(!mapping.rect.expand(2000.0).contains(mapping.screen(pixel.into())), "{pixel:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_across_the_seam_of_a_panorama_does_not_cross_it() {
+        let lens = fisheye();
+        let window = Window::panorama(calib_core::Mount::Ceiling, 1.6, [2400, 800]).unwrap();
+        let bend = Bend::Window { lens, focal: lens.focal, window };
+        let view = View { centre: [1200.0, 400.0], zoom: 0.3, y_up: false };
+        let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
+        // Below the middle of the image, from one side of its lower half to the other.
+        let path = mapping.path(&[Pixel::new(600.0, 1100.0), Pixel::new(850.0, 1120.0)]);
+        let longest = path.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, f32::max);
+        assert!(longest < 20.0, "{longest}");
     }
 
     #[test]

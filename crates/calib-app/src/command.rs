@@ -10,7 +10,7 @@ pub use calib_editor::Command;
 pub use calib_editor::command::{COMMANDS, Row, all};
 
 use crate::choice::Purpose;
-use crate::state::{App, Mode, Orbit, Tour};
+use crate::state::{App, Looking, Mode, Orbit, Tour};
 
 /// Whether a command would do something now.
 #[must_use]
@@ -168,6 +168,16 @@ fn on_view(app: &mut App, command: View) {
         }
         View::ZoomIn => zoom(app, 1.25),
         View::ZoomOut => zoom(app, 0.8),
+        View::NextWindow => next_window(app),
+    }
+}
+
+fn next_window(app: &mut App) {
+    if app.is_fisheye(app.editor.session().camera) {
+        app.show(Mode::Image);
+        app.look(app.looking.next());
+    } else {
+        app.act(Action::Note("Windows are for fisheyes: the lens of this camera is none.".into()));
     }
 }
 
@@ -198,6 +208,10 @@ fn on_solving(app: &mut App, ctx: &Context, command: Solving) {
 }
 
 fn switch(app: &mut App, ctx: &Context, command: Switch) {
+    if command == Switch::Straighten && app.is_fisheye(app.editor.session().camera) {
+        // What is shown then has pixels of its own.
+        app.look(Looking::Whole);
+    }
     let layers = &mut app.layers;
     let switch = match command {
         Switch::HideOverlays => &mut layers.hidden,

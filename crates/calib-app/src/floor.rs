@@ -138,9 +138,10 @@ impl Floor<'_> {
         const LENGTH: f64 = 44.0;
         let pen = Pen::of(Look::of(Meaning::Camera(index)));
         let [at, to] = [foot, ahead].map(|at| [f64::from(at.x), f64::from(at.y)]);
-        let cone = cone_corners(at, to, half_angle, LENGTH).map(|[x, y]| Pos2::new(x as f32, y as f32));
+        let cone = cone_corners(at, to, half_angle, LENGTH).into_iter();
+        let cone = cone.map(|[x, y]| Pos2::new(x as f32, y as f32)).collect();
         let stroke = Stroke::new(pen.width, pen.colour);
-        painter.add(Shape::convex_polygon(cone.to_vec(), pen.colour.gamma_multiply(0.25), stroke));
+        painter.add(Shape::convex_polygon(cone, pen.colour.gamma_multiply(0.25), stroke));
         painter.circle(foot, 5.0, Color32::WHITE, Stroke::new(1.5, Color32::BLACK));
         let rect = painter.clip_rect().shrink(18.0);
         if rect.contains(foot) {

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use calib_core::{Distortion, Pixel};
+use calib_core::{Distortion, Pixel, drawn_line};
 use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
-use crate::canvas::{Mapping, View};
+use crate::canvas::{Bend, Mapping, View};
 use crate::context;
 use crate::floor::Floor;
 use crate::handles;
@@ -159,7 +159,7 @@ fn canvas(
     let response = ui.interact(rect, ui.scope_id().with(key), Sense::CLICK);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, label));
     app.panes.rects.insert(key, rect);
-    app.panes.lenses.extend(mapping.lens.map(|lens| (key, lens)));
+    app.panes.bends.extend(mapping.bend.map(|bend| (key, bend)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
     context::show(app, &response, key, &mapping);
@@ -168,19 +168,27 @@ fn canvas(
     (mapping, painter)
 }
 
+/// What is taken out of the image of a camera: the bend of its lens, where that is asked for; a fisheye has windows.
+fn bend(app: &App, camera: usize) -> Option<Bend> {
+    if app.is_fisheye(camera) {
+        return app.window(camera);
+    }
+    let lens = app.editor.session().solved.pose(camera).filter(|_| app.layers.straight).map(|pose| pose.lens);
+    lens.filter(|lens| lens.distortion != Distortion::None).map(Bend::Lens)
+}
+
 /// The image of a camera.
 pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let (size, name) = (entry.size(), entry.image.clone());
     let pane = Pane::Image(camera);
     let label = format!("Image of {}", entry.id);
-    let whole = View::of([0.0, 0.0], size, rect, false, place != Place::Main);
+    let bend = bend(app, camera).filter(|_| place == Place::Main);
+    let shown = bend.and_then(|bend| bend.size()).unwrap_or(size);
+    let whole = View::of([0.0, 0.0], shown, rect, false, place != Place::Main);
     let key = (place, pane);
     let view = app.panes.fitted_or_chosen(key, whole);
-    let straight = app.layers.straight && place == Place::Main;
-    let lens = app.editor.session().solved.pose(camera).filter(|_| straight).map(|pose| pose.lens);
-    let lens = lens.filter(|lens| lens.distortion != Distortion::None);
-    let mapping = Mapping { view, rect, lens };
+    let mapping = Mapping { view, rect, bend };
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     still::paint(app, &painter, name.as_deref(), &mapping, rect);
     still::blend_old(app, &painter, camera, &mapping, size);
@@ -193,8 +201,11 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         overlay.compare(split, app.editor.newer(camera));
     }
     overlay.paint(&painter);
+    // A box that selects is one of pixels; every other line is to become one of the scene.
+    let is_box = app.editor.tool_row() == 0;
     for points in app.editor.tool().rubber(pane) {
-        let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
+        let pixels: Vec<Pixel> = points.iter().map(|&at| at.into()).collect();
+        let points = if is_box { overlay.path(&pixels) } else { overlay.curve(&pixels) };
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
     offered(app, ui, &painter, camera, &mapping);
@@ -221,9 +232,10 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     }
     let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::RADIUS) else { return };
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
-    let ends = edge.map(|pixel| mapping.screen(pixel.into()));
-    line(painter, &ends, Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
-    for end in ends {
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
+    let lens = hit::shown_lens(entry, app.editor.session().solved.pose(camera));
+    line(painter, &mapping.path(&drawn_line(&lens, &edge)), Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
+    for end in edge.map(|pixel| mapping.screen(pixel.into())) {
         painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
     }
 }

@@ -161,7 +161,10 @@ impl Piece {
         const CELLS: u32 = 32;
         let at =
             |s: f64, t: f64| mapping.screen([self.low[0] + s * self.size[0], self.low[1] + t * self.size[1]]);
-        if mapping.lens.is_none() {
+        if mapping.bend.is_some_and(|bend| bend.size().is_some()) {
+            return self.paint_window(painter, mapping, tint);
+        }
+        if mapping.bend.is_none() {
             let rect = Rect::from_two_pos(at(0.0, 0.0), at(1.0, 1.0));
             if rect.intersects(painter.clip_rect()) {
                 painter.image(self.texture, rect, Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0)), tint);
@@ -181,6 +184,45 @@ impl Piece {
                 let first = row * (CELLS + 1) + column;
                 mesh.add_triangle(first, first + 1, first + CELLS + 1);
                 mesh.add_triangle(first + 1, first + CELLS + 2, first + CELLS + 1);
+            }
+        }
+        painter.add(egui::Shape::mesh(mesh));
+    }
+
+    /// Paints what a window shows of it: small cells of the canvas, each corner looked up in the image.
+    fn paint_window(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
+        /// Side of a cell, in points.
+        const CELL: f32 = 12.0;
+        let rect = mapping.rect.intersect(painter.clip_rect());
+        if !rect.is_positive() {
+            return;
+        }
+        // As black as what is outside an image circle.
+        painter.rect_filled(rect, 0.0, Color32::BLACK);
+        let [columns, rows] = [rect.width(), rect.height()].map(|side| (side / CELL).ceil() as u32);
+        let mut mesh = egui::Mesh::with_texture(self.texture);
+        let mut is_shown = Vec::new();
+        for row in 0..=rows {
+            for column in 0..=columns {
+                let share = Vec2::new(column as f32 / columns as f32, row as f32 / rows as f32);
+                let pos = rect.min + share * rect.size();
+                let uv = mapping
+                    .bent_at(pos)
+                    .map(|at| [(at.u - self.low[0]) / self.size[0], (at.v - self.low[1]) / self.size[1]]);
+                let inside = uv.filter(|uv| uv.iter().all(|part| (0.0..=1.0).contains(part)));
+                is_shown.push(inside.is_some());
+                let [s, t] = inside.unwrap_or_default().map(|part| part as f32);
+                mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::new(s, t), color: tint });
+            }
+        }
+        for row in 0..rows {
+            for column in 0..columns {
+                let first = row * (columns + 1) + column;
+                let corners = [first, first + 1, first + columns + 1, first + columns + 2];
+                if corners.iter().all(|&corner| is_shown[corner as usize]) {
+                    mesh.add_triangle(corners[0], corners[1], corners[2]);
+                    mesh.add_triangle(corners[1], corners[3], corners[2]);
+                }
             }
         }
         painter.add(egui::Shape::mesh(mesh));

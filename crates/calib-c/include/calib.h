@@ -62,6 +62,10 @@
 // The pixel shows the wall of a pit, between its plane and the floor: there is no point.
 #define CALIB_STATUS_ON_WALL 8
 
+// Number of unknowns of a camera: x, y, z, yaw, pitch, roll, focal, five coefficients of the distortion and the principal
+// point.
+#define CALIB_UNKNOWNS 14
+
 // How a call ended.
 typedef enum CalibResult {
   // All is done.
@@ -290,12 +294,13 @@ enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
                                          double *coefficients,
                                          double *focal_px);
 
-// Covariance of the unknowns, 144 values row by row: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the
-// still) and five coefficients of the distortion; zeros for what was not estimated, infinite variances where nothing is
+// Covariance of the unknowns, `CALIB_UNKNOWNS` rows of as many values: x, y, z (metres), yaw, pitch, roll (radians), focal
+// (pixels of the still), five coefficients of the distortion, of a fisheye the log of its own focal in place of the
+// fifth, and the principal point, u and v (pixels of the still); zeros for what was not estimated, infinite variances where nothing is
 // known of the errors, as of z where nothing gives the scale.
 //
 // # Safety
-// `camera` is a handle that is not freed meanwhile; 144 values of `covariance` can be written.
+// `camera` is a handle that is not freed meanwhile; `CALIB_UNKNOWNS` squared values of `covariance` can be written.
 enum CalibResult calib_camera_covariance(const struct CalibCamera *camera,
                                          double *covariance);
 
@@ -370,11 +375,11 @@ enum CalibResult calib_camera_boxes_covariance(const struct CalibCamera *camera,
 // Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the errors
 // of the calibration: their covariance is `calib_camera_covariance`.
 //
-// `jacobian` gets twenty-four values for each of `count` pixels: twelve of x, then twelve of y, in metres per unit of the
-// unknown; NaN where there is no floor point.
+// `jacobian` gets twice `CALIB_UNKNOWNS` values for each of `count` pixels: those of x, then those of y, in metres per
+// unit of the unknown; NaN where there is no floor point.
 //
 // # Safety
-// As for `calib_camera_to_floor`; twenty-four times `count` values can be written of `jacobian`.
+// As for `calib_camera_to_floor`; twice `CALIB_UNKNOWNS` times `count` values can be written of `jacobian`.
 enum CalibResult calib_camera_floor_jacobian(const struct CalibCamera *camera,
                                              size_t count,
                                              const double *u,

@@ -181,12 +181,19 @@ const fn name_of(model: DistortionModel) -> &'static CStr {
     }
 }
 
-/// Covariance of the unknowns, 144 values row by row: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the
-/// still) and five coefficients of the distortion; zeros for what was not estimated, infinite variances where nothing is
+/// Number of unknowns of a camera: x, y, z, yaw, pitch, roll, focal, five coefficients of the distortion and the principal
+/// point.
+pub const CALIB_UNKNOWNS: usize = 14;
+
+const _: () = assert!(CALIB_UNKNOWNS == Covariance::SIZE, "the header says how many there are");
+
+/// Covariance of the unknowns, `CALIB_UNKNOWNS` rows of as many values: x, y, z (metres), yaw, pitch, roll (radians), focal
+/// (pixels of the still), five coefficients of the distortion, of a fisheye the log of its own focal in place of the
+/// fifth, and the principal point, u and v (pixels of the still); zeros for what was not estimated, infinite variances where nothing is
 /// known of the errors, as of z where nothing gives the scale.
 ///
 /// # Safety
-/// `camera` is a handle that is not freed meanwhile; 144 values of `covariance` can be written.
+/// `camera` is a handle that is not freed meanwhile; `CALIB_UNKNOWNS` squared values of `covariance` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_covariance(
     camera: *const CalibCamera,

@@ -13,8 +13,9 @@ mod about;
 mod mapping;
 
 pub use about::{
-    calib_camera_angles, calib_camera_covariance, calib_camera_distortion, calib_camera_focal,
-    calib_camera_id, calib_camera_matrix, calib_camera_position, calib_camera_scale_known, calib_camera_size,
+    CALIB_UNKNOWNS, calib_camera_angles, calib_camera_covariance, calib_camera_distortion,
+    calib_camera_focal, calib_camera_id, calib_camera_matrix, calib_camera_position,
+    calib_camera_scale_known, calib_camera_size,
 };
 pub use camera::{CalibCamera, CalibStream, calib_camera_free, calib_site_camera};
 pub use mapping::{

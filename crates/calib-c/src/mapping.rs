@@ -165,11 +165,11 @@ fn not_negative(value: f64) -> Result<f64, Fault> {
 /// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the errors
 /// of the calibration: their covariance is `calib_camera_covariance`.
 ///
-/// `jacobian` gets twenty-four values for each of `count` pixels: twelve of x, then twelve of y, in metres per unit of the
-/// unknown; NaN where there is no floor point.
+/// `jacobian` gets twice `CALIB_UNKNOWNS` values for each of `count` pixels: those of x, then those of y, in metres per
+/// unit of the unknown; NaN where there is no floor point.
 ///
 /// # Safety
-/// As for `calib_camera_to_floor`; twenty-four times `count` values can be written of `jacobian`.
+/// As for `calib_camera_to_floor`; twice `CALIB_UNKNOWNS` times `count` values can be written of `jacobian`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_floor_jacobian(
     camera: *const CalibCamera,

@@ -53,7 +53,7 @@ static void getters(const CalibCamera *camera)
     size_t needed = 0;
     uint32_t width = 0, height = 0;
     uint8_t known = 7;
-    double position[3], degrees[3], focal = 0, matrix[9], coefficients[5], lens_focal = 0, covariance[144];
+    double position[3], degrees[3], focal = 0, matrix[9], coefficients[5], lens_focal = 0, covariance[CALIB_UNKNOWNS * CALIB_UNKNOWNS];
     EXPECT(calib_camera_id(camera, id, 3, &needed) == CALIB_RESULT_SHORT && needed == strlen("camera-2") + 1);
     EXPECT(calib_camera_id(camera, id, sizeof id, NULL) == CALIB_RESULT_OK && strcmp(id, "camera-2") == 0);
     EXPECT(calib_camera_size(camera, &width, &height) == CALIB_RESULT_OK && width == 1920 && height == 1080);
@@ -65,7 +65,7 @@ static void getters(const CalibCamera *camera)
     EXPECT(fabs(matrix[0] - focal) < 1e-9 && fabs(matrix[4] - focal) < 1e-9 && matrix[1] == 0.0);
     EXPECT(calib_camera_distortion(camera, &model, coefficients, &lens_focal) == CALIB_RESULT_OK);
     EXPECT(model == NULL || strlen(model) > 0);
-    EXPECT(calib_camera_covariance(camera, covariance) == CALIB_RESULT_OK && covariance[1] == covariance[12]);
+    EXPECT(calib_camera_covariance(camera, covariance) == CALIB_RESULT_OK && covariance[1] == covariance[CALIB_UNKNOWNS]);
     EXPECT(calib_camera_size(camera, NULL, &height) == CALIB_RESULT_NULL);
     EXPECT(calib_camera_position(NULL, position) == CALIB_RESULT_NULL);
     EXPECT(calib_camera_position(camera, NULL) == CALIB_RESULT_NULL);
@@ -82,7 +82,7 @@ static void getters(const CalibCamera *camera)
 static void covariances(const CalibCamera *camera)
 {
     const double u[1] = {960}, v[1] = {1000}, boxes[4] = {900, 600, 1020, 1000};
-    double jacobian[24], covariance[144], pixel[4], calibration[4], box_pixel[4], box_calibration[4];
+    double jacobian[2 * CALIB_UNKNOWNS], covariance[CALIB_UNKNOWNS * CALIB_UNKNOWNS], pixel[4], calibration[4], box_pixel[4], box_calibration[4];
     EXPECT(calib_camera_floor_jacobian(camera, 1, u, v, jacobian) == CALIB_RESULT_OK);
     EXPECT(calib_camera_covariance(camera, covariance) == CALIB_RESULT_OK);
     EXPECT(calib_camera_floor_covariance(camera, 0.0, 1.5, 1, u, v, pixel, calibration) == CALIB_RESULT_OK);
@@ -93,9 +93,10 @@ static void covariances(const CalibCamera *camera)
     for (int row = 0; row < 2; row++) {
         for (int column = 0; column < 2; column++) {
             double sum = 0.0;
-            for (int a = 0; a < 12; a++) {
-                for (int b = 0; b < 12; b++) {
-                    sum += jacobian[12 * row + a] * covariance[12 * a + b] * jacobian[12 * column + b];
+            for (int a = 0; a < CALIB_UNKNOWNS; a++) {
+                for (int b = 0; b < CALIB_UNKNOWNS; b++) {
+                    sum += jacobian[CALIB_UNKNOWNS * row + a] * covariance[CALIB_UNKNOWNS * a + b] *
+                           jacobian[CALIB_UNKNOWNS * column + b];
                 }
             }
             EXPECT(calibration[3] > 0.0 && fabs(sum - calibration[2 * row + column]) < 1e-9 * calibration[3]);

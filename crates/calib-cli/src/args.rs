@@ -1,5 +1,7 @@
 //! Arguments that several subcommands have in common.
 
+use std::path::Path;
+
 use image::RgbImage;
 
 use crate::files::{self, SiteFile};
@@ -77,6 +79,34 @@ impl OutputArgs {
     /// Writes the file whole or not at all.
     pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), Stop> {
         files::write(&self.output, bytes, self.force)
+    }
+
+    /// Whether the file is stdout.
+    pub(crate) fn is_stdout(&self) -> bool {
+        self.output == "-"
+    }
+
+    /// The path of one of several files: that of the output with a name in front of its extension, if there is one.
+    pub(crate) fn named(&self, name: &str) -> String {
+        let path = Path::new(&self.output);
+        let (stem, extension) = (path.file_stem(), path.extension());
+        if name.is_empty() {
+            return self.output.clone();
+        }
+        let stem = stem.unwrap_or_default().to_string_lossy();
+        let extension =
+            extension.map_or_else(String::new, |extension| format!(".{}", extension.to_string_lossy()));
+        path.with_file_name(format!("{stem}-{name}{extension}")).to_string_lossy().into_owned()
+    }
+
+    /// Refuses one of several files that is there.
+    pub(crate) fn check_named(&self, path: &str) -> Result<(), Stop> {
+        files::check_free(path, self.force)
+    }
+
+    /// Writes one of several files whole or not at all.
+    pub(crate) fn write_named(&self, path: &str, bytes: &[u8]) -> Result<(), Stop> {
+        files::write(path, bytes, self.force)
     }
 
     /// Writes an image in the format that the file's name asks for.

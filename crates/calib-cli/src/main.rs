@@ -45,6 +45,7 @@ mod undistort;
 mod walk;
 #[cfg(feature = "archives")]
 mod watch;
+mod windows;
 mod words;
 
 use std::io::Write as _;
@@ -74,7 +75,7 @@ enum Command {
     /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
     #[cfg(feature = "archives")]
     Project(project::Args),
-    /// Write a camera's image without lens distortion (PNG, or JPEG for .jpg)
+    /// Write a camera's image without lens distortion, or windows that look anywhere in it (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
     /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or JPEG for .jpg)
     Render(render::Args),

@@ -1,4 +1,4 @@
-//! `calib undistort`: a camera's image without lens distortion.
+//! `calib undistort`: a camera's image without lens distortion, whole or in windows.
 
 use calib_core::{Crop, Distortion, Undistortion};
 use clap::ValueEnum;
@@ -7,6 +7,7 @@ use image::RgbImage;
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
 use crate::stop::Stop;
+use crate::windows::{self, WindowArgs};
 use calib_report::lens_of;
 
 /// Which part of the undistorted plane to show.
@@ -32,12 +33,17 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value = "same-focal")]
     crop: CropArg,
     #[command(flatten)]
+    windows: WindowArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
-/// Writes the image, and says which focal and principal point it has.
+/// Writes the image, and says which focal and principal point it has; or the windows that are asked for.
 pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    args.output.check_free()?;
+    args.windows.check()?;
+    if !args.windows.is_asked() {
+        args.output.check_free()?;
+    }
     let file = args.site.read()?;
     let entry = file.camera(&args.camera)?;
     let lens = lens_of(entry);
@@ -47,6 +53,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     }
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
     let image = file.camera_image(entry)?;
+    if args.windows.is_asked() {
+        return windows::run(&args.windows, &args.output, entry, &image);
+    }
     let crop = match args.crop {
         CropArg::SameFocal => Crop::SameFocal,
         CropArg::AllValid => Crop::AllValid,

@@ -16,6 +16,7 @@ fn view() -> Undistortion {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 0.7 * 1920.0,
         distortion: Distortion::BrownConrady(bent),
+        image_circle: None,
     };
     Undistortion::new(&lens, SIZE[0], SIZE[1], Crop::SameFocal).expect("the lens shows the whole image")
 }

@@ -85,7 +85,12 @@ struct Innovation {
 }
 
 impl Track {
-    fn new(id: u32, at_s: f64, seen: &OnFloor, calibration: &SMatrix<f64, 12, 12>) -> Self {
+    fn new(
+        id: u32,
+        at_s: f64,
+        seen: &OnFloor,
+        calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
+    ) -> Self {
         let mut covariance = Matrix4::from_diagonal_element(SPEED * SPEED);
         let own = seen.noise + seen.slopes * calibration * seen.slopes.transpose();
         covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&own);
@@ -123,7 +128,11 @@ impl Track {
     }
 
     /// How a detection compares with the track; `None` when its covariance is no covariance.
-    fn innovation(&self, seen: &OnFloor, calibration: &SMatrix<f64, 12, 12>) -> Option<Innovation> {
+    fn innovation(
+        &self,
+        seen: &OnFloor,
+        calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
+    ) -> Option<Innovation> {
         let shared = self.with.get(&seen.camera).copied().unwrap_or_else(Shared::zeros);
         // Covariance of the state with the difference: the point's error moves with the calibration's.
         let with_point = self.covariance.fixed_columns::<2>(0) - shared * seen.slopes.transpose();
@@ -137,7 +146,13 @@ impl Track {
         Some(Innovation { difference, inverse, gain: with_point * inverse, distance, likelihood })
     }
 
-    fn update(&mut self, at_s: f64, seen: &OnFloor, by: &Innovation, calibration: &SMatrix<f64, 12, 12>) {
+    fn update(
+        &mut self,
+        at_s: f64,
+        seen: &OnFloor,
+        by: &Innovation,
+        calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
+    ) {
         self.state += by.gain * by.difference;
         let spread = by.inverse.try_inverse().unwrap_or_else(Matrix2::zeros);
         self.covariance -= by.gain * spread * by.gain.transpose();

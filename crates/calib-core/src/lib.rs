@@ -136,16 +136,16 @@ pub use bundle::{
 };
 pub use camera::{
     BrownConrady, Camera, Chart, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance,
-    FloorPoint, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, UndistortedPixel,
-    WorldPoint, angles_from_rotation, camera_from_world,
+    FloorPoint, ImageCircle, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray,
+    UndistortedPixel, WorldPoint, angles_from_rotation, camera_from_world,
 };
 pub use floor::{
-    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorLine, FloorProjector, MarkKind, MarkShape,
-    NoStraightView, PRISM_HEIGHT, PixelOrigin, Placement, PointProjector, Polyline, Remap, STAGE_1_HEIGHT,
-    Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint, SurfaceProjector,
-    SurfaceSigmas, Undistortion, default_efov, efov_on_floor, efov_on_plane, ellipse, floor_grid,
-    from_control_points, horizon, in_front, on_image, position_ellipse, prism, vertical,
-    with_placement_covariance,
+    BoxForm, CameraView, ControlPoint, Crop, Efov, Extent, FloorLine, FloorProjector, Look, MarkKind,
+    MarkShape, Mount, NoStraightView, PRISM_HEIGHT, PixelOrigin, Placement, PointProjector, Polyline, Remap,
+    STAGE_1_HEIGHT, Status, StraightView, Stream, StreamError, StreamFit, StreamMap, Surface, SurfacePoint,
+    SurfaceProjector, SurfaceSigmas, Undistortion, Window, default_efov, drawn_line, efov_on_floor,
+    efov_on_plane, ellipse, floor_grid, from_control_points, horizon, in_front, lens_reach, line_beyond,
+    on_image, position_ellipse, prism, vertical, view_angle, with_placement_covariance,
 };
 pub use health::{
     CameraHealth, Change, Disagreement, EdgeOffset, Estimated, HeightThen, Memory, Movement, STEP, Sighting,

@@ -5,6 +5,7 @@ use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, Turn
 /// Id, camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
     const HD: [u32; 2] = [1920, 1080];
+    const SQUARE: [u32; 2] = [1440, 1440];
     let barrel = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
     let mild = BrownConrady { k1: -0.09, k2: 0.015, ..BrownConrady::default() };
     vec![
@@ -13,7 +14,32 @@ pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
         ("shop-3", camera([23.6, 0.4, 3.5], [46.0, 24.0, -2.4], 1270.0, None, HD), HD),
         ("store", camera([24.5, 8.1, 3.4], [-148.0, 29.0, 1.1], 780.0, None, [1280, 960]), [1280, 960]),
         ("barn", camera([0.6, -5.9, 3.6], [-91.5, 17.0, 0.9], 1420.0, Some(mild), HD), HD),
+        ("checkouts", ceiling([8.1, 10.3, 4.45], [14.0, 86.5, 1.2], SQUARE), SQUARE),
     ]
+}
+
+/// How far from its axis the fisheye sees, in degrees: 185 across its image circle.
+const HALF_FIELD: f64 = 92.5;
+
+/// A fisheye under the ceiling, with yaw, pitch and roll in degrees; its image circle has a little room to the border.
+fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
+    let mut camera = camera(at, degrees, 454.0, None, size);
+    let distortion = Distortion::KannalaBrandt { k: [-0.02, 0.001, 0.0, 0.0] };
+    camera.lens = Lens { focal: camera.focal, distortion, ..camera.lens };
+    camera
+}
+
+/// Radius of the image circle of a fisheye, in pixels: beyond it there is no image.
+pub(crate) fn rim(camera: &Camera) -> Option<f64> {
+    let (sin, cos) = HALF_FIELD.to_radians().sin_cos();
+    let wide = camera.lens.distortion.is_wide();
+    let shown = camera.lens.shown([camera.focal * sin, 0.0, cos]).filter(|_| wide)?;
+    Some(shown.distance(camera.lens.principal_point))
+}
+
+/// Whether a camera with this id looks into the shop.
+pub(crate) fn is_in_shop(id: &str) -> bool {
+    id.starts_with("shop") || id == "checkouts"
 }
 
 /// Id and turn of the cameras that are not a month later what they were: one was bumped, one zoomed.
@@ -33,6 +59,7 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
         principal_point,
         focal,
         distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
     });
     Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
 }

@@ -2,7 +2,6 @@
 
 use calib_core::{
     Annotation, Camera, Distortion, Kind, LinkSeen, MarkShape, Pixel, STAGE_1_HEIGHT, Site, SiteCamera,
-    UndistortedPixel,
 };
 
 use crate::cameras::cameras;
@@ -34,13 +33,21 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] * b[1] - a[1] * b[0]).abs()
 }
 
-/// Largest distance of a point from the line of the ends, in undistorted pixels.
+/// Largest angle of the ray of a point from the plane of those of the ends, in pixels on the axis.
 fn bend(camera: &Camera, points: &[Pixel]) -> f64 {
-    let straight: Vec<_> = points.iter().map(|&p| camera.undistort(p).unwrap()).collect();
-    let (a, b) = (straight[0], straight[straight.len() - 1]);
-    let off =
-        |p: &UndistortedPixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
-    straight.iter().map(off).fold(0.0, f64::max)
+    let rays: Vec<Vec3> = points.iter().map(|&p| ray(camera, p)).collect();
+    let plane = normal(rays[0], rays[rays.len() - 1]);
+    rays.iter().map(|ray| f64::from(ray.dot(plane).abs()) * camera.focal).fold(0.0, f64::max)
+}
+
+fn ray(camera: &Camera, pixel: Pixel) -> Vec3 {
+    let [x, y, z] = camera.pixel_to_ray(pixel).unwrap().direction;
+    vec3(x as f32, y as f32, z as f32)
+}
+
+/// The unit normal of the plane of two rays.
+fn normal(a: Vec3, b: Vec3) -> Vec3 {
+    vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x).unit()
 }
 
 fn of_kind(camera: &SiteCamera, kind: Kind) -> impl Iterator<Item = &Annotation> {
@@ -75,13 +82,8 @@ fn the_tremor_is_within_four_sigmas() {
 fn plumb_lines_are_plumb_and_parallel_ones_parallel() {
     for (camera, entry) in clean() {
         for segment in of_kind(&entry, Kind::Vertical).flat_map(Annotation::polylines) {
-            let [x, y, w] = camera.vanishing_point([0.0, 0.0, -1.0]);
-            let centre = camera.lens.principal_point;
-            let nadir = UndistortedPixel { u: centre.u + x / w, v: centre.v + y / w };
-            let [a, b] = [segment[0], segment[segment.len() - 1]].map(|p| camera.undistort(p).unwrap());
-            let sine = cross([b.u - a.u, b.v - a.v], [nadir.u - a.u, nadir.v - a.v])
-                / (a.distance(b) * a.distance(nadir));
-            assert!(sine < ANGLE, "{sine} on {}", entry.id);
+            let plane = normal(ray(&camera, segment[0]), ray(&camera, segment[segment.len() - 1]));
+            assert!(plane.z.abs() < ANGLE as f32, "{} on {}", plane.z, entry.id);
         }
         let directions: Vec<Vec<[f64; 2]>> = of_kind(&entry, Kind::Parallel)
             .map(|annotation| annotation.polylines().map(|line| level(&camera, &line)).collect())

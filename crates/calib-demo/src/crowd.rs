@@ -6,7 +6,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use crate::random::normal;
-use crate::world::{is_inside, visible};
+use crate::world::{is_shown, visible};
 
 /// Nanoseconds of a second.
 pub const SECOND: i64 = 1_000_000_000;
@@ -155,7 +155,7 @@ impl Crowd {
         let head = camera.world_to_pixel(at(1.0))?;
         let foot = camera.world_to_pixel(at(0.0))?;
         let [w, h] = size.map(f64::from);
-        if !is_inside(head, size, 0.0) || !shows(at(0.92)) || foot.v < head.v + 15.0 {
+        if !is_shown(camera, size, head, 0.0) || !shows(at(0.92)) || foot.v < head.v + 15.0 {
             return None;
         }
         // What hides the foot hides all that is below what is seen first from there.

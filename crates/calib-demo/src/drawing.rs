@@ -55,6 +55,7 @@ pub(crate) fn plot(id: &str) -> Plot {
         "shop-1" => Plot { extras: &[Extra::EqualLength, Extra::Upright(0)], ..shop },
         "shop-2" => Plot { lines: [4, 3], verticals: 5, polylines: 8, ..shop },
         "shop-3" => Plot { lines: [3, 4], extras: &[Extra::EqualLength], ..shop },
+        "checkouts" => Plot { polylines: 8, ..shop },
         "store" => Plot {
             floor: store_floor,
             lines: [4, 3],
@@ -115,7 +116,12 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
     let centre = hand.camera.lens.principal_point;
     let half = centre.u.hypot(centre.v);
     let runs = hand.runs(&straight(), 420.0);
-    let worth = |run: &Run| run.length().min(1400.0) * (0.15 + run.middle().distance(centre) / half);
+    let is_wide = hand.camera.lens.distortion.is_wide();
+    let worth = |run: &Run| {
+        let out = 0.15 + run.middle().distance(centre) / half;
+        // What runs through the middle of a fisheye is straight whatever its lens.
+        run.length().min(1400.0) * if is_wide { bow(hand, run) * out } else { out }
+    };
     let chosen = spread(&runs, count, Run::middle, worth);
     chosen
         .iter()
@@ -124,6 +130,14 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
             Annotation { points: Some(hand.polyline(run, count)), ..Annotation::new(Kind::Straight) }
         })
         .collect()
+}
+
+/// How far the image of a run is from its chord, in pixels.
+fn bow(hand: &Hand, run: &Run) -> f64 {
+    let [a, b] = run.ends;
+    let off = |p: Pixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
+    let inner = (1..8).filter_map(|i| hand.pixel(run.edge.at(f64::from(i) / 8.0)));
+    inner.map(off).fold(0.0, f64::max)
 }
 
 /// A stretch of the floor, if all of it can be seen.

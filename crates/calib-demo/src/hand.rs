@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::edge::Edge;
 use crate::random::normal;
-use crate::world::{is_inside, visible};
+use crate::world::{is_shown, visible};
 
 /// Standard deviation of a usual tremor, in pixels.
 pub(crate) const TREMOR: f64 = 0.7;
@@ -49,7 +49,7 @@ impl Run {
 impl Hand {
     /// Whether the image shows a point of an edge.
     pub(crate) fn sees(&self, point: WorldPoint) -> bool {
-        self.pixel(point).is_some_and(|pixel| is_inside(pixel, self.size, MARGIN))
+        self.pixel(point).is_some_and(|pixel| is_shown(&self.camera, self.size, pixel, MARGIN))
             && visible(&self.camera, self.size, point, SLACK)
     }
 

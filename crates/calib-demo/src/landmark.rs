@@ -114,7 +114,9 @@ pub(crate) fn links(hands: &mut [(&str, Hand)], count: usize) -> Vec<Link> {
         .into_iter()
         .filter(|(_, point)| point.z == 0.0)
         .map(|landmark| {
-            let count = hands.iter().filter(|(_, hand)| hand.sees(landmark.1)).count();
+            // The fisheye sees nearly all of them: what the others share is what ties them.
+            let others = hands.iter().filter(|(_, hand)| !hand.camera.lens.distortion.is_wide());
+            let count = others.filter(|(_, hand)| hand.sees(landmark.1)).count();
             (landmark, count)
         })
         .filter(|(_, count)| *count >= 2)

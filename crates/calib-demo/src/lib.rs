@@ -1,6 +1,6 @@
 //! The demonstration site: a farm shop, its store and a barn, of which everything is known.
 //!
-//! A small ray tracer of our own shows the scene as five cameras see it, through their lenses; the
+//! A small ray tracer of our own shows the scene as six cameras see it, through their lenses; the
 //! plan and the operator's drawings come from the same lists of walls and things. So a calibration
 //! can be held against the truth:
 //!
@@ -28,9 +28,9 @@ mod produce;
 mod store;
 mod barn;
 mod figure;
+mod cameras;
 mod world;
 mod light;
-mod cameras;
 mod rays;
 mod threads;
 mod develop;

@@ -2,6 +2,7 @@
 
 use calib_core::{Camera, Pixel};
 
+use crate::cameras::rim;
 use crate::shape::Line;
 use crate::vector::Vec3;
 
@@ -15,6 +16,8 @@ pub(crate) struct Rays {
     /// Directions at the nodes, row by row; not numbers outside the lens.
     nodes: Vec<Vec3>,
     columns: usize,
+    /// Middle and radius of the image circle of a fisheye, in pixels.
+    rim: Option<[f32; 3]>,
 }
 
 impl Rays {
@@ -24,18 +27,24 @@ impl Rays {
         let node = |i: usize| Pixel::new(((i % columns) * PITCH) as f64, ((i / columns) * PITCH) as f64);
         let direction = |i: usize| {
             let [x, y, z] = camera.pixel_to_ray(node(i))?.direction;
-            // Equal depth, not equal length, is what blends linearly.
+            // Equal depth, not equal length, is what blends linearly; beside a fisheye there is no depth.
             let ahead = camera.rotation()[2];
             let depth = x * ahead[0] + y * ahead[1] + z * ahead[2];
+            let depth = if camera.lens.distortion.is_wide() { 1.0 } else { depth };
             Some(Vec3 { x: (x / depth) as f32, y: (y / depth) as f32, z: (z / depth) as f32 })
         };
         let nowhere = Vec3::grey(f32::NAN);
         let nodes = (0..columns * rows).map(|i| direction(i).unwrap_or(nowhere)).collect();
-        Self { origin: camera.position.into(), nodes, columns }
+        let Pixel { u, v } = camera.lens.principal_point;
+        let rim = rim(camera).map(|radius| [u as f32, v as f32, radius as f32]);
+        Self { origin: camera.position.into(), nodes, columns, rim }
     }
 
     /// The ray through a point of the image, in pixels; `None` outside the lens.
     pub(crate) fn through(&self, u: f32, v: f32) -> Option<Line> {
+        if self.rim.is_some_and(|[cu, cv, radius]| (u - cu).hypot(v - cv) > radius) {
+            return None;
+        }
         let (x, y) = (u / PITCH as f32, v / PITCH as f32);
         let (i, j) = (x as usize, y as usize);
         let (fx, fy) = (x - i as f32, y - j as f32);
@@ -57,6 +66,12 @@ mod tests {
             let rays = Rays::new(&camera, size);
             for i in 0..200 {
                 let (u, v) = (9.37 * i as f64 % f64::from(size[0]), 5.11 * i as f64 % f64::from(size[1]));
+                if rim(&camera)
+                    .is_some_and(|rim| camera.lens.principal_point.distance(Pixel::new(u, v)) > rim)
+                {
+                    assert!(rays.through(u as f32, v as f32).is_none());
+                    continue;
+                }
                 let exact = camera.pixel_to_ray(Pixel::new(u, v)).unwrap().direction;
                 let exact = Vec3 { x: exact[0] as f32, y: exact[1] as f32, z: exact[2] as f32 };
                 let off = (rays.through(u as f32, v as f32).unwrap().direction - exact).length();

@@ -1,14 +1,15 @@
 //! The site: what the operator entered, and the truth.
 
 use calib_core::{
-    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, DistortionModel, FloorPoint,
-    Format, Known, LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera, WorldPoint,
+    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format,
+    ImageCircle, Known, LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera,
+    WorldPoint,
 };
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cameras::cameras;
+use crate::cameras::{cameras, is_in_shop, rim};
 use crate::drawing::plot;
 use crate::edge::Edge;
 use crate::element::marks;
@@ -17,7 +18,7 @@ use crate::landmark::{control_points, links, of_the_barn, of_the_shop};
 use crate::plan::{plan, plan_entry};
 use crate::random::normal;
 use crate::unplanned::without_plan;
-use crate::world::is_inside;
+use crate::world::is_shown;
 
 /// The demonstration site and what is true of it.
 #[derive(Clone, Debug)]
@@ -76,7 +77,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
     let mut hands: Vec<(&str, Hand)> = cameras
         .iter()
         .enumerate()
-        .filter(|(_, (id, ..))| id.starts_with("shop"))
+        .filter(|(_, (id, ..))| is_in_shop(id))
         .map(|(i, (id, camera, size))| (*id, hand(100 + i, camera, *size)))
         .collect();
     let links = links(&mut hands, 8);
@@ -122,28 +123,36 @@ fn title(id: &str) -> &'static str {
         "shop-2" => "Shop, south-west corner",
         "shop-3" => "Shop, south-east corner",
         "store" => "Store room",
+        "checkouts" => "Checkouts, ceiling",
         _ => "Barn, aisle",
     }
 }
 
 fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
-    let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = camera.lens.distortion else {
-        return None;
+    let model = camera.lens.distortion.model()?;
+    let bare = DistortionEntry::new(model);
+    let focal_px = Some(camera.lens.focal);
+    let distortion = match (known, camera.lens.distortion) {
+        (KnownLens::Given, Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })) => {
+            DistortionEntry {
+                k1: Some(k1),
+                k2: Some(k2),
+                k3: Some(k3),
+                p1: Some(p1),
+                p2: Some(p2),
+                focal_px,
+                ..bare
+            }
+        }
+        (KnownLens::Given, Distortion::KannalaBrandt { k: [k1, k2, k3, k4] }) => {
+            let [k1, k2, k3, k4] = [k1, k2, k3, k4].map(Some);
+            DistortionEntry { k1, k2, k3, k4, focal_px, ..bare }
+        }
+        _ => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
     };
-    let bare = DistortionEntry::new(DistortionModel::BrownConrady);
-    let distortion = match known {
-        KnownLens::Given => DistortionEntry {
-            k1: Some(k1),
-            k2: Some(k2),
-            k3: Some(k3),
-            p1: Some(p1),
-            p2: Some(p2),
-            focal_px: Some(camera.lens.focal),
-            ..bare
-        },
-        KnownLens::Fitted => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
-    };
-    Some(LensEntry { distortion: Some(distortion), ..LensEntry::default() })
+    let Pixel { u, v } = camera.lens.principal_point;
+    let image_circle_px = rim(camera).map(|radius| ImageCircle { u, v, radius });
+    Some(LensEntry { distortion: Some(distortion), image_circle_px, ..LensEntry::default() })
 }
 
 /// The floor that every camera is to watch, corner by corner, in metres.
@@ -152,6 +161,7 @@ fn watched(id: &str) -> &'static [[f64; 2]] {
         "shop-1" => &[[20.4, 13.2], [21.9, 10.2], [21.6, 1.8], [13.8, 1.2], [9.6, 9.0], [9.6, 13.8]],
         "shop-2" => &[[3.0, 1.2], [3.3, 9.6], [9.6, 13.2], [20.4, 12.0], [20.4, 1.8], [6.0, 1.2]],
         "shop-3" => &[[20.4, 1.8], [12.6, 1.2], [9.0, 8.4], [12.6, 13.2], [21.0, 12.6], [22.8, 4.2]],
+        "checkouts" => &[[3.2, 9.2], [3.2, 13.4], [12.0, 13.4], [12.6, 9.0], [10.8, 7.8], [5.4, 7.8]],
         "store" => &[[25.4, 6.2], [25.0, 2.4], [28.6, 1.6], [29.6, 2.4], [28.6, 6.0]],
         _ => &[[5.0, -7.7], [20.0, -7.7], [20.0, -4.8], [5.0, -4.8]],
     }
@@ -169,7 +179,7 @@ fn efov(id: &str, hand: &Hand) -> Vec<Pixel> {
         let on_way = (0..=STEPS).filter_map(|i| hand.pixel(inward.at(f64::from(i) / f64::from(STEPS))));
         on_way
             .map(|Pixel { u, v }| Pixel { u: u.round(), v: v.round() })
-            .find(|&p| is_inside(p, hand.size, MARGIN))
+            .find(|&p| is_shown(&hand.camera, hand.size, p, MARGIN))
     };
     corners.iter().filter_map(shown).collect()
 }

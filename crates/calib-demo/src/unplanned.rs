@@ -5,7 +5,7 @@ use calib_core::{Mark, MarkKind, MarkSeen, Placement, Site, WorldPoint};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cameras::cameras;
+use crate::cameras::{cameras, is_in_shop};
 use crate::hand::{Hand, TREMOR};
 use crate::random::normal;
 use crate::world::visible;
@@ -26,7 +26,7 @@ pub(crate) fn without_plan(mut site: Site) -> Site {
     let mut hands: Vec<(&str, Hand)> = cameras()
         .into_iter()
         .enumerate()
-        .filter(|(_, (id, ..))| id.starts_with("shop"))
+        .filter(|(_, (id, ..))| is_in_shop(id))
         .map(|(i, (id, camera, size))| {
             let random = ChaCha8Rng::seed_from_u64(3000 + i as u64);
             (id, Hand { camera, size, tremor: TREMOR, random })

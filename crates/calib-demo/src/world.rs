@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use calib_core::{Camera, Pixel, WorldPoint};
 
+use crate::cameras::rim;
 use crate::shape::{Line, Shape};
 use crate::stage::{Lamp, Outline, Solid, Stage};
 use crate::tree::Tree;
@@ -62,8 +63,15 @@ fn built(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
 /// in the middle of a foot.
 #[must_use]
 pub fn visible(camera: &Camera, size: [u32; 2], point: WorldPoint, slack: f64) -> bool {
-    camera.world_to_pixel(point).is_some_and(|pixel| is_inside(pixel, size, 0.0))
+    camera.world_to_pixel(point).is_some_and(|pixel| is_shown(camera, size, pixel, 0.0))
         && is_clear(camera, point, slack)
+}
+
+/// Whether a pixel lies inside the image of a camera, and inside the image circle of a fisheye, `margin` pixels from the
+/// border.
+pub(crate) fn is_shown(camera: &Camera, size: [u32; 2], pixel: Pixel, margin: f64) -> bool {
+    let out = pixel.distance(camera.lens.principal_point);
+    is_inside(pixel, size, margin) && rim(camera).is_none_or(|rim| out <= rim - margin)
 }
 
 /// Whether a pixel lies inside an image, `margin` pixels from its border.

@@ -1,6 +1,6 @@
 //! What is drawn on the floor seen from above, in metres.
 
-use calib_core::{Camera, FloorPoint, floor_grid, position_ellipse};
+use calib_core::{Camera, FloorPoint, floor_grid, position_ellipse, view_angle};
 
 use crate::agreement::{Element, elements};
 use crate::item::{Geometry, Item};
@@ -126,7 +126,10 @@ fn cone(view: &PlanView, camera: usize, pose: &Camera) -> Item<FloorPoint> {
     let foot = pose.position.on_floor();
     let ahead = FloorPoint { x: foot.x - pose.yaw.sin(), y: foot.y + pose.yaw.cos() };
     let size = view.scene.site().cameras[camera].size();
-    let half_angle = 0.5 * pose.field_of_view(size)[0];
+    // What hangs under a ceiling sees all round.
+    let all_round = pose.lens.distortion.is_wide() && pose.pitch > 0.25 * std::f64::consts::PI;
+    let view = if all_round { std::f64::consts::TAU } else { view_angle(&pose.lens, pose.focal, size) };
+    let half_angle = 0.5 * view;
     Item::new(Meaning::Camera(camera), Geometry::Cone { foot, ahead, half_angle })
 }
 
@@ -219,11 +222,25 @@ fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// The cone of a camera on a drawing: where it stands, and the ends of its sides of this length.
+/// The outline of the cone of a camera of this length: from its foot to both sides, bowed where these are far apart; of one that
+/// sees all round, a disc about its foot.
 #[must_use]
-pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f64) -> [[f64; 2]; 3] {
+pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f64) -> Vec<[f64; 2]> {
+    /// A cone this wide or wider is bowed, in radians from its middle.
+    const BOWED: f64 = 1.25;
+    const STEPS: i32 = 12;
     let [x, y] = foot;
     let angle = (ahead[1] - y).atan2(ahead[0] - x);
-    let tip = |turn: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
-    [foot, tip(-half_angle), tip(half_angle)]
+    let tip = |turn: f64, length: f64| [x + length * (angle + turn).cos(), y + length * (angle + turn).sin()];
+    let share = |step: i32| f64::from(step) / f64::from(STEPS);
+    if half_angle >= std::f64::consts::PI {
+        return (-STEPS..STEPS).map(|step| tip(half_angle * share(step), 0.6 * length)).collect();
+    }
+    if half_angle < BOWED {
+        return vec![foot, tip(-half_angle, length), tip(half_angle, length)];
+    }
+    // Painters fill what is convex.
+    let half_angle = half_angle.min(std::f64::consts::FRAC_PI_2);
+    let bow = (-STEPS..=STEPS).map(|step| tip(half_angle * share(step), 0.8 * length));
+    std::iter::once(foot).chain(bow).collect()
 }

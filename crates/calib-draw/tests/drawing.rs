@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use calib_core::{FloorPoint, KINDS, MarkKind, Options, Pixel, Shape, Site, WorldPoint};
+use calib_core::{FloorPoint, KINDS, MarkKind, Options, Pixel, Shape, Site, WorldPoint, drawn_line};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Meaning, PlanLayer, PlanView, Scene as _, Signs, cone_corners,
     extension, on_image, on_plan,
@@ -45,20 +45,36 @@ fn bend(points: &[[f64; 2]]) -> f64 {
     points.iter().copied().map(off).fold(0.0, f64::max)
 }
 
+/// Largest sine of the angle of a bearing with the plane of the first and that a quarter of the way on.
+fn out_of_plane(bearings: &[[f64; 3]], focal: f64) -> f64 {
+    let unit = |[x, y, z]: [f64; 3]| {
+        let length = x.hypot(y).hypot(z);
+        [x / length, y / length, z / length]
+    };
+    let rays: Vec<[f64; 3]> = bearings.iter().map(|&[x, y, z]| unit([x / focal, y / focal, z])).collect();
+    let ([a, b, c], [p, q, r]) = (rays[0], rays[rays.len() / 4]);
+    let [x, y, z] = unit([b * r - c * q, c * p - a * r, a * q - b * p]);
+    rays.iter().map(|ray| (x * ray[0] + y * ray[1] + z * ray[2]).abs()).fold(0.0, f64::max)
+}
+
 #[test]
 fn every_drawn_line_is_there_once_as_it_was_drawn() {
     let site = solved();
     for (camera, entry) in site.cameras.iter().enumerate() {
         let view = ImageView::new(site, camera);
         let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
-        let drawn: Vec<Vec<Pixel>> = entry.annotations.iter().flat_map(|a| a.polylines()).collect();
+        let lens = entry.solution.as_ref().unwrap().lens();
+        // A fisheye bends them between the points that were drawn; every other lens leaves them as they are.
+        let drawn = entry.annotations.iter().flat_map(|a| a.polylines());
+        let drawn: Vec<Vec<Pixel>> = drawn.map(|points| drawn_line(&lens, &points)).collect();
         let lines = polylines(&items);
         assert_eq!(lines.iter().map(|(_, points)| points.clone()).collect::<Vec<_>>(), drawn);
         for (meaning, points) in lines {
             let Meaning::Annotation(line) = meaning else { panic!("{meaning:?} among drawn lines") };
             let annotation = &entry.annotations[line.annotation];
             assert_eq!((line.kind, line.is_off), (annotation.kind, annotation.off));
-            assert_eq!(annotation.polylines().nth(line.segment), Some(points));
+            let drawn = annotation.polylines().nth(line.segment);
+            assert_eq!(drawn.map(|drawn| drawn_line(&lens, &drawn)), Some(points));
         }
         assert!(labels(&items).is_empty(), "names are for those who ask");
         let named = on_image(&view.with_letters(1.0), &[ImageLayer::Annotations(Signs::OfKinds)]);
@@ -155,9 +171,19 @@ fn the_grid_of_a_lens_is_straight_in_the_scene_and_ends_at_the_image() {
         let [w, h] = entry.size();
         for (_, points) in polylines(&on_image(&ImageView::new(site, camera), &[ImageLayer::LensGrid])) {
             let inside = |p: &&Pixel| (0.0..w).contains(&p.u) && (0.0..h).contains(&p.v);
-            let flat: Vec<[f64; 2]> =
-                points.iter().filter(inside).filter_map(|&p| lens.undistort(p)).map(|p| [p.u, p.v]).collect();
-            assert!(flat.len() < 2 || bend(&flat) < 1e-2, "camera {camera}: {}", bend(&flat));
+            if lens.distortion.is_wide() {
+                let rays: Vec<[f64; 3]> = points.iter().filter_map(|&p| lens.bearing(p)).collect();
+                let off = out_of_plane(&rays, lens.focal);
+                assert!(off < 1e-6, "camera {camera}: {off}");
+            } else {
+                let flat: Vec<[f64; 2]> = points
+                    .iter()
+                    .filter(inside)
+                    .filter_map(|&p| lens.undistort(p))
+                    .map(|p| [p.u, p.v])
+                    .collect();
+                assert!(flat.len() < 2 || bend(&flat) < 1e-2, "camera {camera}: {}", bend(&flat));
+            }
             let margin = 0.05 * w;
             let is_near =
                 |p: &Pixel| (-margin..w + margin).contains(&p.u) && (-margin..h + margin).contains(&p.v);
@@ -320,7 +346,8 @@ fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_han
 
 #[test]
 fn a_cone_opens_about_the_way_its_camera_looks() {
-    let [foot, left, right] = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
+    let corners = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
+    let [foot, left, right]: [[f64; 2]; 3] = corners.try_into().unwrap();
     let way = [0.6, -0.8];
     for [x, y] in [left, right] {
         let along = (x - foot[0]) * way[0] + (y - foot[1]) * way[1];

@@ -213,6 +213,7 @@ commands! {
         Fit "Fit the view" NONE Home;
         ZoomIn "Zoom in" NONE Plus;
         ZoomOut "Zoom out" NONE Minus;
+        NextWindow "Look at a fisheye through the next window: four round it, all unrolled, the whole image" [Camera] SHIFT T;
     }
     /// Which camera is in hand.
     Cameras {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, Pixel, Site, SiteCamera, on_image};
+use calib_core::{Camera, Lens, Pixel, Site, SiteCamera, drawn_line, on_image};
 pub use calib_image::to_segment;
 
 /// Something of one camera's image that can be picked, moved and deleted.
@@ -112,14 +112,26 @@ pub fn pick(
     closest(&|hit| selected.contains(&hit.part))
         .or_else(|| closest(&|_| true))
         .or_else(|| mark_at(site, pose?, at, radius))
-        .or_else(|| line_at(entry, at, 0.75 * radius))
+        .or_else(|| line_at(entry, &shown_lens(entry, pose), at, 0.75 * radius))
 }
 
-fn line_at(entry: &SiteCamera, at: Pixel, radius: f64) -> Option<Hit> {
+/// The lens that lines of a camera are shown under: its own where it is known, else the likely one.
+#[must_use]
+pub fn shown_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Lens {
+    pose.map_or_else(|| entry.likely_lens(), |pose| pose.lens)
+}
+
+/// The same of a camera of a site, which may not be there.
+#[must_use]
+pub fn lens_of(site: &Site, camera: usize, pose: Option<&Camera>) -> Option<Lens> {
+    site.cameras.get(camera).map(|entry| shown_lens(entry, pose))
+}
+
+fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hit> {
     let mut hits = Vec::new();
     for (annotation, drawn) in entry.annotations.iter().enumerate() {
         for (segment, line) in drawn.polylines().enumerate() {
-            hits.extend(nearest(&line, at).map(|(edge, distance)| Hit {
+            hits.extend(nearest_drawn(lens, &line, at).map(|(edge, distance)| Hit {
                 part: Part::Line { annotation, segment },
                 edge,
                 distance,
@@ -150,6 +162,17 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
     hits.filter(|hit| hit.distance <= radius).min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
+/// The edge of a drawn line that is nearest to a pixel as the lens bends it, and how far it is.
+#[must_use]
+pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
+    if !lens.distortion.is_wide() {
+        return nearest(line, at);
+    }
+    let curve = |pair: &[Pixel]| nearest(&drawn_line(lens, pair), at).map(|(_, distance)| distance);
+    let edges = line.windows(2).enumerate().filter_map(|(edge, pair)| Some((edge, curve(pair)?)));
+    edges.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// The edge of a polyline that is nearest to a pixel, and how far it is.
 #[must_use]
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
@@ -177,6 +200,32 @@ mod tests {
         assert_eq!(hit.part, Part::Vertex { annotation: 0, segment: 0, vertex: 1 });
         let hit = pick(&site(), 0, None, Pixel::new(200.0, 103.0), 8.0, &BTreeSet::new()).unwrap();
         assert_eq!(hit.part, Part::Line { annotation: 0, segment: 0 });
+    }
+
+    #[test]
+    fn a_line_on_a_fisheye_is_picked_where_it_is_seen() {
+        let mut site = site();
+        let entry = &mut site.cameras[0];
+        let k = Some(0.0);
+        entry.lens = Some(calib_core::LensEntry {
+            distortion: Some(calib_core::DistortionEntry {
+                focal_px: Some(150.0),
+                k1: k,
+                k2: k,
+                k3: k,
+                k4: k,
+                ..calib_core::DistortionEntry::new(calib_core::DistortionModel::KannalaBrandt)
+            }),
+            ..calib_core::LensEntry::default()
+        });
+        let ends = [Pixel::new(120.0, 60.0), Pixel::new(520.0, 60.0)];
+        entry.annotations[0] = Annotation::of_segments(Kind::Parallel, vec![ends.to_vec()]);
+        let curve = drawn_line(&entry.likely_lens(), &ends);
+        let middle = curve[curve.len() / 2];
+        assert!(middle.v < 40.0, "the lens bends it away from the middle of the image: {middle:?}");
+        let part = |at: Pixel| pick(&site, 0, None, at, 8.0, &BTreeSet::new()).map(|hit| hit.part);
+        assert_eq!(part(middle), Some(Part::Line { annotation: 0, segment: 0 }));
+        assert_eq!(part(Pixel::new(320.0, 60.0)), None, "the chord is not there");
     }
 
     #[test]

@@ -74,6 +74,7 @@ pub(crate) fn scale_lens(lens: &mut LensEntry, by: f64) {
         (focal.value, focal.sigma) = (by * focal.value, focal.sigma.map(|sigma| by * sigma));
     }
     lens.principal_point_px = lens.principal_point_px.map(|at| Pixel::new(by * at.u, by * at.v));
+    lens.image_circle_px = lens.image_circle_px.map(|circle| <[f64; 3]>::from(circle).map(|c| by * c).into());
     if let Some(focal) = lens.distortion.as_mut().and_then(|distortion| distortion.focal_px.as_mut()) {
         *focal *= by;
     }

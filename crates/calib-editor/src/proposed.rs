@@ -4,7 +4,7 @@
 //! their direction, which becomes the id of the annotation: what is taken later of a direction joins what was taken
 //! of it, and directions at right angles are tied once both are drawn.
 
-use calib_core::{Annotation, DistortionEntry, Kind, Orientation, Pixel, SiteCamera};
+use calib_core::{Annotation, DistortionEntry, Kind, Lens, Orientation, Pixel, SiteCamera};
 use calib_image::{Group, Proposal, Reason, Verdict};
 
 use crate::period::Period;
@@ -150,14 +150,13 @@ impl Proposed {
         self.groups.iter().map(|group| group.lines.len()).sum()
     }
 
-    /// The group and line that lie under a pixel.
+    /// The group and line that lie under a pixel as the lens bends them.
     #[must_use]
-    pub fn under(&self, at: Pixel, radius: f64) -> Option<(usize, usize)> {
+    pub fn under(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
         let lines = self.groups.iter().enumerate().flat_map(|(group, of)| {
-            of.lines
-                .iter()
-                .enumerate()
-                .filter_map(move |(line, points)| Some(((group, line), hit::nearest(points, at)?.1)))
+            of.lines.iter().enumerate().filter_map(move |(line, points)| {
+                Some(((group, line), hit::nearest_drawn(lens, points, at)?.1))
+            })
         });
         let near = lines.filter(|(_, distance)| *distance <= radius);
         near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(which, _)| which)

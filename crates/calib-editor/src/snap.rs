@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Pixel, Site};
-use calib_image::pull_line;
+use calib_core::{Lens, Pixel, Site};
+use calib_image::{pull_drawn, pull_line};
 use image::RgbImage;
 
 use crate::edit;
@@ -11,12 +11,18 @@ use crate::hit::Part;
 
 pub use calib_image::RADIUS;
 
-/// Pulls every line that any of these parts belongs to onto its edge; how many had one.
-pub(crate) fn pull_parts(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, image: &RgbImage) -> usize {
+/// Pulls every line that any of these parts belongs to onto its edge, bent as the lens bends it; how many had one.
+pub(crate) fn pull_parts(
+    site: &mut Site,
+    camera: usize,
+    parts: &BTreeSet<Part>,
+    lens: Option<Lens>,
+    image: &RgbImage,
+) -> usize {
     let lines =
         edit::lines_of(parts).into_iter().map(|(annotation, segment)| Part::Line { annotation, segment });
     let points = edit::points_of(site, camera, &lines.collect());
-    pull_points(site, camera, &points, image)
+    pull_points(site, camera, &points, lens, image)
 }
 
 /// Pulls these points onto the edges that their lines run along, and no others; how many lines had one.
@@ -24,6 +30,7 @@ pub(crate) fn pull_points(
     site: &mut Site,
     camera: usize,
     points: &BTreeSet<Part>,
+    lens: Option<Lens>,
     image: &RgbImage,
 ) -> usize {
     let mut pulled = 0;
@@ -32,7 +39,11 @@ pub(crate) fn pull_points(
         let vertices: Vec<Part> = edit::points_of(site, camera, &whole).into_iter().collect();
         let drawn: Vec<Pixel> =
             vertices.iter().filter_map(|&part| edit::pixel_mut(site, camera, part).copied()).collect();
-        let Some(line) = pull_line(image, &drawn) else { continue };
+        let line = match (&drawn[..], lens) {
+            (&[a, b], Some(lens)) => pull_drawn(image, &lens, [a, b]).map(Vec::from),
+            _ => pull_line(image, &drawn),
+        };
+        let Some(line) = line else { continue };
         for (&part, to) in vertices.iter().zip(line).filter(|(part, _)| points.contains(part)) {
             if let Some(pixel) = edit::pixel_mut(site, camera, part) {
                 *pixel = to;

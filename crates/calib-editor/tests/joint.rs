@@ -7,7 +7,8 @@ use calib_editor::command::{Cameras, Gesture};
 use calib_editor::{Action, Editor, Images, NewStill, Opened, parse, refined};
 
 /// One camera of the demonstration shares nothing with the others.
-const TOGETHER: [Stage; 5] = [Stage::Refined, Stage::Refined, Stage::Refined, Stage::Placed, Stage::Refined];
+const TOGETHER: [Stage; 6] =
+    [Stage::Refined, Stage::Refined, Stage::Refined, Stage::Placed, Stage::Refined, Stage::Refined];
 
 /// The demonstration, refined by its operator.
 fn together() -> Editor {
@@ -27,7 +28,7 @@ fn open(editor: &mut Editor, site: Site) {
 
 fn stages(editor: &Editor) -> Vec<Stage> {
     let session = editor.session();
-    (0..5).filter_map(|camera| Some(session.solved.solution(camera)?.stage)).collect()
+    (0..6).filter_map(|camera| Some(session.solved.solution(camera)?.stage)).collect()
 }
 
 fn change(editor: &mut Editor, change: impl FnOnce(&mut Site)) {

@@ -96,7 +96,7 @@ impl Given {
     pub(crate) fn entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
-        let lens = Lens { principal_point, focal, distortion: self.distortion };
+        let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),

@@ -50,6 +50,7 @@ pub use file::{File, MAX_BYTES, MAX_FILES};
 pub use given::Imported;
 pub use planes::OfPlanes;
 pub use registry::{FORMATS, Format, format};
+pub use remap::remap_npy;
 pub use table::runs_in_spreadsheets;
 pub use view::{ExportOptions, PlanPicture};
 

@@ -1,6 +1,6 @@
 //! The map from an undistorted image to the raw one, as NumPy and OpenCV take it.
 
-use calib_core::{Distortion, UndistortedPixel};
+use calib_core::{Distortion, Pixel, UndistortedPixel};
 
 use crate::export::Export;
 use crate::file::File;
@@ -23,20 +23,30 @@ pub(crate) fn write(view: &View, export: &mut Export) {
         export.lose(view, format!("the remap of {width} x {height} pixels: more than {MOST}"));
         return;
     }
+    let [sx, sy] = view.scale;
+    let bytes = remap_npy(view.size, |pixel| {
+        let straight = UndistortedPixel { u: pixel.u / sx, v: pixel.v / sy };
+        view.raw_lens.distort(straight).map(|pixel| view.in_stream(pixel))
+    });
+    export.files.push(File { name: format!("{}.remap.npy", view.file), bytes });
+}
+
+/// The map of a new image of so many pixels (width, height) as an NPY file, for `cv2.remap(raw, numpy.load(file), None,
+/// cv2.INTER_LINEAR)`; `raw_of` gives the raw pixel that a pixel of it shows, both from the corners of their images.
+///
+/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as OpenCV does; -1 where nothing is shown.
+pub fn remap_npy([width, height]: [u32; 2], raw_of: impl Fn(Pixel) -> Option<Pixel>) -> Vec<u8> {
     let mut bytes = header(width, height);
     bytes.reserve(width as usize * height as usize * 8);
-    let [sx, sy] = view.scale;
     for row in 0..height {
         for column in 0..width {
-            let straight =
-                UndistortedPixel { u: (f64::from(column) + 0.5) / sx, v: (f64::from(row) + 0.5) / sy };
-            let raw = view.raw_lens.distort(straight).map(|pixel| view.in_stream(pixel));
+            let raw = raw_of(Pixel::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
             let [x, y] = raw.map_or([-1.0, -1.0], |pixel| [pixel.u - 0.5, pixel.v - 0.5]);
             bytes.extend((x as f32).to_le_bytes());
             bytes.extend((y as f32).to_le_bytes());
         }
     }
-    export.files.push(File { name: format!("{}.remap.npy", view.file), bytes });
+    bytes
 }
 
 /// Version 1.0 of the NPY format: padded so that the data begin at a multiple of 64 bytes.

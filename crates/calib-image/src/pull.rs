@@ -4,20 +4,20 @@ use calib_core::Pixel;
 use image::RgbImage;
 
 /// Samples along the line, at most.
-const SAMPLES: usize = 160;
+pub(crate) const SAMPLES: usize = 160;
 /// How near an edge has to be to be offered or to pull a line, in pixels of the image, however it is zoomed.
 pub const RADIUS: f64 = 8.0;
 /// The same, in steps across a line.
 const REACH: i32 = RADIUS as i32;
 /// Places farther from a line than this are of another edge, in pixels.
-const ONE_EDGE: f64 = 1.0;
+pub(crate) const ONE_EDGE: f64 = 1.0;
 /// So much of a line has to lie along its edge.
-const SHARE: f64 = 0.5;
+pub(crate) const SHARE: f64 = 0.5;
 /// Brightness per pixel below which there is no edge.
 const LEAST: f64 = 4.0;
 
 /// Brightness between pixels, 0 to 255; `None` off the image.
-fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
+pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
     let (x, y) = (u - 0.5, v - 0.5);
     let (x0, y0) = (x.floor(), y.floor());
     let is_inside =
@@ -127,7 +127,11 @@ pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
 }
 
 /// Where across the line the slope is strongest (of one sign, if given), with the slope.
-fn strongest(slope: &impl Fn(f64, f64) -> Option<f64>, s: f64, sign: Option<f64>) -> Option<(f64, f64)> {
+pub(crate) fn strongest(
+    slope: &impl Fn(f64, f64) -> Option<f64>,
+    s: f64,
+    sign: Option<f64>,
+) -> Option<(f64, f64)> {
     let size = |value: f64| sign.map_or(value.abs(), |sign| sign * value);
     let steps = (-REACH..=REACH).filter_map(|t| Some((f64::from(t), slope(s, f64::from(t))?)));
     // Of equal edges the nearer one is meant.

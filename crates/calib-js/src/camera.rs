@@ -240,8 +240,9 @@ impl Camera {
         doubles(&corners).unchecked_into()
     }
 
-    /// Covariance of the unknowns, twelve rows of twelve: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels
-    /// of the still) and the coefficients of the distortion in the order of their model; zeros for what was not
+    /// Covariance of the unknowns, fourteen rows of fourteen: x, y, z (metres), yaw, pitch, roll (radians), focal (pixels
+    /// of the still), five places for the coefficients of the distortion in the order of their model, of a fisheye the log
+    /// of its own focal in the fifth, and the principal point, u and v (pixels of the still); zeros for what was not
     /// estimated, infinite variances where nothing is known of the errors, as of z where `scaleKnown` is false.
     #[wasm_bindgen(getter)]
     #[must_use]

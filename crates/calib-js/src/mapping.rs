@@ -160,7 +160,7 @@ impl Camera {
     }
 
     /// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the
-    /// errors of the calibration (their covariance is `covariance`): of every point twelve of x, then twelve of y, in
+    /// errors of the calibration (their covariance is `covariance`): of every point fourteen of x, then fourteen of y, in
     /// metres per unit of the unknown; NaN where there is no floor point.
     ///
     /// # Errors

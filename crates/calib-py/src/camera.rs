@@ -250,9 +250,10 @@ impl Camera {
         if corners.is_empty() { Ok(PyArray2::zeros(py, [0, 2], false)) } else { matrix(py, &corners) }
     }
 
-    /// Covariance of the unknowns, shape (12, 12): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the still) and
-    /// the coefficients of the distortion in the order of their model; zeros for what was not estimated, infinite
-    /// variances where nothing is known of the errors, as of z where `scale_known` is False.
+    /// Covariance of the unknowns, shape (14, 14): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the still),
+    /// five places for the coefficients of the distortion in the order of their model, of a fisheye the log of its own
+    /// focal in the fifth, and the principal point, u and v (pixels of the still); zeros for what was not estimated,
+    /// infinite variances where nothing is known of the errors, as of z where `scale_known` is False.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, &self.view.camera().covariance.0)

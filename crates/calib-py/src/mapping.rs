@@ -199,7 +199,7 @@ impl Camera {
     ///     origin, stream_size, fit, crop: which pixels, as the class says.
     ///
     /// Returns:
-    ///     Array of the shape (..., 2, 12), in metres per unit of the unknown; NaN where there is no floor point.
+    ///     Array of the shape (..., 2, 14), in metres per unit of the unknown; NaN where there is no floor point.
     #[pyo3(
         signature = (u, v, **stream),
         text_signature = "($self, u, v, *, origin=None, stream_size=None, fit=None, crop=None)"

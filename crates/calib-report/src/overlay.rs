@@ -1,6 +1,6 @@
 //! What is drawn on a camera's image.
 
-use calib_core::{FloorPoint, Pixel, ResidualOf, Site, SiteCamera};
+use calib_core::{FloorPoint, Pixel, ResidualOf, Site, SiteCamera, view_angle};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, KindLook, Laid, Look, Meaning, Rgb, Sign, Signs, lay, on_image,
     reach,
@@ -142,7 +142,7 @@ fn summary(entry: &SiteCamera) -> String {
     let (Some(pitch), Some(roll)) = (solution.pitch_deg, solution.roll_deg) else {
         return "   only its lens is known".into();
     };
-    let hfov = 2.0 * (0.5 * entry.size()[0] / solution.focal_px).atan().to_degrees();
+    let hfov = view_angle(&solution.lens(), solution.focal_px, entry.size()).to_degrees();
     let mut text = format!("   pitch {pitch:.1}\u{b0}  roll {roll:.1}\u{b0}  view {hfov:.0}\u{b0}");
     if let Some(position) = solution.position_m {
         text.push_str(&format!("  height {:.2} m", position.z));

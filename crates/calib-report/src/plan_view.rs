@@ -147,7 +147,8 @@ fn room_of_figures(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) ->
 /// scale, and a tag.
 struct Figure {
     index: usize,
-    cone: [[f64; 2]; 3],
+    foot: [f64; 2],
+    cone: Vec<[f64; 2]>,
     /// Upper left corner of the tag.
     corner: [f64; 2],
     text: String,
@@ -179,7 +180,7 @@ impl Figure {
         let shift = if ahead[1] > y { -2.4 * size } else { 0.8 * size };
         let inside = |value: f64, most: f64| value.clamp(4.0, (most - 4.0).max(4.0));
         let corner = [inside(x - 0.5 * width, w - width), inside(y + shift, h - 1.6 * size)];
-        Some(Self { index, cone, corner, text })
+        Some(Self { index, foot: [x, y], cone, corner, text })
     }
 
     fn name(entry: &SiteCamera, is_close: bool) -> String {
@@ -195,11 +196,8 @@ impl Figure {
         let size = style::TEXT * svg.scale;
         let [left, top] = self.corner;
         let range = |k: usize| {
-            let values = self.cone.map(|point| point[k]);
-            (
-                values.into_iter().fold(f64::INFINITY, f64::min),
-                values.into_iter().fold(f64::NEG_INFINITY, f64::max),
-            )
+            let values = self.cone.iter().map(|point| point[k]);
+            (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
         };
         let ((x0, x1), (y0, y1)) = (range(0), range(1));
         [[left, top, left + svg.text_width(&self.text) + size, top + 1.6 * size], [x0, y0, x1, y1]]
@@ -208,7 +206,7 @@ impl Figure {
     fn draw(&self, svg: &mut Svg) {
         svg.fill(&self.cone, Rgb::camera(self.index), 0.85);
         svg.line(&self.cone, true, Stroke::of(Look::on_light(Meaning::Camera(self.index))));
-        svg.dot(self.cone[0], 4.5, Rgb::WHITE);
+        svg.dot(self.foot, 4.5, Rgb::WHITE);
         svg.tag(self.corner, &self.text, Rgb::camera(self.index));
     }
 }

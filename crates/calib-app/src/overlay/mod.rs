@@ -8,12 +8,12 @@ mod proposed;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, DrawNext, Kind, Pixel, Plane, Site, SiteCamera, Solution};
+use calib_core::{Camera, DrawNext, Kind, Pixel, Plane, Site, SiteCamera, Solution, drawn_line};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
-use calib_editor::{Edge, Family, Part, Session, Trace, Units};
+use calib_editor::{Edge, Family, Part, Session, Trace, Units, hit};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -94,7 +94,13 @@ impl Overlay<'_> {
     }
 
     pub(crate) fn path(&self, pixels: &[Pixel]) -> Vec<Pos2> {
-        pixels.iter().map(|&pixel| self.at(pixel)).collect()
+        self.mapping.path(pixels)
+    }
+
+    /// Lines that are drawn by their ends, as the lens bends them.
+    pub(crate) fn curve(&self, pixels: &[Pixel]) -> Vec<Pos2> {
+        let Some(entry) = self.entry() else { return self.path(pixels) };
+        self.path(&drawn_line(&hit::shown_lens(entry, self.session.solved.pose(self.camera)), pixels))
     }
 
     pub(crate) fn entry(&self) -> Option<&SiteCamera> {
@@ -322,7 +328,7 @@ impl Overlay<'_> {
         let look = Look::of(Meaning::Suggestion(kind));
         for (index, edge) in self.suggested.iter().enumerate() {
             let ends = edge.map(|end| self.at(end));
-            line(painter, &ends, Pen::of(look).coloured(colour));
+            line(painter, &self.curve(edge), Pen::of(look).coloured(colour));
             let middle = ends[0] + 0.5 * (ends[1] - ends[0]) + Vec2::new(10.0, 0.0);
             let text = match (index, self.suggested.len()) {
                 (0, 1) => proposal(next, kind),
@@ -339,7 +345,7 @@ impl Overlay<'_> {
         }
         let points: BTreeSet<Part> =
             calib_editor::edit::points_of(&self.session.site, self.camera, &self.session.selection);
-        let handles = calib_editor::hit::handles(&self.session.site, self.camera);
+        let handles = hit::handles(&self.session.site, self.camera);
         for (part, pixel) in handles.into_iter().filter(|(part, _)| points.contains(part)) {
             let whole = !self.session.selection.contains(&part);
             ring(painter, self.at(pixel), on_image::ACCENT, self.holding && !whole);

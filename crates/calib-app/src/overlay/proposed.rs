@@ -3,7 +3,7 @@
 
 use calib_core::{Camera, Kind, Pixel, Plane, Site, Solution};
 use calib_draw::{ImageLayer, ImageView, Look, Meaning, Scene, on_image as items_on_image};
-use calib_editor::{Preview, ProposedGroup};
+use calib_editor::{Preview, ProposedGroup, hit};
 use egui::{Align2, Painter, Pos2, Vec2};
 
 use crate::overlay::{Overlay, Shown, grid_step};
@@ -83,8 +83,12 @@ impl Overlay<'_> {
     /// The lines that are proposed: the chosen group, or that whose row is under the cursor, stands out.
     pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
         let Some(proposed) = self.session.proposed() else { return };
-        let (picked, over) =
-            (self.session.picked(), self.cursor.and_then(|at| proposed.under(at, self.near())));
+        let at = self.cursor.zip(self.entry());
+        let over = at.and_then(|(at, entry)| {
+            let lens = hit::shown_lens(entry, self.session.solved.pose(self.camera));
+            proposed.under(&lens, at, self.near())
+        });
+        let picked = self.session.picked();
         let lit = ghosts.lit.or(over.map(|(group, _)| group));
         for (index, group) in proposed.groups.iter().enumerate() {
             let is_bright = lit == Some(index) || picked.is_some_and(|(chosen, _)| chosen == index);
@@ -110,7 +114,7 @@ impl Overlay<'_> {
         points: &[Pixel],
         [is_bright, is_picked]: [bool; 2],
     ) {
-        let path = self.path(points);
+        let path = self.curve(points);
         let colour = theme::kind(kind);
         let pen = Pen::of(Look::of(Meaning::Suggestion(kind))).coloured(colour);
         match (is_picked, is_bright) {

@@ -1,6 +1,6 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
-use calib_core::{Code, Coefficient, Known, LensEntry, Solution};
+use calib_core::{Code, Coefficient, Known, LensEntry, Solution, view_angle};
 use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
@@ -228,8 +228,8 @@ pub fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit:
 
 fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let Some(entry) = app.editor.session().entry() else { return };
-    let half = 0.5 * entry.size()[0];
-    let view = |focal: f64| 2.0 * (half / focal).atan().to_degrees();
+    let (lens, size) = (solution.lens(), entry.size());
+    let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
     let hfov = view(solution.focal_px);
     let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());

@@ -8,7 +8,7 @@ use crate::paint::chip;
 use crate::pane;
 use crate::panels::{dock, number};
 use crate::scene3d;
-use crate::state::{App, Mode, Orbit, Place};
+use crate::state::{App, Looking, Mode, Orbit, Place};
 use crate::theme;
 
 /// Height of the line above a view, in points.
@@ -81,7 +81,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
         Command::Prism,
         Command::Guide,
         Command::Straighten,
-        Command::ColourByResidual,
+        if app.is_fisheye(camera) { Command::NextWindow } else { Command::ColourByResidual },
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
     pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
@@ -187,6 +187,7 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
         Command::Prism => ("Prism", app.layers.prism),
         Command::Guide => ("Guide", app.layers.guide),
         Command::Straighten => ("Straighten", app.layers.straight),
+        Command::NextWindow => ("Window", !matches!(app.looking, Looking::Whole)),
         Command::Snap => ("Snap", app.editor.session().snap),
         Command::ColourByResidual => ("By residual", app.layers.by_residual),
         Command::Coverage => ("Coverage", app.coverage),

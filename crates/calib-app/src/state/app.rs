@@ -9,8 +9,8 @@ use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
 use super::{
-    Comparing, Conflict, Decision, Glance, Layers, List, Mode, Orbit, Outside, Palette, Panes, PathField,
-    Place, Planning, Read, Recovering, Sent, Sheet, Tour,
+    Comparing, Conflict, Decision, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette, Panes,
+    PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
 };
 use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::View;
@@ -43,6 +43,8 @@ pub struct App {
     pub edges: Edges,
     /// What lies on images.
     pub layers: Layers,
+    /// How the images of fisheyes are looked at.
+    pub looking: Looking,
     /// The image stands beside the plan.
     pub beside_plan: bool,
     /// The image stands beside the scene.
@@ -141,6 +143,7 @@ impl App {
             pictures: Pictures::default(),
             edges: Edges::default(),
             layers: Layers::default(),
+            looking: Looking::default(),
             beside_plan: true,
             beside_scene: false,
             blend: false,

@@ -2,11 +2,10 @@
 
 use std::collections::HashMap;
 
-use calib_core::Lens;
 use calib_editor::Pane;
 use egui::{Pos2, Rect};
 
-use crate::canvas::{Mapping, View};
+use crate::canvas::{Bend, Mapping, View};
 
 /// Where a pane stands: a camera alone and among others is looked at in two ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -48,8 +47,8 @@ pub struct Panes {
     pub rects: HashMap<(Place, Pane), Rect>,
     /// The middle of the window, whatever it shows.
     pub middle: Option<Rect>,
-    /// The lenses whose bend is taken out of panes.
-    pub(crate) lenses: HashMap<(Place, Pane), Lens>,
+    /// What is taken out of what panes show.
+    pub(crate) bends: HashMap<(Place, Pane), Bend>,
 }
 
 impl Panes {
@@ -63,7 +62,7 @@ impl Panes {
         let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
         self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
         self.rects.clear();
-        self.lenses.clear();
+        self.bends.clear();
     }
 
     /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
@@ -85,8 +84,8 @@ impl Panes {
     /// Where a pane shows its document.
     #[must_use]
     pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
-        let lens = self.lenses.get(&(place, pane)).copied();
+        let bend = self.bends.get(&(place, pane)).copied();
         let (view, rect) = (*self.views.get(&(place, pane))?, *self.rects.get(&(place, pane))?);
-        Some(Mapping { view, rect, lens })
+        Some(Mapping { view, rect, bend })
     }
 }

@@ -6,7 +6,7 @@ use crate::bundle::common_tilt::{CommonTilt, by_common};
 use crate::bundle::problem::{BundleProblem, listed};
 use crate::bundle::residuals::{ResidualKind, Stage1Residuals, stage_1_by_lens, stage_1_residuals};
 use crate::bundle::shared_planes::{ByPlane, POSE_OF_PLANE};
-use crate::camera::{Camera, Covariance, Distortion, POSE_PARAMS};
+use crate::camera::{Camera, Covariance, Lens};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, State};
 
@@ -33,7 +33,7 @@ impl BundleProblem<'_> {
             by[Covariance::PITCH] = jacobian[PITCH];
             by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
             by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
-            d_lens.get(i).iter().for_each(|d_lens| by[POSE_PARAMS..].copy_from_slice(*d_lens));
+            d_lens.get(i).iter().for_each(|d_lens| self.views[view].add_lens(&mut by, d_lens));
             let in_common = tilt.and_then(|(at, lean, yaw)| by_common(nuisance, at, lean, yaw));
             let is_prior_of_another = source.is_none() && self.tilt.is_some_and(|tilt| tilt.first != view);
             if in_common.is_some() && is_prior_of_another {
@@ -62,21 +62,22 @@ impl BundleProblem<'_> {
         Some(())
     }
 
-    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its coefficients.
+    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its parameters.
     fn stage_1(
         &self,
         view: usize,
         camera: &Camera,
         state: &State,
-    ) -> Option<(Stage1Residuals, Vec<[f64; Distortion::MOST]>)> {
+    ) -> Option<(Stage1Residuals, Vec<[f64; Lens::PARAMETERS]>)> {
         let this = &self.views[view];
         if !self.lens_is_free(view) {
             return Some((stage_1_residuals(&this.stage_1, state)?, Vec::new()));
         }
         let scene = this.stage_1.constraints.scene;
-        let constraints = Constraints::on_planes(this.annotations, &camera.lens, scene, &self.planes);
+        let [start, lens] = [&this.camera.lens, &camera.lens];
+        let constraints = Constraints::in_charts_of(start, this.annotations, lens, scene, &self.planes);
         let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
-        let constraints = Constraints::by_lens(this.annotations, &camera.lens, scene, &self.planes);
+        let constraints = Constraints::in_charts_of(start, this.annotations, lens, scene, &self.planes);
         let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
         (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
     }

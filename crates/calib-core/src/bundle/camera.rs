@@ -1,10 +1,10 @@
 //! A camera as it enters the adjustment: its initial values, its constraints, and which of its parameters are
 //! estimated.
 
-use crate::camera::{Camera, Covariance, Distortion, Lens, WorldPoint};
+use crate::camera::{Camera, Covariance, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::single::{
-    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, Prior, Priors, Problem,
-    edges, times_drawn, weak_prior,
+    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, LensResidual, Prior, Priors,
+    Problem, edges, lens_prior, outermost, slope_prior, times_drawn, weak_prior,
 };
 
 /// Parameters of a camera, those of its lens among them, in the order of [`Covariance`].
@@ -65,6 +65,8 @@ pub struct BundleCamera<'a> {
     pub held: HeldPose,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
+    /// Where the scene is in the image of a fisheye, if that is known.
+    pub circle: Option<ImageCircle>,
     /// Which of roll, pitch, focal and height are not estimated. A fixed height takes the place of the
     /// camera's; of the others the camera's values hold.
     pub fixed: FixedParameters,
@@ -83,8 +85,9 @@ pub struct BundleCamera<'a> {
     /// Index of the camera whose focal and distortion this one shares, if any. That camera must have a lens of
     /// its own.
     pub lens_of: Option<usize>,
-    /// Which coefficients of the distortion are estimated; of a shared lens those of its own camera count.
-    pub free_coefficients: [bool; Distortion::MOST],
+    /// Which parameters of the lens are estimated, in the order of [`Lens::PARAMETERS`]; of a shared lens those of its
+    /// own camera count. With its own focal a wide lens has that of the camera.
+    pub free_lens: [bool; Lens::PARAMETERS],
 }
 
 /// The constraints of a camera on which nothing was drawn.
@@ -101,6 +104,7 @@ impl<'a> BundleCamera<'a> {
             initial_pose: InitialPose::Unknown,
             held: HeldPose::default(),
             size,
+            circle: None,
             fixed: FixedParameters {
                 roll: Some(camera.roll),
                 pitch: Some(camera.pitch),
@@ -113,7 +117,7 @@ impl<'a> BundleCamera<'a> {
             fit: None,
             noise_is_known: true,
             lens_of: None,
-            free_coefficients: [false; Distortion::MOST],
+            free_lens: [false; Lens::PARAMETERS],
         }
     }
 
@@ -164,8 +168,13 @@ impl<'a> BundleCamera<'a> {
         self.lens_of.unwrap_or(index)
     }
 
+    /// Whether its wide lens has the focal of the camera.
+    fn has_one_focal(&self) -> bool {
+        self.camera.lens.distortion.is_wide() && self.free_lens[Lens::OWN_FOCAL] && self.fixed.focal.is_none()
+    }
+
     pub(crate) fn fits_distortion(&self) -> bool {
-        self.free_coefficients.contains(&true)
+        self.free_lens.contains(&true)
     }
 }
 
@@ -200,8 +209,14 @@ pub(crate) struct View<'a> {
     pub(crate) edges: Vec<Edge>,
     /// How often each of them is drawn.
     pub(crate) edge_times: Vec<f64>,
+    /// The drawn point that is farthest from the middle of its lens.
+    pub(crate) outermost: Option<Pixel>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
+    /// Where the scene is in it, of a fisheye, if that is known.
+    pub(crate) circle: Option<ImageCircle>,
+    /// Whether its wide lens has the focal of the camera, and changes with it.
+    pub(crate) has_one_focal: bool,
 }
 
 impl<'a> View<'a> {
@@ -221,8 +236,11 @@ impl<'a> View<'a> {
         let unfitted = || vec![0.0; stage_1.nuisances().count()];
         let nuisance = entry.fit.map_or_else(unfitted, |fit| fit.state.nuisance.clone());
         let edges = if fits_lens { edges(entry.annotations) } else { Vec::new() };
+        let camera = with_lens_and_height(entry, start, owner);
+        let drawn: Vec<Pixel> = entry.annotations.iter().flat_map(Annotation::polylines).flatten().collect();
         View {
-            camera: with_lens_and_height(entry, start, owner),
+            outermost: outermost(drawn.iter(), camera.lens.principal_point),
+            camera,
             free,
             lens,
             annotations: entry.annotations,
@@ -232,6 +250,29 @@ impl<'a> View<'a> {
             edge_times: times_drawn(edges.iter()),
             edges,
             size: entry.size,
+            circle: entry.circle,
+            has_one_focal: owner.has_one_focal(),
+        }
+    }
+}
+
+impl View<'_> {
+    /// The parameters of its lens on which residuals depend, by their indices.
+    pub(crate) fn lens_parameters(&self) -> [bool; Lens::PARAMETERS] {
+        std::array::from_fn(|k| self.free[Covariance::LENS + k] || self.has_one_focal && k == Lens::OWN_FOCAL)
+    }
+
+    /// What is believed of the parameters of its lens that are free.
+    pub(crate) fn beliefs(&self, lens: &Lens, free: &[usize]) -> Vec<LensResidual> {
+        let of_slope = slope_prior(lens, self.outermost);
+        lens_prior(lens, (self.size, self.circle), free).into_iter().chain(of_slope).collect()
+    }
+
+    /// Adds derivatives by the parameters of its lens to those by the camera.
+    pub(crate) fn add_lens(&self, by: &mut [f64; CAMERA_PARAMS], by_lens: &[f64; Lens::PARAMETERS]) {
+        for (k, by_lens) in by_lens.iter().enumerate() {
+            let is_focal = self.has_one_focal && k == Lens::OWN_FOCAL;
+            by[if is_focal { Covariance::FOCAL } else { Covariance::LENS + k }] += by_lens;
         }
     }
 }
@@ -256,7 +297,10 @@ fn free_parameters(
     free[Covariance::PITCH] = entry.fixed.pitch.is_none();
     free[Covariance::ROLL] = entry.fixed.roll.is_none();
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();
-    free[Covariance::LENS..].copy_from_slice(&owner.free_coefficients);
+    free[Covariance::LENS..].copy_from_slice(&owner.free_lens);
+    if owner.camera.lens.distortion.is_wide() {
+        free[Covariance::LENS + Lens::OWN_FOCAL] = false;
+    }
     free
 }
 
@@ -266,7 +310,8 @@ fn with_lens_and_height(entry: &BundleCamera, start: &Camera, owner: &BundleCame
     let z = entry.fixed_height().unwrap_or(start.position.z);
     Camera {
         position: WorldPoint { z, ..start.position },
-        focal: owner.camera.focal,
+        // Straight edges know the focal of a lens better than the lines do under a lens of another.
+        focal: if owner.has_one_focal() { focal } else { owner.camera.focal },
         lens: Lens { distortion, focal, ..start.lens },
         ..*start
     }

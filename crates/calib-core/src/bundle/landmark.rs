@@ -2,7 +2,7 @@
 //! observation with its Jacobian.
 
 use crate::camera::{
-    Covariance, Distortion, FloorPoint, LineDistance, ObservedPixel, POSE_PARAMS, Pixel, Plane, PosedCamera,
+    Covariance, FloorPoint, Lens, LineDistance, ObservedPixel, POSE_PARAMS, Pixel, Plane, PosedCamera,
     ReprojectedLine, Reprojection, WorldPoint,
 };
 use crate::single::Prior;
@@ -265,12 +265,22 @@ impl LandmarkModel {
     }
 }
 
+/// The derivatives by camera and lens with that by the own focal of a wide lens, which is there where it is that of the
+/// camera, added to that by this.
+fn by_view(mut by: [f64; Covariance::SIZE], observed: &ObservedPixel) -> [f64; Covariance::SIZE] {
+    if observed.chart.is_some() {
+        by[Covariance::FOCAL] += std::mem::take(&mut by[POSE_PARAMS + Lens::OWN_FOCAL]);
+    }
+    by
+}
+
 /// Signed distance of an observed pixel from the reprojected floor line.
 fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionError {
     let LineDistance { pixels, d_camera, d_lens, d_line: [offset, angle], d_plane } = line.distance(observed);
-    let mut d_view = [0.0; Covariance::SIZE];
-    d_view[..POSE_PARAMS].copy_from_slice(&d_camera);
-    d_view[POSE_PARAMS..].copy_from_slice(&d_lens);
+    let mut d_camera_and_lens = [0.0; Covariance::SIZE];
+    d_camera_and_lens[..POSE_PARAMS].copy_from_slice(&d_camera);
+    d_camera_and_lens[POSE_PARAMS..].copy_from_slice(&d_lens);
+    let d_view = by_view(d_camera_and_lens, observed);
     ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0], d_plane }
 }
 
@@ -285,7 +295,7 @@ fn point_errors(
     let pixels = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
     let d_camera: [[f64; 2]; POSE_PARAMS] =
         std::array::from_fn(|k| observed.raw([reprojected.d_camera[0][k], reprojected.d_camera[1][k]]));
-    let d_lens: [[f64; 2]; Distortion::MOST] =
+    let d_lens: [[f64; 2]; Lens::PARAMETERS] =
         std::array::from_fn(|k| observed.raw([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
     let d_landmark: [[f64; 2]; LANDMARK_PARAMS] = std::array::from_fn(|k| {
         let along = |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
@@ -295,7 +305,8 @@ fn point_errors(
     [0, 1].map(|i| {
         let mut d_view = [0.0; Covariance::SIZE];
         (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
-        (0..Distortion::MOST).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
+        (0..Lens::PARAMETERS).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
+        let d_view = by_view(d_view, observed);
         let d_landmark = d_landmark.map(|column| column[i]);
         let d_plane = by_plane.map(|by| by * up[i]);
         ReprojectionError { pixels: pixels[i], d_view, d_landmark, d_plane }

@@ -11,7 +11,7 @@ use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::common_tilt::CommonTilt;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::bundle::plane_parameters::{PLANE_PARAMS, is_estimated};
-use crate::camera::{Camera, Covariance};
+use crate::camera::{Camera, Covariance, Pixel};
 use crate::optimize::{BlockStructure, NuisanceLayout};
 use crate::single::PlanePrior;
 
@@ -225,5 +225,6 @@ fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {
 pub(crate) fn parameters_of(camera: &Camera) -> [f64; CAMERA_PARAMS] {
     let [x, y, z] = camera.position.into();
     let [a, b, c, d, e] = camera.lens.distortion.coefficients();
-    [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e]
+    let Pixel { u, v } = camera.lens.principal_point;
+    [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e, u, v]
 }

@@ -8,9 +8,9 @@ use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::plane_parameters::parameters_of_plane;
 use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
-use crate::camera::{Camera, Covariance, Distortion, Lens, ObservedPixel, POSE_PARAMS, Pixel, PosedCamera};
+use crate::camera::{Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
-use crate::single::{PlanePrior, Prior, edge_redundancy, lens_prior, straightness_with_jacobian};
+use crate::single::{PlanePrior, Prior, edge_redundancy, straightness_with_jacobian};
 
 /// Views, landmarks and distances, with the position of every parameter in the state.
 #[derive(Clone, Debug)]
@@ -74,12 +74,12 @@ impl<'a> BundleProblem<'a> {
     }
 
     fn undistort(&self, view: usize, pixel: Pixel, lens: &Lens) -> Option<ObservedPixel> {
-        let fitted = std::array::from_fn(|k| self.camera_layout[view][POSE_PARAMS + k].is_some());
-        ObservedPixel::new(pixel, lens, fitted)
+        let this = &self.views[view];
+        ObservedPixel::in_chart_of(&this.camera.lens, pixel, lens, this.lens_parameters())
     }
 
     pub(crate) fn lens_is_free(&self, view: usize) -> bool {
-        self.camera_layout[view][POSE_PARAMS..].iter().any(Option::is_some)
+        self.views[view].lens_parameters().contains(&true)
     }
 
     /// The state that views and landmarks start from.
@@ -122,12 +122,16 @@ impl<'a> BundleProblem<'a> {
                 *value = state[self.blocks.offsets[*block] + place];
             }
         }
-        let [x, y, z, yaw, pitch, roll, log_focal, coefficients @ ..] = values;
+        let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
         // A fixed focal keeps its last bit.
         let fits_focal = self.camera_layout[view][Covariance::FOCAL].is_some();
         let focal = if fits_focal { log_focal.exp() } else { camera.focal };
-        let distortion = camera.lens.distortion.with_coefficients(coefficients);
-        let lens = Lens { distortion, ..camera.lens };
+        let lens = Lens {
+            principal_point: Pixel { u, v },
+            focal: if self.views[view].has_one_focal { focal } else { camera.lens.focal },
+            distortion: camera.lens.distortion.with_coefficients([a, b, c, d, e]),
+            image_circle: None,
+        };
         Camera { position: [x, y, z].into(), yaw, pitch, roll, focal, lens, ..camera }
     }
 
@@ -223,24 +227,25 @@ impl<'a> BundleProblem<'a> {
             return None;
         }
         let scale = this.stage_1.sigma.recip();
-        let free: Vec<usize> =
-            (0..Distortion::MOST).filter(|&k| self.camera_layout[view][POSE_PARAMS + k].is_some()).collect();
+        let is_free = this.lens_parameters();
+        let free: Vec<usize> = (0..Lens::PARAMETERS).filter(|&k| is_free[k]).collect();
         for (edge, times) in this.edges.iter().zip(&this.edge_times) {
             let scale = scale / times.sqrt();
-            let (distances, columns) = straightness_with_jacobian(&camera.lens, &edge.points, &free)?;
+            let (distances, columns) =
+                straightness_with_jacobian([&camera.lens, &this.camera.lens], &edge.points, &free)?;
             for (i, distance) in distances.iter().enumerate() {
+                let mut by_lens = [0.0; Lens::PARAMETERS];
+                free.iter().zip(&columns).for_each(|(&k, column)| by_lens[k] = scale * column[i]);
                 let mut by = [0.0; CAMERA_PARAMS];
-                for (&k, column) in free.iter().zip(&columns) {
-                    by[POSE_PARAMS + k] = scale * column[i];
-                }
+                this.add_lens(&mut by, &by_lens);
                 self.sink_view(view, scale * distance, &by, &[], ResidualKind::StraightEdge, sink);
             }
         }
         // What is believed of a lens that several views have counts once.
         if this.lens == view {
-            for believed in lens_prior(&camera.lens, this.size, &free) {
+            for believed in this.beliefs(&camera.lens, &free) {
                 let mut by = [0.0; CAMERA_PARAMS];
-                by[POSE_PARAMS..].copy_from_slice(&believed.by);
+                this.add_lens(&mut by, &believed.by);
                 self.sink_view(view, believed.value, &by, &[], ResidualKind::CameraPrior, sink);
             }
         }

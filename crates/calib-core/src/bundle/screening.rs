@@ -18,7 +18,7 @@ use crate::bundle::converged::{Converged, OutlierCandidate, Scored, largest_of};
 use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark};
 use crate::bundle::residuals::distance_residual;
 use crate::bundle::triangulation::triangulate;
-use crate::camera::{Camera, Distortion, ObservedPixel, PosedCamera};
+use crate::camera::{Camera, ObservedPixel, PosedCamera};
 use crate::optimize::{product, pseudo_inverse};
 
 /// Share of the largest chi-square of its cameras that a suspect has.
@@ -132,7 +132,7 @@ impl LandmarkNormal {
         let mut normal = Self { chi2: 0.0, square: Default::default(), gradient: Default::default() };
         for seen in &landmark.observations {
             let camera = cameras[seen.view];
-            let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; Distortion::MOST])?;
+            let observed = ObservedPixel::new(seen.pixel, &camera.lens)?;
             let pose = PosedCamera::new(camera);
             for error in
                 landmark.model.reprojection_error(place, seen.point, &landmark.ground, &pose, &observed)?

@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
-use crate::camera::{Camera, Distortion, FloorPoint, ObservedPixel, Plane, PosedCamera};
+use crate::camera::{Camera, FloorPoint, ObservedPixel, Plane, PosedCamera};
 
 /// A point of a mark, relative to its origin, and where it was seen on the floor.
 type PointPair = ([f64; 2], FloorPoint);
@@ -159,7 +159,7 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     landmark.observations.iter().all(|seen| {
         let camera = cameras[seen.view];
         let at = landmark.point(seen.point);
-        let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; Distortion::MOST]);
+        let observed = ObservedPixel::new(seen.pixel, &camera.lens);
         observed.is_some_and(|observed| {
             is_line || PosedCamera::new(camera).reproject(at, observed.chart.as_ref()).is_some()
         })

@@ -1,16 +1,16 @@
 //! The covariance of a camera's parameters, and its propagation to quantities computed from them.
 
-use crate::camera::distortion::Distortion;
+use crate::camera::lens::Lens;
 
-/// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels) and the coefficients
-/// of the distortion, for the focal that the lens normalises with; rows and columns of zeros for what
-/// was not estimated. An infinite variance says that nothing is known of the error.
+/// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels), the coefficients
+/// of the distortion, for the focal that the lens normalises with, and the principal point (pixels); rows and columns
+/// of zeros for what was not estimated. An infinite variance says that nothing is known of the error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
 
 impl Covariance {
     /// Number of unknowns.
-    pub const SIZE: usize = Self::LENS + Distortion::MOST;
+    pub const SIZE: usize = Self::LENS + Lens::PARAMETERS;
     /// Index of x0.
     pub const X: usize = 0;
     /// Index of y0.
@@ -27,6 +27,8 @@ impl Covariance {
     pub const FOCAL: usize = 6;
     /// Index of the first coefficient of the distortion; they follow in the order of its model.
     pub const LENS: usize = 7;
+    /// Index of the principal point's u; v follows.
+    pub const CENTRE: usize = Self::LENS + Lens::CENTRE;
     /// Names in files of the unknowns before the distortion's, with their units there.
     pub const NAMES: [&str; Self::LENS] =
         ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];

@@ -9,6 +9,7 @@
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, RayMatrix};
 use crate::camera::elementary::sin_cos;
+use crate::camera::lens::Lens;
 use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
 use crate::camera::space::{FloorPoint, Pixel};
@@ -212,9 +213,17 @@ impl<'a> PlaneJacobian<'a> {
         by[Covariance::FOCAL] = self.displacement_by_bearing([-x, -y, 0.0]);
         let lens = &self.camera.lens;
         if lens.distortion != Distortion::None {
-            let by_lens = lens.bearing_by_coefficients(self.pixel, self.bearing);
+            let by_lens = lens.bearing_by_parameters(self.pixel, self.bearing);
             for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
                 *by = self.displacement_by_bearing(change.at);
+            }
+            if lens.distortion.is_wide() {
+                let [x, y] = std::mem::take(&mut by[Covariance::LENS + Lens::OWN_FOCAL]);
+                if self.camera.focal_is_of_lens() {
+                    let focal = self.camera.focal;
+                    by[Covariance::FOCAL][0] += x / focal;
+                    by[Covariance::FOCAL][1] += y / focal;
+                }
             }
         }
         by

@@ -1,9 +1,7 @@
 //! A lens: distortion as a map of pixels, in both directions, with its derivatives.
 
-use crate::camera::distortion::{
-    ByCoefficient, ByCoefficients, Distortion, Matrix2, RayByCoefficient, RayMatrix,
-};
-use crate::camera::space::{Pixel, UndistortedPixel};
+use crate::camera::distortion::{ByCoefficient, Distortion, Matrix2, RayByCoefficient, RayMatrix};
+use crate::camera::space::{ImageCircle, Pixel, UndistortedPixel};
 
 /// A lens: principal point and distortion, as a map between raw and undistorted pixels.
 ///
@@ -17,13 +15,26 @@ pub struct Lens {
     pub focal: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
+    /// Where a wide lens shows something, if that is known: it shows no ray outside. Other lenses fill the image.
+    pub image_circle: Option<ImageCircle>,
 }
 
+/// How a place changes with every parameter of a lens, in the order of [`Lens::PARAMETERS`].
+pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
+
 impl Lens {
+    /// Number of parameters: the coefficients of the distortion, then the principal point, u and v. Of a wide lens the
+    /// one before the principal point, which no model has as a coefficient, is the log of its own focal.
+    pub const PARAMETERS: usize = Distortion::MOST + 2;
+    /// Index of the log of the own focal of a wide lens.
+    pub(crate) const OWN_FOCAL: usize = Distortion::MOST - 1;
+    /// Index of the principal point's u; v follows.
+    pub const CENTRE: usize = Distortion::MOST;
+
     /// A lens that does not bend lines.
     #[must_use]
     pub const fn pinhole(principal_point: Pixel) -> Self {
-        Self { principal_point, focal: 1.0, distortion: Distortion::None }
+        Self { principal_point, focal: 1.0, distortion: Distortion::None, image_circle: None }
     }
 
     /// Where a pinhole would show what this lens shows at `pixel`.
@@ -33,6 +44,9 @@ impl Lens {
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
         if self.distortion == Distortion::None {
             return Some(UndistortedPixel { u: pixel.u, v: pixel.v });
+        }
+        if !self.lights(pixel) {
+            return None;
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.undistort(self.normalised(pixel.into()))?;
@@ -49,7 +63,7 @@ impl Lens {
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.distort(self.normalised(pixel.into()))?;
-        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
+        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y }).filter(|&pixel| self.lights(pixel))
     }
 
     /// The bearing of a pixel: where a pinhole would show what this lens shows there, as a homogeneous pixel relative
@@ -62,6 +76,9 @@ impl Lens {
         if !self.distortion.is_wide() {
             let (straight, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
             return Some([straight.u - cu, straight.v - cv, 1.0]);
+        }
+        if !self.lights(pixel) {
+            return None;
         }
         let [x, y, w] = self.distortion.ray(self.normalised(pixel.into()))?;
         Some([self.focal * x, self.focal * y, w])
@@ -76,7 +93,12 @@ impl Lens {
             return if w > 0.0 { self.distort(straight) } else { None };
         }
         let [a, b] = self.distortion.shown([x / self.focal, y / self.focal, w])?;
-        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
+        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b }).filter(|&pixel| self.lights(pixel))
+    }
+
+    /// Whether a pixel is within the image circle, where one is known.
+    fn lights(&self, pixel: Pixel) -> bool {
+        self.image_circle.is_none_or(|circle| circle.holds(pixel) || !self.distortion.is_wide())
     }
 
     /// [`Self::bearing`] with its derivatives by u and v.
@@ -86,6 +108,9 @@ impl Lens {
             let Pixel { u: cu, v: cv } = self.principal_point;
             return Some(([straight.u - cu, straight.v - cv, 1.0], [u, v, [0.0; 2]]));
         }
+        if !self.lights(pixel) {
+            return None;
+        }
         let bent = self.normalised(pixel.into());
         let ray = self.distortion.ray(bent)?;
         let [u, v, ahead] = self.distortion.ray_jacobian(bent, ray);
@@ -93,18 +118,91 @@ impl Lens {
         Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
     }
 
-    /// How a bearing and its derivatives change with every coefficient at the pixel that has it.
-    pub(crate) fn bearing_by_coefficients(
+    /// How a bearing and its derivatives change with every parameter at the pixel that has it; with focal and
+    /// principal point of a wide lens only.
+    pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
         [x, y, w]: [f64; 3],
-    ) -> [RayByCoefficient; Distortion::MOST] {
+    ) -> [RayByCoefficient; Self::PARAMETERS] {
         let ray = [x / self.focal, y / self.focal, w];
-        self.distortion.ray_by_coefficients(self.normalised(pixel.into()), ray).map(|by| {
+        let bent = self.normalised(pixel.into());
+        let in_pixels = |by: RayByCoefficient| {
             let ([x, y, w], [u, v, ahead]) = (by.at, by.jacobian);
             let at = [self.focal * x, self.focal * y, w];
             RayByCoefficient { at, jacobian: [u, v, ahead.map(|by| by / self.focal)] }
-        })
+        };
+        let mut by = [RayByCoefficient::default(); Self::PARAMETERS];
+        let coefficients = self.distortion.ray_by_coefficients(bent, ray);
+        by.iter_mut().zip(coefficients).for_each(|(by, of)| *by = in_pixels(of));
+        if self.distortion.is_wide() {
+            let [focal, u, v] = self.bearing_by_scale_and_centre(bent, ray);
+            by[Self::OWN_FOCAL] = focal;
+            [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
+        }
+        by
+    }
+
+    /// How the bearing `(f x, f y, w)(q)` of `q = (pixel - c) / f` and its Jacobian `(J, J_w / f)`, with J that of the
+    /// ray by q, change with log f, where `dq = -q`, and with c, where `f dq = -e`. The curvature dJ is that of
+    /// differences.
+    fn bearing_by_scale_and_centre(&self, bent: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
+        /// Of a focal: truncation 1e-10 of the third derivative, rounding 1e-11.
+        const STEP: f64 = 1e-5;
+        let focal = self.focal;
+        let jacobian = self.distortion.ray_jacobian(bent, ray);
+        let slopes = |by: f64, axis: usize| {
+            let mut at = bent;
+            at[axis] += by;
+            Some(self.distortion.ray_jacobian(at, self.distortion.ray(at)?))
+        };
+        let curvature: [RayMatrix; 2] = [0, 1].map(|axis| {
+            // At the rim of the lens there is one side only.
+            let (ahead, behind) = (slopes(STEP, axis), slopes(-STEP, axis));
+            let width = STEP * f64::from(u8::from(ahead.is_some()) + u8::from(behind.is_some()));
+            let (ahead, behind) = (ahead.unwrap_or(jacobian), behind.unwrap_or(jacobian));
+            std::array::from_fn(|row| [0, 1].map(|k| (ahead[row][k] - behind[row][k]) / width.max(STEP)))
+        });
+        let along = |row: usize| jacobian[row][0] * bent[0] + jacobian[row][1] * bent[1];
+        let bend = |row: usize, k: usize| curvature[0][row][k] * bent[0] + curvature[1][row][k] * bent[1];
+        let by_focal = RayByCoefficient {
+            at: [focal * (ray[0] - along(0)), focal * (ray[1] - along(1)), -along(2)],
+            jacobian: [
+                [-bend(0, 0), -bend(0, 1)],
+                [-bend(1, 0), -bend(1, 1)],
+                [0, 1].map(|k| -(bend(2, k) + jacobian[2][k]) / focal),
+            ],
+        };
+        let by_centre = |axis: usize| {
+            let [x, y, ahead] = jacobian.map(|row| row[axis]);
+            let [u, v, bent_ahead] = curvature[axis];
+            RayByCoefficient {
+                at: [-x, -y, -ahead / focal],
+                jacobian: [u, v, bent_ahead.map(|by| by / focal)].map(|row| row.map(|by| -by / focal)),
+            }
+        };
+        [by_focal, by_centre(0), by_centre(1)]
+    }
+
+    /// The log of the slope of a wide lens at a pixel, `d radius / d angle` over that at the axis, and its derivatives by
+    /// every parameter. `None` where the lens shows nothing.
+    pub(crate) fn log_slope(&self, pixel: Pixel) -> Option<(f64, [f64; Self::PARAMETERS])> {
+        let bearing = self.bearing(pixel)?;
+        let [u, v] = self.normalised(pixel.into());
+        let radius = u.hypot(v).max(f64::MIN_POSITIVE);
+        let out = [u / radius, v / radius];
+        // Outwards by the unit of q = (pixel - c) / f: a change of c turns it across the radius only.
+        let outwards = |rows: RayMatrix| rows.map(|[u, v]| u * out[0] + v * out[1]);
+        let in_rays = |[u, v, ahead]: RayMatrix| outwards([u, v, ahead.map(|by| by * self.focal)]);
+        let (_, jacobian) = self.bearing_with_jacobian(pixel)?;
+        let turn = in_rays(jacobian);
+        let square = turn.iter().map(|c| c * c).sum::<f64>();
+        let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
+        // There the focal is divided by once more.
+        by[Self::OWN_FOCAL][2] += turn[2];
+        let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
+        // Where the angle is small there is no slope to speak of, nor a change of it.
+        if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
     }
 
     /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
@@ -120,10 +218,19 @@ impl Lens {
 
     /// The same lens with one of its coefficients changed.
     #[cfg(test)]
-    pub(crate) fn nudged(&self, coefficient: usize, by: f64) -> Self {
-        let mut coefficients = self.distortion.coefficients();
-        coefficients[coefficient] += by;
-        Self { distortion: self.distortion.with_coefficients(coefficients), ..*self }
+    pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
+        let mut lens = *self;
+        match parameter {
+            Self::OWN_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
+            Self::CENTRE => lens.principal_point.u += by,
+            coefficient if coefficient < Self::CENTRE => {
+                let mut coefficients = self.distortion.coefficients();
+                coefficients[coefficient] += by;
+                lens.distortion = self.distortion.with_coefficients(coefficients);
+            }
+            _ => lens.principal_point.v += by,
+        }
+        lens
     }
 
     /// The same map of pixels with coefficients that refer to another focal.
@@ -152,15 +259,15 @@ impl Lens {
     }
 
     /// How [`Self::undistort`] and its Jacobian change with every coefficient at `pixel`, which undistorts to
-    /// `straight`.
-    pub(crate) fn undistort_by_coefficients(
-        &self,
-        pixel: Pixel,
-        straight: UndistortedPixel,
-    ) -> ByCoefficients {
+    /// `straight`; zeros for focal and principal point.
+    pub(crate) fn undistort_by_parameters(&self, pixel: Pixel, straight: UndistortedPixel) -> ByParameters {
         let (bent, straight) = (self.normalised(pixel.into()), self.normalised(straight.into()));
-        let by = self.distortion.undistort_by_coefficients(bent, straight);
-        by.map(|by| ByCoefficient { at: by.at.map(|change| self.focal * change), ..by })
+        let mut by = ByParameters::default();
+        let coefficients = self.distortion.undistort_by_coefficients(bent, straight);
+        for (by, of) in by.iter_mut().zip(coefficients) {
+            *by = ByCoefficient { at: of.at.map(|change| self.focal * change), ..of };
+        }
+        by
     }
 
     /// Derivatives of [`Self::distort`] at `straight`: `d raw / d undistorted`, rows u and v, and by every
@@ -190,7 +297,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn lens_of(distortion: Distortion) -> Lens {
-        Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion }
+        Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion, image_circle: None }
     }
 
     proptest! {
@@ -236,7 +343,7 @@ mod tests {
                 let back = times(inverse, [jacobian[0][column], jacobian[1][column]]);
                 prop_assert!((back[0] - unit[0]).hypot(back[1] - unit[1]) < 1e-9, "{back:?}");
             }
-            let back = lens.undistort_by_coefficients(Pixel { u, v }, straight);
+            let back = lens.undistort_by_parameters(Pixel { u, v }, straight);
             for (forward, back) in by.iter().zip(back) {
                 // The implicit function: what a coefficient moves one way it moves back the other.
                 let moved = times(inverse, *forward);

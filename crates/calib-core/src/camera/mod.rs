@@ -35,16 +35,17 @@ pub use chart::Chart;
 pub use covariance::Covariance;
 pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MODELS, ModelRow};
 pub use floor_covariance::FloorCovariance;
+pub(crate) use lens::ByParameters;
 pub use lens::Lens;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
-pub use space::{FloorPoint, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
-pub(crate) use distortion::{BrownInverse, ByCoefficient, ByCoefficients, LANES, Matrix2, times};
-pub(crate) use elementary::sin_cos;
+pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, times};
+pub(crate) use elementary::{angle_from_axis, hypot, sin_cos};
 pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;

@@ -71,6 +71,13 @@ pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
 }
 
 impl Camera {
+    /// Whether the focal is that of its wide lens, too: a fisheye of one focal, as other programs have it. Then both
+    /// change together, and the focal scales the image.
+    #[must_use]
+    pub fn focal_is_of_lens(&self) -> bool {
+        self.lens.distortion.is_wide() && self.lens.focal == self.focal
+    }
+
     /// Rows right, down, forward of this camera in world axes.
     #[must_use]
     pub fn rotation(&self) -> [[f64; 3]; 3] {
@@ -197,7 +204,12 @@ impl Camera {
             Covariance::YAW => camera.yaw += by,
             Covariance::PITCH => camera.pitch += by,
             Covariance::ROLL => camera.roll += by,
-            Covariance::FOCAL => camera.focal += by,
+            Covariance::FOCAL => {
+                camera.focal += by;
+                if self.focal_is_of_lens() {
+                    camera.lens.focal = camera.focal;
+                }
+            }
             coefficient => camera.lens = camera.lens.nudged(coefficient - Covariance::LENS, by),
         }
         camera
@@ -240,7 +252,8 @@ pub(crate) mod tests {
             |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), bent)| {
                 let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
                 let distortion = if bent { brown } else { Distortion::None };
-                let lens = Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion };
+                let lens =
+                    Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion, image_circle: None };
                 let covariance = Covariance::EXACT;
                 Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens, covariance }
             },

@@ -4,7 +4,6 @@
 //! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
 use crate::camera::chart::Chart;
-use crate::camera::distortion::Distortion;
 use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
 use crate::camera::pinhole::{Camera, dot};
@@ -39,8 +38,8 @@ pub(crate) struct ObservedPixel {
     pub(crate) at: [f64; 2],
     /// `d undistorted / d raw`, rows u and v.
     pub(crate) jacobian: [[f64; 2]; 2],
-    /// `d undistorted / d coefficients`.
-    pub(crate) d_lens: [[f64; Distortion::MOST]; 2],
+    /// `d undistorted / d parameters` of the lens.
+    pub(crate) d_lens: [[f64; Lens::PARAMETERS]; 2],
 }
 
 /// A homogeneous image line with derivatives by the camera and by the offset and angle of the floor line.
@@ -54,14 +53,25 @@ pub(crate) struct ReprojectedLine {
 }
 
 impl ObservedPixel {
-    /// `None` outside the lens. The derivatives by coefficients are those of the flagged ones.
-    pub(crate) fn new(pixel: Pixel, lens: &Lens, fitted: [bool; Distortion::MOST]) -> Option<Self> {
-        let chart = Chart::toward(lens, &[pixel]);
+    /// `None` outside the lens.
+    pub(crate) fn new(pixel: Pixel, lens: &Lens) -> Option<Self> {
+        Self::in_chart_of(lens, pixel, lens, [false; Lens::PARAMETERS])
+    }
+
+    /// In the chart that it has of a lens from which `lens` is estimated, with the derivatives by the flagged
+    /// parameters; `None` outside the lens.
+    pub(crate) fn in_chart_of(
+        start: &Lens,
+        pixel: Pixel,
+        lens: &Lens,
+        fitted: [bool; Lens::PARAMETERS],
+    ) -> Option<Self> {
+        let chart = Chart::toward(start, &[pixel]);
         let found = lens.in_chart(pixel, chart.as_ref())?;
-        let mut d_lens = [[0.0; Distortion::MOST]; 2];
+        let mut d_lens = [[0.0; Lens::PARAMETERS]; 2];
         if fitted.contains(&true) {
-            let by = lens.in_chart_by_coefficients(pixel, &found, chart.as_ref());
-            for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
+            let by = lens.in_chart_by_parameters(pixel, &found, chart.as_ref());
+            for k in (0..Lens::PARAMETERS).filter(|&k| fitted[k]) {
                 [d_lens[0][k], d_lens[1][k]] = by[k].at;
             }
         }
@@ -202,7 +212,7 @@ impl PosedCamera {
 pub(crate) struct LineDistance {
     pub(crate) pixels: f64,
     pub(crate) d_camera: [f64; POSE_PARAMS],
-    pub(crate) d_lens: [f64; Distortion::MOST],
+    pub(crate) d_lens: [f64; Lens::PARAMETERS],
     /// By offset and angle of the line.
     pub(crate) d_line: [f64; 2],
     /// By height and slope of the plane that it lies on.
@@ -306,7 +316,7 @@ mod tests {
             u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
             let plane = Plane { height, slope, anchor: FloorPoint { x: 2.0, y: 1.0 } };
-            let Some(observed) = ObservedPixel::new(Pixel { u, v }, &camera.lens, [false; 5]) else { return Ok(()) };
+            let Some(observed) = ObservedPixel::new(Pixel { u, v }, &camera.lens) else { return Ok(()) };
             let LineDistance { pixels: distance, d_camera, d_line, d_plane, .. } = PosedCamera::new(camera).reproject_line(&plane, origin, offset, angle).distance(&observed);
             let check = |a: f64, b: f64, analytic: f64, what: usize| {
                 let numeric = (a - b) / (2.0 * STEP);
@@ -343,7 +353,7 @@ mod tests {
             let Some(pixel) = camera.world_to_pixel(point) else { return Ok(()) };
             // Lines are drawn on the image; far beside it a lens magnifies the rounding of its inverse.
             prop_assume!((0.0..1920.0).contains(&pixel.u) && (0.0..1080.0).contains(&pixel.v));
-            let Some(observed) = ObservedPixel::new(pixel, &camera.lens, [false; 5]) else { return Ok(()) };
+            let Some(observed) = ObservedPixel::new(pixel, &camera.lens) else { return Ok(()) };
             let LineDistance { pixels: distance, .. } = PosedCamera::new(camera).reproject_line(&Plane::FLOOR, origin, 0.0, angle).distance(&observed);
             prop_assert!(distance.abs() < 1e-6, "{distance}");
         }

@@ -103,6 +103,18 @@ point!(
     } = [f64; 2], "[f64; 2]"
 );
 
+point!(
+    /// The disc of an image in which a fisheye shows the scene; black is around it.
+    ImageCircle {
+        /// Its middle, to the right, in pixels.
+        u,
+        /// Its middle, downwards, in pixels.
+        v,
+        /// Its radius, in pixels.
+        radius
+    } = [f64; 3], "[f64; 3]"
+);
+
 macro_rules! from_array {
     ($($name:ident($($coordinate:ident),+) = $array:ty;)+) => {$(
         impl From<$array> for $name {
@@ -124,6 +136,21 @@ from_array! {
     FloorPoint(x, y) = [f64; 2];
     WorldPoint(x, y, z) = [f64; 3];
     PlanPixel(x, y) = [f64; 2];
+    ImageCircle(u, v, radius) = [f64; 3];
+}
+
+impl ImageCircle {
+    /// Its middle.
+    #[must_use]
+    pub const fn centre(self) -> Pixel {
+        Pixel { u: self.u, v: self.v }
+    }
+
+    /// Whether a pixel is within it.
+    #[must_use]
+    pub fn holds(self, pixel: Pixel) -> bool {
+        pixel.distance(self.centre()) <= self.radius
+    }
 }
 
 impl FloorPoint {

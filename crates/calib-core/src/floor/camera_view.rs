@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, Lens, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::floor::detection_box::BoxForm;
 use crate::floor::extent::Extent;
 use crate::floor::point_projector::PointProjector;
@@ -109,7 +109,13 @@ impl CameraView {
         let shown = self.stream.crop.map_or(self.size, |[_, _, width, height]| [width, height]);
         let size = self.stream.size.map_or(shown, |size| size.map(f64::from));
         let focal = 0.5 * (right + down) * lens.focal;
-        (!is_stretched).then_some((Lens { principal_point, focal, ..lens }, size))
+        let circle = |ImageCircle { u, v, radius }| ImageCircle {
+            u: map.in_stream(0, u),
+            v: map.in_stream(1, v),
+            radius: 0.5 * (right + down) * radius,
+        };
+        let image_circle = lens.image_circle.map(circle);
+        (!is_stretched).then_some((Lens { principal_point, focal, image_circle, ..lens }, size))
     }
 
     /// The camera as the images of the stream show it, its pixels counted as the stream's are, its covariance that of

@@ -187,17 +187,17 @@ mod tests {
     proptest! {
         #[test]
         fn covariances_in_step_are_those_of_pixels_by_themselves(
-            camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 144), is_known: bool,
+            camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 196), is_known: bool,
             at in proptest::collection::vec((0.0..1920.0_f64, -100.0..1080.0_f64), 1..30),
             height in -1.0..1.5_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
             /// How sure the unknowns are: metres, radians, pixels, coefficients.
             const SIGMAS: [f64; Covariance::SIZE] =
-                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4];
+                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 0.0, 0.0];
             let mut camera = camera;
             for i in 0..Covariance::SIZE {
                 for j in 0..Covariance::SIZE {
-                    let sum: f64 = (0..12).map(|k| factors[12 * i + k] * factors[12 * j + k]).sum();
+                    let sum: f64 = (0..14).map(|k| factors[14 * i + k] * factors[14 * j + k]).sum();
                     camera.covariance.0[i][j] = if is_known { sum * SIGMAS[i] * SIGMAS[j] } else { 0.0 };
                 }
             }

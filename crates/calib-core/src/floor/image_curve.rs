@@ -1,7 +1,7 @@
-//! What a camera shows of straight lines of space: the way of a 3-D polyline and of the horizon across its image, bent as
-//! its lens bends them.
+//! What a camera shows of straight lines of space: the way of a 3-D polyline, of the horizon and of a line that was drawn
+//! by its ends across its image, bent as its lens bends them.
 
-use crate::camera::{Camera, Pixel, WorldPoint};
+use crate::camera::{Camera, Lens, Pixel, WorldPoint};
 use crate::floor::scene::Polyline;
 
 /// The way of a 3-D polyline across an image: in pieces where parts of it cannot be seen.
@@ -48,25 +48,90 @@ pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     }
 }
 
-/// Appends the image in a wide lens of a straight piece in camera axes: of the arc of rays from end to end.
-fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+/// The arc of a great circle between two rays, of any length and in any axes that keep planes planes.
+#[derive(Clone, Copy, Debug)]
+struct Arc {
+    ends: [[f64; 3]; 2],
+    /// Between the ends, in radians.
+    angle: f64,
+}
+
+impl Arc {
     /// Radians between points: of a fisheye of 180 degrees in 2000 pixels, 0.2 px off the chord.
     const STEP: f64 = 0.03;
-    let unit = |p: [f64; 3]| {
-        let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
-        p.map(|c| c / length.max(f64::MIN_POSITIVE))
-    };
-    let [a, b] = ends.map(unit);
-    let cosine = (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0);
-    let angle = cosine.acos();
-    // What passes through the eye has no image; what is short is its ends.
-    let steps = (angle / STEP).ceil().max(1.0);
-    for step in 0..=steps as usize {
-        let t = step as f64 / steps;
+
+    fn between(ends: [[f64; 3]; 2]) -> Self {
+        let unit = |p: [f64; 3]| {
+            let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+            p.map(|c| c / length.max(f64::MIN_POSITIVE))
+        };
+        let [a, b] = ends.map(unit);
+        let cosine = (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).clamp(-1.0, 1.0);
+        Self { ends: [a, b], angle: cosine.acos() }
+    }
+
+    /// That between the rays of two pixels, in normalised axes; `None` where the lens shows nothing.
+    fn of_pixels(lens: &Lens, [a, b]: [Pixel; 2]) -> Option<Self> {
+        let ray = |pixel| lens.bearing(pixel).map(|[x, y, w]| [x / lens.focal, y / lens.focal, w]);
+        Some(Self::between([ray(a)?, ray(b)?]))
+    }
+
+    /// What passes through the eye has no image; what is short is its ends.
+    fn steps(&self) -> usize {
+        (self.angle / Self::STEP).ceil().max(1.0) as usize
+    }
+
+    /// From one end (t = 0) to the other (t = 1), and on along the circle.
+    fn at(&self, t: f64) -> [f64; 3] {
+        let ([a, b], angle) = (self.ends, self.angle);
         let [of_a, of_b] =
             if angle > 1e-6 { [((1.0 - t) * angle).sin(), (t * angle).sin()] } else { [1.0 - t, t] };
-        let ray: [f64; 3] = std::array::from_fn(|i| of_a * a[i] + of_b * b[i]);
-        match camera.lens.shown(camera.bearing(ray)) {
+        std::array::from_fn(|i| of_a * a[i] + of_b * b[i])
+    }
+
+    fn shown_at(&self, lens: &Lens, t: f64) -> Option<Pixel> {
+        let [x, y, w] = self.at(t);
+        lens.shown([lens.focal * x, lens.focal * y, w])
+    }
+}
+
+/// The way across the image of a line that was drawn by its points: between two of them that of the straight line of space
+/// through both, bent as a fisheye bends it. Under other lenses, and where the lens shows nothing, from point to point.
+#[must_use]
+pub fn drawn_line(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
+    if !lens.distortion.is_wide() {
+        return points.to_vec();
+    }
+    let mut line: Vec<Pixel> = points.first().copied().into_iter().collect();
+    for pair in points.windows(2) {
+        if let Some(arc) = Arc::of_pixels(lens, [pair[0], pair[1]]) {
+            let steps = arc.steps();
+            line.extend((1..steps).filter_map(|step| arc.shown_at(lens, step as f64 / steps as f64)));
+        }
+        line.push(pair[1]);
+    }
+    line
+}
+
+/// How the straight line of space through two pixels goes on beyond the second of them, to where the lens shows nothing;
+/// empty under a lens that is no fisheye.
+#[must_use]
+pub fn line_beyond(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
+    let arc = Some(lens).filter(|lens| lens.distortion.is_wide());
+    let arc = arc.and_then(|lens| Arc::of_pixels(lens, ends)).filter(|arc| arc.angle > 1e-6);
+    let Some(arc) = arc else { return Vec::new() };
+    // Once round, and not back to where it was drawn.
+    let steps = ((std::f64::consts::TAU - arc.angle) / Arc::STEP) as usize;
+    let beyond = |step: usize| arc.shown_at(lens, 1.0 + step as f64 * Arc::STEP / arc.angle);
+    (0..steps).map_while(beyond).collect()
+}
+
+/// Appends the image in a wide lens of a straight piece in camera axes: of the arc of rays from end to end.
+fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    let arc = Arc::between(ends);
+    let steps = arc.steps();
+    for step in 0..=steps {
+        match camera.lens.shown(camera.bearing(arc.at(step as f64 / steps as f64))) {
             Some(pixel) => {
                 if let Some(piece) = pieces.last_mut()
                     && piece.last() != Some(&pixel)
@@ -135,10 +200,52 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::any_camera;
+    use crate::camera::{Distortion, any_camera, dot};
     use proptest::prelude::*;
 
+    /// A fisheye that shows more than the half of all directions.
+    fn ceiling() -> Lens {
+        let distortion = Distortion::KannalaBrandt { k: [0.01, -0.002, 0.0, 0.0] };
+        Lens { principal_point: Pixel::new(960.0, 950.0), focal: 580.0, distortion, image_circle: None }
+    }
+
     proptest! {
+        #[test]
+        fn a_line_through_two_pixels_of_a_fisheye_lies_in_one_plane_with_its_eye(
+            a in [100.0..1800.0_f64, 100.0..1800.0_f64], b in [100.0..1800.0_f64, 100.0..1800.0_f64],
+        ) {
+            let (lens, ends) = (ceiling(), [Pixel::from(a), Pixel::from(b)]);
+            prop_assume!(ends[0].distance(ends[1]) > 20.0);
+            let ray = |pixel: Pixel| {
+                let [x, y, w] = lens.bearing(pixel).unwrap();
+                [x / lens.focal, y / lens.focal, w]
+            };
+            let [p, q] = ends.map(ray);
+            let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+            let length = dot(&normal, &normal).sqrt();
+            prop_assume!(length > 1e-3);
+            let line = drawn_line(&lens, &ends);
+            prop_assert_eq!((line.first(), line.last()), (ends.first(), ends.last()));
+            let beyond = [line_beyond(&lens, ends), line_beyond(&lens, [ends[1], ends[0]])];
+            prop_assert!(beyond.iter().all(|side| side.len() > 1));
+            for &pixel in line.iter().chain(beyond.iter().flatten()) {
+                prop_assert!(dot(&normal, &ray(pixel)).abs() / length < 1e-9, "{pixel:?}");
+            }
+            // As fine as an eye: ahead of it a lens stretches a step by pi/2, and a little by its coefficients.
+            let ahead = line.windows(2).filter(|pair| pair.iter().all(|&pixel| ray(pixel)[2] > 0.0));
+            let longest = ahead.map(|pair| pair[0].distance(pair[1])).fold(0.0, f64::max);
+            prop_assert!(longest < 2.0 * lens.focal * Arc::STEP, "{longest}");
+        }
+
+        #[test]
+        fn a_line_drawn_under_a_lens_that_is_no_fisheye_is_its_points(
+            camera in any_camera(), points in prop::collection::vec([0.0..1920.0_f64, 0.0..1080.0_f64], 0..5),
+        ) {
+            prop_assume!(!camera.lens.distortion.is_wide());
+            let points: Vec<Pixel> = points.into_iter().map(Pixel::from).collect();
+            prop_assert_eq!(drawn_line(&camera.lens, &points), points);
+        }
+
         #[test]
         fn a_line_that_passes_behind_the_camera_is_drawn_only_in_front(
             camera in any_camera(), far in -40.0..40.0_f64, side in -40.0..40.0_f64,
@@ -157,8 +264,8 @@ mod tests {
                         let u = [a.x - foot.x, a.y - foot.y, a.z - foot.z];
                         let v = [b.x - foot.x, b.y - foot.y, b.z - foot.z];
                         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-                        let norm = crate::camera::dot(&n, &n).sqrt().max(1e-12);
-                        prop_assert!(crate::camera::dot(&n, &ray.direction).abs() / norm < 1e-6);
+                        let norm = dot(&n, &n).sqrt().max(1e-12);
+                        prop_assert!(dot(&n, &ray.direction).abs() / norm < 1e-6);
                     }
                 }
             }

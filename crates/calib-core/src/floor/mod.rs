@@ -9,7 +9,8 @@
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
-//! - `remap` undistorted images; `straight_view` those of a stream.
+//! - `remap` undistorted images; `straight_view` those of a stream; `window` **flat and round windows that look anywhere
+//!   within a lens**.
 
 mod placement;
 mod resection;
@@ -30,13 +31,14 @@ mod detection_box;
 mod camera_view;
 mod remap;
 mod straight_view;
+mod window;
 
 pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::Extent;
 pub use floor_line::FloorLine;
-pub use image_curve::{horizon, in_front, on_image};
+pub use image_curve::{drawn_line, horizon, in_front, line_beyond, on_image};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
@@ -50,3 +52,4 @@ pub use straight_view::{NoStraightView, StraightView};
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface_projector::SurfaceProjector;
 pub use surfaces::{Surface, SurfacePoint, SurfaceSigmas};
+pub use window::{Look, Mount, Window, lens_reach, view_angle};

@@ -38,10 +38,13 @@ pub struct Undistortion {
     most: f64,
 }
 
-/// The map of an [`Undistortion`], kept for many images of one camera.
+/// A map from a new image to the raw one, as that of an [`Undistortion`], kept for many images of one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
+    /// Of the raw image.
     width: usize,
+    /// How many the raw image has.
+    pixels: usize,
     rows: MapRows,
 }
 
@@ -70,8 +73,10 @@ enum Channels {
 
 impl Channels {
     /// Those of an image of so many pixels, and of what it becomes.
-    fn of(raw: &[u8], out: &[u8], pixels: usize) -> Option<Self> {
-        let is = |channels: &Self| raw.len() == pixels * *channels as usize && out.len() == raw.len();
+    fn of(raw: &[u8], out: &[u8], [before, after]: [usize; 2]) -> Option<Self> {
+        let is = |channels: &Self| {
+            raw.len() == before * *channels as usize && out.len() == after * *channels as usize
+        };
         [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(is)
     }
 
@@ -127,7 +132,7 @@ impl Undistortion {
     /// As [`Self::apply`], into a buffer of the same size; `false` when a slice has another one.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        let Some(channels) = Channels::of(raw, out, self.width * self.height) else { return false };
+        let Some(channels) = Channels::of(raw, out, [self.width * self.height; 2]) else { return false };
         // One row of the map at a time stays in the fast cache.
         let mut row = MapRows::new(self.width);
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
@@ -147,7 +152,7 @@ impl Undistortion {
         for (y, (index, fraction)) in index.zip(rows.fraction.chunks_exact_mut(self.width)).enumerate() {
             self.map_row(y, [&mut u, &mut v], index, fraction);
         }
-        Remap { width: self.width, rows }
+        Remap { width: self.width, pixels: self.width * self.height, rows }
     }
 
     fn map_row(&self, y: usize, [u, v]: [&mut [f32]; 2], index: &mut [u32], fraction: &mut [u16]) {
@@ -180,10 +185,39 @@ impl Undistortion {
 }
 
 impl Remap {
-    /// As [`Undistortion::apply_into`].
+    /// The map of a new image of so many pixels (width, height), each of which shows what the raw image has at `raw_of` it.
+    pub(crate) fn new(
+        raw: [usize; 2],
+        size: [usize; 2],
+        raw_of: impl Fn(Pixel) -> Option<Pixel>,
+    ) -> Option<Self> {
+        let is_small = |[w, h]: [usize; 2]| {
+            w.checked_mul(h)
+                .and_then(|pixels| pixels.checked_mul(3))
+                .is_some_and(|bytes| bytes < BLANK as usize)
+        };
+        if raw[0] < 2 || raw[1] < 2 || size[0] == 0 || !is_small(raw) || !is_small(size) {
+            return None;
+        }
+        let mut rows = MapRows::new(size[0] * size[1]);
+        let (mut u, mut v) = (vec![0.0; size[0]], vec![0.0; size[0]]);
+        let index = rows.index.chunks_exact_mut(size[0]);
+        for (y, (index, fraction)) in index.zip(rows.fraction.chunks_exact_mut(size[0])).enumerate() {
+            for (x, (u, v)) in u.iter_mut().zip(&mut v).enumerate() {
+                let at = raw_of(Pixel::new(x as f64 + 0.5, y as f64 + 0.5));
+                (*u, *v) = at.map_or((f32::NAN, f32::NAN), |at| (at.u as f32, at.v as f32));
+            }
+            pack(raw[0], raw[1], &u, &v, index, fraction);
+        }
+        Some(Self { width: raw[0], pixels: raw[0] * raw[1], rows })
+    }
+
+    /// As [`Undistortion::apply_into`]; the new image has the size that the map was made for.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        let Some(channels) = Channels::of(raw, out, self.rows.index.len()) else { return false };
+        let Some(channels) = Channels::of(raw, out, [self.pixels, self.rows.index.len()]) else {
+            return false;
+        };
         channels.apply(raw, self.width, &self.rows, out);
         true
     }
@@ -348,6 +382,7 @@ mod tests {
             principal_point: Pixel::new(160.0, 90.0),
             focal: 220.0,
             distortion: Distortion::BrownConrady(brown),
+            image_circle: None,
         }
     }
 

@@ -12,8 +12,8 @@
 use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
 
 use crate::camera::{
-    Camera, Covariance, Distortion, ObservedPixel, Pixel, PosedCamera, Reprojection, UndistortedPixel,
-    WorldPoint, camera_from_world, times,
+    Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint,
+    camera_from_world, times,
 };
 use crate::optimize::{LeastSquares, least_squares};
 
@@ -210,14 +210,19 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
 fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let camera = &pose.camera;
     let shown = camera.world_to_pixel(world)?;
-    let observed = ObservedPixel::new(shown, &camera.lens, [true; Distortion::MOST])?;
+    let observed = ObservedPixel::in_chart_of(&camera.lens, shown, &camera.lens, [true; Lens::PARAMETERS])?;
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
         let moved = observed.d_lens.map(|row| row.get(coefficient).copied());
         return Some(observed.raw([-moved[0]?, -moved[1]?]));
     }
     let Reprojection { d_camera, .. } = pose.reproject(world, observed.chart.as_ref())?;
-    let scale = if index == Covariance::FOCAL { camera.focal.recip() } else { 1.0 };
-    Some(observed.raw(d_camera.map(|row| scale * row[index])))
+    let mut by = d_camera.map(|row| row[index]);
+    if index == Covariance::FOCAL {
+        let with_lens = if camera.focal_is_of_lens() { 1.0 } else { 0.0 };
+        let [u, v] = observed.d_lens.map(|row| with_lens * row[Lens::OWN_FOCAL]);
+        by = [by[0] - u, by[1] - v].map(|by| by / camera.focal);
+    }
+    Some(observed.raw(by))
 }
 
 /// The least-squares problem of the distances in undistorted pixels, of a wide lens in raw ones, in x, y, z and yaw.
@@ -266,7 +271,7 @@ impl Resection<'_> {
 
     /// As [`Self::error`], of a wide lens: in raw pixels.
     fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
-        let observed = ObservedPixel::new(point.pixel, &camera.lens, [false; Distortion::MOST])?;
+        let observed = ObservedPixel::new(point.pixel, &camera.lens)?;
         let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;
         let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
         let mut by = [Vector4::zeros(); 2];
@@ -344,7 +349,7 @@ mod tests {
             pitch: 0.5,
             roll: 0.03,
             focal: 1300.0,
-            lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)),
+            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
             covariance: Covariance::EXACT,
         };
         let world: Vec<WorldPoint> = [

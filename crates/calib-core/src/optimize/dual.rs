@@ -13,11 +13,11 @@ pub(crate) type Gradient = [f64; PARAMETERS];
 /// Number of parameters of stage 1 that a formula may depend on, its own nuisance parameters apart.
 const PARAMETERS: usize = 6;
 
-/// A value with its derivatives by the coefficients of a lens.
+/// A value with its derivatives by the parameters of a lens.
 pub(crate) type ByLens = Dual<LENS>;
 
-/// Most coefficients of a lens.
-pub(crate) const LENS: usize = 5;
+/// Number of parameters of a lens.
+pub(crate) const LENS: usize = 7;
 
 /// What a formula is evaluated in: values alone, or values with their derivatives. Searches ask for
 /// the values of many states, and for the derivatives of few.
@@ -41,6 +41,10 @@ pub(crate) trait Number:
     /// The derivatives by the parameters; zeros of a number without them.
     fn gradient(self) -> Gradient {
         [0.0; PARAMETERS]
+    }
+    /// This number with other derivatives by the parameters, where it carries them.
+    fn with_gradient(self, gradient: Gradient) -> Self {
+        if Self::HAS_GRADIENT { Self::new(self.value(), gradient) } else { self }
     }
     /// A function of this number, with its value and derivative here.
     fn chain(self, value: f64, derivative: f64) -> Self;

@@ -6,44 +6,37 @@
 //! pairs is the number ([`floor_length_rel`]). After stage 2 the covariance is that of the placed camera,
 //! height and lens included ([`placed_floor_length_rel`]).
 
-use crate::camera::{Camera, FloorPoint, Pixel, UndistortedPixel};
-use crate::camera::{Covariance, Distortion};
+use crate::camera::{Camera, Covariance, FloorPoint, Lens, Pixel};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
 /// Points per side of the grid.
 const SIDE: usize = 5;
 
-/// The grid in the EFOV between whose points lengths are predicted, in undistorted pixels relative to the
-/// principal point: bilinear between four corners.
+/// The grid in the EFOV between whose points lengths are predicted, as bearings (undistorted pixels relative to the
+/// principal point, homogeneous): bilinear between four corners.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Grid(Vec<[f64; 2]>);
+pub(crate) struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
     /// Between the corners of the drawn polygon; of more than four, those farthest along the diagonals.
     pub(crate) fn of_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
         let [a, b, c, d] = four(corners);
-        let Pixel { u: cu, v: cv } = camera.lens.principal_point;
         let points = (0..SIDE * SIDE).filter_map(|k| {
             let (s, t) = ((k % SIDE) as f64 / (SIDE - 1) as f64, (k / SIDE) as f64 / (SIDE - 1) as f64);
             let mix = |value: fn(&Pixel) -> f64| {
                 (1.0 - t) * ((1.0 - s) * value(&a) + s * value(&b))
                     + t * ((1.0 - s) * value(&d) + s * value(&c))
             };
-            let straight = camera.undistort(Pixel { u: mix(|p| p.u), v: mix(|p| p.v) })?;
-            Some([straight.u - cu, straight.v - cv])
+            camera.lens.bearing(Pixel { u: mix(|p| p.u), v: mix(|p| p.v) })
         });
         Self(points.collect())
     }
 
     /// Between the corners of a floor polygon, that of the default EFOV, as the camera shows them.
     pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
-        let reprojected = |p: &FloorPoint| camera.world_to_undistorted(p.at_height(0.0));
-        let pixels: Vec<Pixel> = polygon
-            .iter()
-            .filter_map(reprojected)
-            .filter_map(|UndistortedPixel { u, v }| camera.distort(UndistortedPixel { u, v }))
-            .collect();
+        let pixels: Vec<Pixel> =
+            polygon.iter().filter_map(|p| camera.world_to_pixel(p.at_height(0.0))).collect();
         if pixels.len() < 3 { Self(Vec::new()) } else { Self::of_polygon(camera, &pixels) }
     }
 }
@@ -72,8 +65,8 @@ pub(crate) fn floor_length_rel(
     covariance: &Matrix4<f64>,
     height_known: bool,
 ) -> Option<f64> {
-    let points = grid.0.iter().filter_map(|&pixel| {
-        let FloorJacobian { at, by: [roll, pitch, focal], .. } = FloorJacobian::new(parameters, pixel)?;
+    let points = grid.0.iter().filter_map(|&bearing| {
+        let FloorJacobian { at, by: [roll, pitch, focal], .. } = FloorJacobian::new(parameters, bearing)?;
         Some((at, [roll, pitch, focal, [0.0; 2]]))
     });
     let points: Vec<([f64; 2], [[f64; 2]; 4])> = points.collect();
@@ -136,23 +129,27 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
     if !camera.covariance.is_known() {
         return None;
     }
-    const N: usize = 4 + Distortion::MOST;
+    const N: usize = 4 + Lens::PARAMETERS;
     let parameters =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
-    let fitted: [bool; Distortion::MOST] =
+    let fitted: [bool; Lens::PARAMETERS] =
         std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
-    let point = |&[x, y]: &[f64; 2]| {
-        let floor = FloorJacobian::new(&parameters, [x, y])?;
+    let has_one_focal = camera.focal_is_of_lens();
+    let point = |&bearing: &[f64; 3]| {
+        let floor = FloorJacobian::new(&parameters, bearing)?;
         let mut jacobian = [[0.0; 2]; N];
         jacobian[..3].copy_from_slice(&floor.by);
-        if fitted.contains(&true) {
-            let Pixel { u: cu, v: cv } = camera.lens.principal_point;
-            let straight = UndistortedPixel { u: cu + x, v: cv + y };
-            let by_lens = camera.lens.undistort_by_coefficients(camera.distort(straight)?, straight);
-            let [by_x, by_y] = floor.by_pixel;
-            for k in (0..Distortion::MOST).filter(|&k| fitted[k]) {
-                let [du, dv] = by_lens[k].at;
-                jacobian[4 + k] = [0, 1].map(|axis| du * by_x[axis] + dv * by_y[axis]);
+        if fitted.contains(&true) || has_one_focal {
+            let by_lens = camera.lens.bearing_by_parameters(camera.lens.shown(bearing)?, bearing);
+            let [by_x, by_y, by_w] = floor.by_bearing;
+            let moved = |k: usize| {
+                let [dx, dy, dw] = by_lens[k].at;
+                [0, 1].map(|axis| dx * by_x[axis] + dy * by_y[axis] + dw * by_w[axis])
+            };
+            (0..Lens::PARAMETERS).filter(|&k| fitted[k]).for_each(|k| jacobian[4 + k] = moved(k));
+            if has_one_focal {
+                let [x, y] = moved(Lens::OWN_FOCAL);
+                jacobian[2] = [jacobian[2][0] + x, jacobian[2][1] + y];
             }
         }
         Some((floor.at, jacobian))
@@ -179,17 +176,18 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
 struct FloorJacobian {
     at: [f64; 2],
     by: [[f64; 2]; 3],
-    /// By x and y of the undistorted pixel.
-    by_pixel: [[f64; 2]; 2],
+    /// By the bearing.
+    by_bearing: [[f64; 2]; 3],
 }
 
 impl FloorJacobian {
-    /// With the unrolled pixel (u, v): `D = v cos p + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
-    fn new(parameters: &Parameters, [x, y]: [f64; 2]) -> Option<Self> {
+    /// With the unrolled bearing (u, v, w): `D = v cos p + f w sin p`, `X = u / D`, `Y = (f w cos p - v sin p) / D`.
+    fn new(parameters: &Parameters, [x, y, w]: [f64; 3]) -> Option<Self> {
         let ((sr, cr), (sp, cp), f) =
             (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
+        let forward = f * w;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
-        let (depth, ahead) = (cp * v + sp * f, cp * f - sp * v);
+        let (depth, ahead) = (cp * v + sp * forward, cp * forward - sp * v);
         if depth <= 1e-6 * f {
             return None;
         }
@@ -198,10 +196,18 @@ impl FloorJacobian {
         let quotient = |du: f64, d_ahead: f64, d_depth: f64| {
             [(du - at[0] * d_depth) / depth, (d_ahead - at[1] * d_depth) / depth]
         };
-        let by = [quotient(-v, -sp * u, cp * u), quotient(0.0, -depth, ahead), quotient(0.0, cp * f, sp * f)];
-        // The unrolled pixel turns with the pixel: du = cos r, dv = sin r by x, and -sin r, cos r by y.
-        let by_pixel = [quotient(cr, -sp * sr, cp * sr), quotient(-sr, -sp * cr, cp * cr)];
-        Some(Self { at, by, by_pixel })
+        let by = [
+            quotient(-v, -sp * u, cp * u),
+            quotient(0.0, -depth, ahead),
+            quotient(0.0, cp * forward, sp * forward),
+        ];
+        // The unrolled bearing turns with the bearing: du = cos r, dv = sin r by x, and -sin r, cos r by y.
+        let by_bearing = [
+            quotient(cr, -sp * sr, cp * sr),
+            quotient(-sr, -sp * cr, cp * cr),
+            quotient(0.0, cp * f, sp * f),
+        ];
+        Some(Self { at, by, by_bearing })
     }
 }
 
@@ -216,13 +222,13 @@ mod tests {
         fn the_floor_jacobian_is_that_of_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
             const STEP: f64 = 1e-6;
             let parameters = [camera.roll, camera.pitch, camera.focal.ln(), 0.0];
-            let Some(here) = FloorJacobian::new(&parameters, [x, y]) else { return Ok(()) };
+            let Some(here) = FloorJacobian::new(&parameters, [x, y, 1.0]) else { return Ok(()) };
             prop_assume!(here.at[1].abs() < 50.0);
             for k in 0..3 {
                 let at = |sign: f64| {
                     let mut nudged = parameters;
                     nudged[k] += sign * STEP;
-                    FloorJacobian::new(&nudged, [x, y]).map(|p| p.at)
+                    FloorJacobian::new(&nudged, [x, y, 1.0]).map(|p| p.at)
                 };
                 let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
                 for axis in 0..2 {
@@ -230,12 +236,12 @@ mod tests {
                     prop_assert!((numeric - here.by[k][axis]).abs() < 1e-3 * (1.0 + numeric.abs()), "{k} {axis}: {numeric} {:?}", here.by[k]);
                 }
             }
-            for (k, [dx, dy]) in [[1e-3, 0.0], [0.0, 1e-3]].into_iter().enumerate() {
-                let at = |sign: f64| FloorJacobian::new(&parameters, [x + sign * dx, y + sign * dy]).map(|p| p.at);
+            for (k, [dx, dy, dw]) in [[1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, 1e-6]].into_iter().enumerate() {
+                let at = |sign: f64| FloorJacobian::new(&parameters, [x + sign * dx, y + sign * dy, 1.0 + sign * dw]).map(|p| p.at);
                 let (Some(a), Some(b)) = (at(1.0), at(-1.0)) else { continue };
                 for axis in 0..2 {
-                    let numeric = (a[axis] - b[axis]) / 2e-3;
-                    prop_assert!((numeric - here.by_pixel[k][axis]).abs() < 1e-3 * (1e-3 + numeric.abs()), "{k} {axis}: {numeric} {:?}", here.by_pixel[k]);
+                    let numeric = (a[axis] - b[axis]) / (2.0 * (dx + dy + dw));
+                    prop_assert!((numeric - here.by_bearing[k][axis]).abs() < 1e-3 * (1e-3 + numeric.abs()), "{k} {axis}: {numeric} {:?}", here.by_bearing[k]);
                 }
             }
         }
@@ -243,7 +249,7 @@ mod tests {
         #[test]
         fn a_relative_error_of_the_height_alone_is_the_error_of_every_length(camera in any_camera()) {
             let parameters = [camera.roll, camera.pitch.max(0.4), camera.focal.ln(), 0.0];
-            let grid = Grid((0..25).map(|k| [f64::from(k % 5) * 300.0 - 600.0, f64::from(k / 5) * 90.0 + 20.0]).collect());
+            let grid = Grid((0..25).map(|k| [f64::from(k % 5) * 300.0 - 600.0, f64::from(k / 5) * 90.0 + 20.0, 1.0]).collect());
             let mut covariance = Matrix4::zeros();
             covariance[(3, 3)] = 0.02_f64.powi(2);
             if let Some(known) = floor_length_rel(&parameters, &grid, &covariance, true) {

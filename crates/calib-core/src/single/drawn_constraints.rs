@@ -29,26 +29,32 @@ impl Constraints {
         scene: SceneErrors,
         planes: &[PlanePrior],
     ) -> Self {
-        Builder::build(annotations, lens, scene, planes, |annotation| !annotation.off)
+        Self::in_charts_of(lens, annotations, lens, scene, planes)
     }
 
     /// The constraints of the annotations that are switched off: not fitted, but their residuals are
     /// reported.
     #[must_use]
     pub fn switched_off(annotations: &[Annotation], lens: &Lens, planes: &[PlanePrior]) -> Self {
-        Builder::build(annotations, lens, SceneErrors::EXACT, planes, |annotation| annotation.off)
+        Builder::build(annotations, [lens; 2], SceneErrors::EXACT, planes, |annotation| annotation.off)
     }
 }
 
-impl Constraints<ByLens> {
-    /// As [`Constraints::on_planes`], with the derivatives by the coefficients of the lens.
-    pub(crate) fn by_lens(
+#[expect(
+    private_bounds,
+    reason = "what is drawn becomes numbers of two kinds: values, and values with derivatives"
+)]
+impl<E: OfLens> Constraints<E> {
+    /// As [`Constraints::on_planes`], in the charts of a lens from which `lens` is estimated; of [`ByLens`] with the
+    /// derivatives by the parameters of the lens.
+    pub(crate) fn in_charts_of(
+        start: &Lens,
         annotations: &[Annotation],
         lens: &Lens,
         scene: SceneErrors,
         planes: &[PlanePrior],
     ) -> Self {
-        Builder::build(annotations, lens, scene, planes, |annotation| !annotation.off)
+        Builder::build(annotations, [lens, start], scene, planes, |annotation| !annotation.off)
     }
 }
 
@@ -56,6 +62,8 @@ impl Constraints<ByLens> {
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
     lens: &'a Lens,
+    /// The lens whose charts are used.
+    charts: &'a Lens,
     planes: &'a [PlanePrior],
     constraints: Constraints<E>,
     /// Floor directions that are known so far: group, and whether at right angles to it.
@@ -65,7 +73,7 @@ struct Builder<'a, E> {
 impl<'a, E: OfLens> Builder<'a, E> {
     fn build(
         annotations: &'a [Annotation],
-        lens: &'a Lens,
+        [lens, charts]: [&'a Lens; 2],
         scene: SceneErrors,
         planes: &'a [PlanePrior],
         is_used: impl Fn(&Annotation) -> bool,
@@ -73,7 +81,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let directions = vec![None; annotations.len()];
         let sigma_px = annotations.iter().map(|annotation| annotation.sigma_px).collect();
         let constraints = Constraints { scene, sigma_px, ..Constraints::default() };
-        let mut builder = Self { annotations, lens, planes, constraints, directions };
+        let mut builder = Self { annotations, lens, charts, planes, constraints, directions };
         for (index, annotation) in annotations.iter().enumerate() {
             if is_used(annotation) {
                 builder.add(index, annotation);
@@ -148,7 +156,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            let chart = Chart::toward(self.lens, points);
+            let chart = Chart::toward(self.charts, points);
             let ends = line_ends(points, self.lens, chart.as_ref());
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => {
@@ -168,7 +176,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let plane = self.plane(annotation);
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
-            let chart = Chart::toward(self.lens, points);
+            let chart = Chart::toward(self.charts, points);
             let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
             let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
@@ -187,7 +195,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
             return;
         };
         let plane = self.plane(annotation);
-        let chart = Chart::toward(self.lens, &[foot, head]);
+        let chart = Chart::toward(self.charts, &[foot, head]);
         let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
         match (end(foot), end(head)) {
             (Some(foot), Some(head)) => {
@@ -251,7 +259,7 @@ impl OfLens for f64 {
 impl OfLens for ByLens {
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>> {
         let found = lens.in_chart(pixel, chart)?;
-        let by = lens.in_chart_by_coefficients(pixel, &found, chart);
+        let by = lens.in_chart_by_parameters(pixel, &found, chart);
         let point = [0, 1].map(|axis| Self { value: found.at[axis], gradient: by.map(|by| by.at[axis]) });
         let jacobian = [0, 1].map(|row| {
             [0, 1].map(|column| Self {

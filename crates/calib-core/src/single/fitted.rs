@@ -32,6 +32,11 @@ impl Fitted {
         self.model.row().powers.is_none()
     }
 
+    /// Whether the lens shows rays from beside and behind the camera, too.
+    pub(crate) fn is_wide(&self) -> bool {
+        self.model.row().is_wide
+    }
+
     /// The distortion with these values of what is fitted.
     pub(super) fn distortion(&self, values: &[f64]) -> Distortion {
         let mut full = [0.0; Distortion::MOST];

@@ -3,13 +3,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::camera::{ByCoefficients, Chart, Lens, Pixel};
+use crate::camera::{ByParameters, Chart, ImageCircle, Lens, Pixel};
 use crate::optimize::{LeastSquares, least_squares};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
-use crate::single::lens_prior::{LensResidual, lens_prior};
-use crate::single::straightness::{Edge, straightness, straightness_with_jacobian};
+use crate::single::lens_prior::{LensResidual, lens_prior, slope_prior};
+use crate::single::straightness::{Edge, outermost, straightness_in_charts_of, straightness_with_jacobian};
 
 /// The fit of some coefficients to some polylines, as a least-squares problem.
 pub(super) struct LensProblem<'a> {
@@ -17,40 +17,68 @@ pub(super) struct LensProblem<'a> {
     /// How often each of them is drawn.
     pub(super) times: Vec<f64>,
     pub(super) fitted: Fitted,
+    /// What is open besides coefficients, by its index among the parameters of the lens; its values follow theirs: the
+    /// log of the focal in `unit`, and how far the principal point is from where it is believed.
+    pub(super) open: Vec<usize>,
+    /// Where it is, or is believed to be.
     pub(super) principal_point: Pixel,
-    /// Pixels by which coordinates are divided: the focal that the coefficients refer to.
+    /// Pixels by which coordinates are divided: the focal that the coefficients refer to, or where it starts.
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
     pub(super) size: [f64; 2],
+    /// Where the scene is in the image of a fisheye, if that is known.
+    pub(super) circle: Option<ImageCircle>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(super) sigma: f64,
 }
 
 impl LensProblem<'_> {
+    /// The lens that the estimate starts from.
+    fn start(&self) -> Lens {
+        self.lens(&[])
+    }
+
     pub(super) fn lens(&self, values: &[f64]) -> Lens {
-        Lens {
+        let mut lens = Lens {
             principal_point: self.principal_point,
             focal: self.unit,
             distortion: self.fitted.distortion(values),
+            image_circle: None,
+        };
+        for (&index, value) in self.open.iter().zip(values.iter().skip(self.fitted.len())) {
+            match index {
+                Lens::OWN_FOCAL => lens.focal *= value.exp(),
+                Lens::CENTRE => lens.principal_point.u += value,
+                _ => lens.principal_point.v += value,
+            }
         }
+        lens
+    }
+
+    /// What is fitted, by its index among the parameters of the lens, in the order of the values.
+    pub(super) fn indices(&self) -> Vec<usize> {
+        self.fitted.indices().into_iter().chain(self.open.iter().copied()).collect()
     }
 
     /// The cost of every edge by one of its polylines: the sum of its squared residuals.
     pub(super) fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
-        let lens = self.lens(values);
-        self.edges.iter().map(move |edge| edge_cost(&lens, edge))
+        let (lens, start) = (self.lens(values), self.start());
+        self.edges.iter().map(move |edge| edge_cost([&lens, &start], edge))
     }
 
     /// What is believed of the coefficients, in sigmas.
     fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
-        lens_prior(&self.lens(values), self.size, &self.fitted.indices()[..values.len()])
+        let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
+        let drawn = self.edges.iter().flat_map(|edge| &edge.points);
+        let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
+        lens_prior(&lens, (self.size, self.circle), fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
     /// refitted, so it is eliminated. `None` where the lens folds back on itself before a corner of the image.
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let lens = self.lens(values);
-        let indices = &self.fitted.indices()[..values.len()];
+        let (lens, start) = (self.lens(values), self.start());
+        let indices = &self.indices()[..values.len()];
         if !lens.shows_image(self.size) {
             return None;
         }
@@ -59,7 +87,8 @@ impl LensProblem<'_> {
             .iter()
             .zip(&self.times)
             .map(|(edge, times)| {
-                let (mut distances, mut columns) = straightness_with_jacobian(&lens, &edge.points, indices)?;
+                let (mut distances, mut columns) =
+                    straightness_with_jacobian([&lens, &start], &edge.points, indices)?;
                 let values = columns.iter_mut().flatten().chain(&mut distances);
                 values.for_each(|value| *value /= times.sqrt());
                 Some((distances, columns))
@@ -110,10 +139,11 @@ impl LensProblem<'_> {
         let corner = Pixel::from([w, h]);
         let used = self.edges.iter().copied().zip(self.times.iter().copied());
         let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
-        let some = LensProblem { edges, times, fitted: self.fitted.clone(), ..*self };
+        let (fitted, open) = (self.fitted.clone(), self.open.clone());
+        let some = LensProblem { edges, times, fitted, open, ..*self };
         let covariance = some.covariance(values)?;
-        let by = shown_by_coefficients(&self.lens(values), corner)?;
-        let jacobian: Vec<[f64; 2]> = self.fitted.indices().iter().map(|&k| by[k].at).collect();
+        let by = shown_by_parameters(&self.lens(values), corner)?;
+        let jacobian: Vec<[f64; 2]> = self.indices().iter().map(|&k| by[k].at).collect();
         let pairs = (0..values.len()).flat_map(|i| (0..values.len()).map(move |j| (i, j)));
         let along = |(i, j): (usize, usize)| {
             covariance[(i, j)] * (jacobian[i][0] * jacobian[j][0] + jacobian[i][1] * jacobian[j][1])
@@ -137,11 +167,12 @@ impl LensProblem<'_> {
         const MAX_CANDIDATES: usize = 3;
         /// Candidates whose coefficients are nearer than this are one.
         const NEAR: f64 = 1e-4;
-        let count = self.fitted.len();
+        let count = self.indices().len();
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
-        let starts = STARTS.iter().map(|start| padded(start));
+        let starts = if self.fitted.is_wide() { &FISHEYE_STARTS[..] } else { &STARTS[..] };
+        let starts = starts.iter().map(|start| padded(start));
         let mut candidates: Vec<(Vec<f64>, f64)> = starts
             .chain([padded(smaller)])
             .filter_map(|start| {
@@ -160,9 +191,9 @@ impl LensProblem<'_> {
     }
 }
 
-/// How the straight image of a place changes with the coefficients; of a wide lens in the chart about it. Outside the
+/// How the straight image of a place changes with the parameters of a lens; of a wide lens in the chart about it. Outside the
 /// lens, that of the last place toward the principal point.
-pub(super) fn shown_by_coefficients(lens: &Lens, place: Pixel) -> Option<ByCoefficients> {
+pub(super) fn shown_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
     const STEPS: usize = 40;
     let centre = lens.principal_point;
     let toward = |k: usize| {
@@ -173,7 +204,7 @@ pub(super) fn shown_by_coefficients(lens: &Lens, place: Pixel) -> Option<ByCoeff
     (0..tried).map(toward).find_map(|pixel| {
         let chart = Chart::toward(lens, &[pixel]);
         let point = lens.in_chart(pixel, chart.as_ref())?;
-        Some(lens.in_chart_by_coefficients(pixel, &point, chart.as_ref()))
+        Some(lens.in_chart_by_parameters(pixel, &point, chart.as_ref()))
     })
 }
 
@@ -224,8 +255,12 @@ impl Normal {
 const STARTS: [[f64; 2]; 7] =
     [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
+/// Those of a fisheye: the families equidistant, equisolid and stereographic.
+const FISHEYE_STARTS: [[f64; 2]; 3] = [[0.0, 0.0], [-0.042, 0.0005], [0.083, 0.008]];
+
 /// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be
 /// undistorted.
-fn edge_cost(lens: &Lens, edge: &Edge) -> f64 {
-    straightness(lens, &edge.points).map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
+fn edge_cost(lenses: [&Lens; 2], edge: &Edge) -> f64 {
+    straightness_in_charts_of(lenses, &edge.points)
+        .map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }

@@ -13,11 +13,12 @@
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
 //! - `prior`, `nuisances`, `residual`, `size_residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual` and `size_residual`, with the formula and its Jacobian;
-//! - `minima`, `outliers` all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
+//! - `chi_square`, `minima`, `outliers` the test of residuals, all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
 
+mod chi_square;
 mod annotation;
 mod usual_sizes;
 mod scene_errors;
@@ -79,15 +80,14 @@ pub use usual_sizes::{USUAL_SIZES, UsualSize};
 pub(crate) use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
 pub(crate) use advice::floor_finding;
 pub(crate) use annotation::Belongs;
+pub(crate) use chi_square::{LEVEL, chi2_score, is_misfit};
 pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
-pub(crate) use lens_prior::lens_prior;
+pub(crate) use lens_prior::{LensResidual, lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
 pub(crate) use minima::{OPEN_FOCAL, weak_prior};
-pub(crate) use outliers::{
-    LEVEL, chi2_score, inflation, is_inconsistent, is_misfit, is_significant, student_factor,
-};
+pub(crate) use outliers::{inflation, is_inconsistent, is_significant, student_factor};
 pub(crate) use overlaps::{BESIDE, lies_on};
 pub(crate) use prediction::{Held, predictable, residuals_at, residuals_held};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edge_redundancy, edges, straightness_with_jacobian, times_drawn};
+pub(crate) use straightness::{edge_redundancy, edges, outermost, straightness_with_jacobian, times_drawn};

@@ -1,38 +1,17 @@
 //! Outliers among the annotations of one camera: a chi-square test of all residuals, and where it fails
 //! leave-one-out.
 //!
-//! The sum of squared residuals in sigmas of a fit with the right noise is chi-square distributed with the
-//! degrees of freedom nu; the cube root of chi-square over nu is very nearly normal with mean
-//! `1 - 2 / (9 nu)` and variance `2 / (9 nu)` (Wilson and Hilferty 1931), which gives the score of a test
-//! at a level without tables.
-//!
 //! Where the test fails, the fit is repeated without each annotation; the one without which the rest agrees
 //! best is rejected. A large residual is no substitute for that: an outlier pulls the fit toward itself,
 //! and with few lines its residual may be the smallest. Of many lines only those are left out in turn without
 //! which the linear model promises most ([`Problem::chi2_without`]): residuals freed of their own leverage,
 //! which cost a four by four system each and no fit.
 
+use crate::single::chi_square::{chi2_score, is_misfit};
 use crate::single::constraints::Source;
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::Problem;
 use crate::single::minima::{Minimum, Solutions, chi2_near, solve};
-
-/// Normal quantile of the level of the test, 1 %. At 5 % too many inliers are rejected, which costs accuracy.
-pub(crate) const LEVEL: f64 = 2.326;
-
-/// The standard normal score of a chi-square (Wilson and Hilferty 1931); 0 without degrees of freedom.
-pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
-    if dof < 1 {
-        return 0.0;
-    }
-    let variance = 2.0 / (9.0 * dof as f64);
-    ((chi2 / dof as f64).cbrt() - (1.0 - variance)) / variance.sqrt()
-}
-
-/// Whether a chi-square is too large to come from drawing noise.
-pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
-    chi2_score(chi2, dof) > LEVEL
-}
 
 /// The factor of the assumed variance of a drawn coordinate that the residuals estimate: `chi2 / dof`, at
 /// least 1. It is 1 where there are too few residuals for an estimate, unless they are a misfit.

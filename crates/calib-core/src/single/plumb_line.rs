@@ -12,11 +12,19 @@
 //! of edges and priors, the normal matrix H, both in sigmas, and the priors' own L,
 //! `-2 log evidence = chi2 + log det H - log det L`, to first order (Laplace).
 
-use crate::camera::{Distortion, DistortionModel, Lens, Pixel};
+use crate::camera::DistortionModel::KannalaBrandt;
+use crate::camera::{DistortionModel, ImageCircle, Lens, Pixel};
+use crate::single::chi_square::is_misfit;
 use crate::single::constraints::Source;
 use crate::single::fitted::Fitted;
-use crate::single::lens_problem::{LensProblem, shown_by_coefficients};
+use crate::single::lens_problem::{LensProblem, shown_by_parameters};
 use crate::single::straightness::{Edge, edge_redundancy, straightness, times_drawn};
+
+/// Twice the log of the evidence that is very strong (Kass and Raftery 1995).
+const STRONG: f64 = 10.0;
+
+/// What a fisheye has open: two coefficients, focal and principal point.
+const MOST_OPEN: i64 = 5;
 
 /// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
@@ -33,9 +41,11 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Covariance of the coefficients, in the order of [`Distortion::coefficients`]; zeros for those that
-    /// were not fitted.
-    pub covariance: [[f64; Distortion::MOST]; Distortion::MOST],
+    /// Which parameters were fitted, in the order of [`Lens::PARAMETERS`]: the coefficients, of a fisheye whose focal
+    /// nobody gave that, too, and the principal point where nobody gave it.
+    pub free: [bool; Lens::PARAMETERS],
+    /// Covariance of the parameters; zeros for those that were not fitted.
+    pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
     /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
     /// of the longer edge, and in the corner, in pixels.
     pub map_error: [f64; 3],
@@ -57,6 +67,8 @@ pub struct LensOptions {
     pub centre_is_held: bool,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
+    /// Where the scene is in the image of a fisheye, if that is known: then it is one.
+    pub circle: Option<ImageCircle>,
     /// Which coefficients to fit; selected by the data if absent.
     pub fitted: Option<Fitted>,
     /// The focal that the coefficients refer to, of a model that has one of its own, in pixels; fitted if absent.
@@ -91,21 +103,34 @@ impl LensFit {
         let problem = |fitted: Fitted| {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
-            let LensOptions { principal_point, size, .. } = *options;
+            let LensOptions { principal_point, size, circle, sigma, .. } = *options;
             let (edges, times) = (edges.clone(), times.clone());
-            LensProblem { edges, times, fitted, principal_point, unit, size, sigma: options.sigma }
+            let open = Vec::new();
+            LensProblem { edges, times, fitted, open, principal_point, unit, size, circle, sigma }
         };
         let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
         let model = match &options.fitted {
             Some(fitted) => {
-                let problem = problem(fitted.clone());
-                let is_open = fitted.has_own_focal() && options.focal.is_none();
-                let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
-                let solved = problem.solve(&[]);
-                solved.map_or(undistorted, |(values, _)| FittedModel::of(problem, values))
+                let solved = FittedModel::solved(problem(fitted.clone()), options);
+                solved.unwrap_or(undistorted)
             }
-            None => select_model(undistorted, redundancy, &problem),
+            None => {
+                let model = select_model(undistorted, redundancy, &problem);
+                let fisheye = || Fitted::first(KannalaBrandt, KannalaBrandt.row().usual);
+                let is_bent_otherwise = || {
+                    let dof = redundancy - model.values.len() as i64;
+                    is_misfit(model.cost / (options.sigma * options.sigma), dof)
+                };
+                let may_be_fisheye =
+                    redundancy > MOST_OPEN && (options.circle.is_some() || is_bent_otherwise());
+                let fisheye =
+                    may_be_fisheye.then(|| FittedModel::solved(problem(fisheye()), options)).flatten();
+                match fisheye.filter(|fisheye| fisheye.is_better_than(&model, options)) {
+                    Some(fisheye) => fisheye,
+                    None => model,
+                }
+            }
         };
         Some(Self::of(&model, cost_before, redundancy, options))
     }
@@ -129,6 +154,7 @@ impl LensFit {
             fitted: (!values.is_empty()).then(|| problem.fitted.clone()),
             straightness: [cost_before, *cost].map(|cost| (cost / points).sqrt()),
             residuals: problem.edges.iter().map(per_edge).collect(),
+            free: std::array::from_fn(|k| problem.indices()[..values.len()].contains(&k)),
             covariance: full_covariance(problem, values, options.sigma),
             map_error: map_error(problem, values, rejected.as_ref(), options),
             uninformative: problem.uninformative(values),
@@ -154,6 +180,25 @@ impl<'a> FittedModel<'a> {
         undistorted.cost.is_finite().then_some(undistorted)
     }
 
+    /// What is fitted, with the focal and the principal point of a fisheye where nobody gave them.
+    fn solved(problem: LensProblem<'a>, options: &LensOptions) -> Option<Self> {
+        let is_open = problem.fitted.has_own_focal() && options.focal.is_none();
+        let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
+        let start = vec![0.0; problem.indices().len()];
+        let (values, _) = problem.solve(if is_open { &start } else { &[] })?;
+        Some(Self::of(problem, values))
+    }
+
+    /// Whether the edges say very strongly that the lens is a fisheye and not this other one; where there is an image
+    /// circle it need only be as straight.
+    fn is_better_than(&self, other: &Self, options: &LensOptions) -> bool {
+        if options.circle.is_some() {
+            return self.cost <= other.cost;
+        }
+        let of = |model: &Self| model.problem.evidence(&model.values).unwrap_or(f64::INFINITY);
+        of(self) < of(other) - STRONG && self.cost < other.cost
+    }
+
     fn of(problem: LensProblem<'a>, values: Vec<f64>) -> Self {
         let cost = problem.costs(&values).zip(&problem.times).map(|(cost, times)| cost / times).sum();
         Self { problem, values, cost, rejected: None }
@@ -169,8 +214,6 @@ fn select_model<'a>(
 ) -> FittedModel<'a> {
     /// By how many variances the cost of the other edges may rise.
     const AGAINST: f64 = 4.0;
-    /// Twice the log of the evidence that is very strong.
-    const STRONG: f64 = 10.0;
     let mut lowest = undistorted.problem.evidence(&[]).unwrap_or(f64::INFINITY);
     let mut best = undistorted;
     for count in MODEL_SIZES {
@@ -221,8 +264,8 @@ fn map_error(
     let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
     let variance = |place: [f64; 2]| {
         let place = Pixel::from(place);
-        let by = shown_by_coefficients(&lens, place)?;
-        let jacobian: Vec<[f64; 2]> = problem.fitted.indices().iter().map(|&k| by[k].at).collect();
+        let by = shown_by_parameters(&lens, place)?;
+        let jacobian: Vec<[f64; 2]> = problem.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
         for i in 0..values.len() {
             for j in 0..values.len() {
@@ -243,15 +286,15 @@ fn map_error(
     [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
-/// The covariance with a row and a column for every coefficient of the model.
+/// The covariance with a row and a column for every parameter of the lens.
 fn full_covariance(
     problem: &LensProblem,
     values: &[f64],
     sigma: f64,
-) -> [[f64; Distortion::MOST]; Distortion::MOST] {
-    let mut full = [[0.0; Distortion::MOST]; Distortion::MOST];
+) -> [[f64; Lens::PARAMETERS]; Lens::PARAMETERS] {
+    let mut full = [[0.0; Lens::PARAMETERS]; Lens::PARAMETERS];
     let Some(covariance) = problem.covariance(values) else { return full };
-    let indices = problem.fitted.indices();
+    let indices = problem.indices();
     for (i, &a) in indices.iter().enumerate().take(values.len()) {
         for (j, &b) in indices.iter().enumerate().take(values.len()) {
             full[a][b] = sigma * sigma * covariance[(i, j)];

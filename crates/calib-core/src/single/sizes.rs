@@ -30,7 +30,7 @@ impl<E: Number> Problem<'_, E> {
             let (mut gradient, jacobian) = frame.carried(&residual.gradient(), Measured::OnPlane, &nuisances);
             // The log length of its group is in units of the height above the floor.
             nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
-            sink(N::new(residual.value(), gradient), nuisance.with(&jacobian), Some(length.source));
+            sink(residual.with_gradient(gradient), nuisance.with(&jacobian), Some(length.source));
         }
         Some(())
     }
@@ -88,7 +88,7 @@ impl<E: Number> Problem<'_, E> {
             let at = CameraTerms::<N>::new(&frame.along_verticals, frame.tilt);
             for residual in upright_residuals(&at, upright, sigma)? {
                 let (gradient, jacobian) = frame.carried(&residual.gradient(), Measured::Upright, nuisances);
-                sink(N::new(residual.value(), gradient), jacobian, Some(upright.source));
+                sink(residual.with_gradient(gradient), jacobian, Some(upright.source));
             }
         }
         Some(())

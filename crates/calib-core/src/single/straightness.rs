@@ -6,7 +6,7 @@
 //! it. The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three
 //! times, with the weights of the line before.
 
-use crate::camera::{ByCoefficient, ByCoefficients, Chart, ChartPoint, Lens, Matrix2, Pixel};
+use crate::camera::{ByCoefficient, ByParameters, Chart, ChartPoint, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 use crate::single::overlaps::Overlaps;
@@ -33,6 +33,11 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     .collect()
 }
 
+/// The drawn point that is farthest from the middle of the lens.
+pub(crate) fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> Option<Pixel> {
+    points.copied().max_by(|a, b| a.distance(centre).total_cmp(&b.distance(centre)))
+}
+
 /// How often each of these edges is drawn: the residuals of each are divided by the root of it, so that copies
 /// together say what one of them says (`repeats.rs`).
 pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
@@ -51,25 +56,30 @@ pub(crate) fn edge_redundancy<'a>(edges: impl Iterator<Item = &'a Edge>, times: 
 /// pixels; `None` where a point cannot be undistorted.
 #[must_use]
 pub fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
-    UndistortedPolyline::new(lens, points).map(|polyline| polyline.distances())
+    straightness_in_charts_of([lens, lens], points)
 }
 
-/// [`straightness`], and for every one of these coefficients the column of the Jacobian.
+/// [`straightness`], in the charts of the second lens, from which the first is estimated.
+pub(crate) fn straightness_in_charts_of(lenses: [&Lens; 2], points: &[Pixel]) -> Option<Vec<f64>> {
+    UndistortedPolyline::new(lenses, points).map(|polyline| polyline.distances())
+}
+
+/// [`straightness_in_charts_of`], and for every one of these parameters the column of the Jacobian.
 pub(crate) fn straightness_with_jacobian(
-    lens: &Lens,
+    [lens, start]: [&Lens; 2],
     points: &[Pixel],
-    coefficients: &[usize],
+    parameters: &[usize],
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
-    let polyline = UndistortedPolyline::new(lens, points)?;
+    let polyline = UndistortedPolyline::new([lens, start], points)?;
     let distances = polyline.distances();
-    let by: Vec<ByCoefficients> = points
+    let by: Vec<ByParameters> = points
         .iter()
         .zip(polyline.points.iter().zip(&polyline.jacobians))
         .map(|(&raw, (&at, &jacobian))| {
-            lens.in_chart_by_coefficients(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref())
+            lens.in_chart_by_parameters(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref())
         })
         .collect();
-    let columns = coefficients.iter().map(|&k| polyline.jacobian_column(|i| by[i][k])).collect();
+    let columns = parameters.iter().map(|&k| polyline.jacobian_column(|i| by[i][k])).collect();
     Some((distances, columns))
 }
 
@@ -92,10 +102,10 @@ struct UndistortedPolyline {
 }
 
 impl UndistortedPolyline {
-    fn new(lens: &Lens, raw: &[Pixel]) -> Option<Self> {
+    fn new([lens, start]: [&Lens; 2], raw: &[Pixel]) -> Option<Self> {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
         let mut jacobians = Vec::with_capacity(raw.len());
-        let chart = Chart::toward(lens, raw);
+        let chart = Chart::toward(start, raw);
         for &point in raw {
             let ChartPoint { at, jacobian } = lens.in_chart(point, chart.as_ref())?;
             points.push(at);
@@ -255,7 +265,7 @@ mod tests {
             way in [-1.0..1.0_f64, -1.0..1.0_f64], off in prop::collection::vec(-2.0..2.0_f64, 5),
         ) {
             const STEP: f64 = 1e-6;
-            let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion };
+            let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion, image_circle: None };
             let length = way[0].hypot(way[1]);
             prop_assume!(length > 0.3);
             let point = |(i, off): (usize, &f64)| {
@@ -264,7 +274,7 @@ mod tests {
             };
             let points: Vec<Pixel> = off.iter().enumerate().map(point).collect();
             let indices: Vec<usize> = (0..distortion.names().len()).collect();
-            let Some((distances, slopes)) = straightness_with_jacobian(&lens, &points, &indices) else { return Ok(()) };
+            let Some((distances, slopes)) = straightness_with_jacobian([&lens, &lens], &points, &indices) else { return Ok(()) };
             // Near the fold differences are not derivatives.
             let regular = points.iter().all(|&p| {
                 lens.undistort_jacobian(p).is_some_and(|j| j.iter().flatten().all(|slope| slope.abs() < 5.0))
@@ -272,7 +282,7 @@ mod tests {
             prop_assume!(regular);
             prop_assert_eq!(Some(distances), straightness(&lens, &points));
             for (k, column) in slopes.iter().enumerate() {
-                let at = |by: f64| straightness(&lens.nudged(k, by), &points);
+                let at = |by: f64| straightness_in_charts_of([&lens.nudged(k, by), &lens], &points);
                 let (Some(ahead), Some(behind)) = (at(STEP), at(-STEP)) else { continue };
                 let size = column.iter().fold(1.0, |most: f64, slope| most.max(slope.abs()));
                 for (i, slope) in column.iter().enumerate() {

@@ -7,10 +7,10 @@ use crate::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
     DistanceMeasurement, HeldPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
 };
-use crate::camera::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use crate::floor::STAGE_1_HEIGHT;
 use crate::outcome::Failure;
-use crate::single::{Fitted, FixedParameters, PlanePrior, Priors};
+use crate::single::{FixedParameters, PlanePrior, Priors};
 use crate::site::document::{HeldEntry, Site, SiteCamera};
 use crate::site::observations::{LandmarkSource, Shared, Unused};
 use crate::site::single_step::SingleFit;
@@ -156,7 +156,11 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
         Some(member) => member.bundle_camera(lens_owner(entry, entries, members)),
         None => BundleCamera::new(ABSENT, entry.size()),
     };
-    entries.iter().zip(members).map(camera).collect()
+    let mut cameras: Vec<BundleCamera> = entries.iter().zip(members).map(camera).collect();
+    // Cameras of one lens have sensors of their own, each beside it somewhere else.
+    let owners: Vec<usize> = cameras.iter().filter_map(|camera| camera.lens_of).collect();
+    owners.into_iter().for_each(|owner| cameras[owner].free_lens[Lens::CENTRE..].fill(false));
+    cameras
 }
 
 /// The camera whose lens this one shares, if both take part.
@@ -191,6 +195,7 @@ impl<'a> Member<'a> {
             initial_pose: self.initial_pose(),
             held: self.held(),
             size: entry.size(),
+            circle: entry.image_circle(),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() { Priors::default() } else { entry.priors() },
             annotations: &entry.annotations,
@@ -198,7 +203,7 @@ impl<'a> Member<'a> {
             fit: single.fit.as_ref(),
             noise_is_known: entry.sigma_px.is_some(),
             lens_of,
-            free_coefficients: self.free_coefficients(),
+            free_lens: self.free_lens(),
         }
     }
 
@@ -244,9 +249,9 @@ impl<'a> Member<'a> {
         Camera { position: WorldPoint { z, ..self.own.position }, yaw: self.own.yaw, ..*refined }
     }
 
-    fn free_coefficients(&self) -> [bool; Distortion::MOST] {
-        let fitted = self.single.lens_estimate.fit.as_ref().and_then(|fit| fit.fitted.as_ref());
-        let indices = fitted.map_or(Vec::new(), Fitted::indices);
-        std::array::from_fn(|k| indices.contains(&k))
+    /// Which parameters of its lens were fitted.
+    fn free_lens(&self) -> [bool; Lens::PARAMETERS] {
+        let fit = self.single.lens_estimate.fit.as_ref();
+        fit.map_or([false; Lens::PARAMETERS], |fit| fit.free)
     }
 }

@@ -10,7 +10,7 @@ use crate::site::bounded_list::{MAX_CAMERAS, MAX_ITEMS};
 use crate::site::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels, pointer_of};
 use crate::site::check_elements::check_elements;
 use crate::site::check_planes::{check_planes, plane_of};
-use crate::site::check_solution::{check_distortion, check_solution};
+use crate::site::check_solution::{check_circle, check_distortion, check_solution};
 use crate::site::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
 use crate::site::period::check_periods;
 use crate::site::scene::SceneEntry;
@@ -207,6 +207,9 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
     if let Some(point) = lens.principal_point_px {
         Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &<[f64; 2]>::from(point))?;
+    }
+    if let Some(circle) = lens.image_circle_px {
+        check_circle(&at.key("image_circle_px"), circle)?;
     }
     if let Some(distortion) = &lens.distortion {
         check_distortion(&at.key("distortion"), distortion, lens.focal_px.map(|focal| focal.value))?;

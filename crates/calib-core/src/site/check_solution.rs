@@ -1,6 +1,6 @@
 //! Checks of lenses, and of what solving wrote into a site.
 
-use crate::camera::Coefficient;
+use crate::camera::{Coefficient, ImageCircle};
 use crate::site::bounds::{At, Bounds, Checked, count, optional};
 use crate::site::site_error::quoted;
 use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
@@ -8,11 +8,26 @@ use crate::site::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
 /// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
 const MAX_CORNERS: usize = 10_000;
 
+/// Whether an image circle has a radius, and can be written and read again.
+pub(crate) fn check_circle(at: &At, circle: ImageCircle) -> Checked {
+    Bounds::COORDINATE.check_all(at, &<[f64; 3]>::from(circle))?;
+    if circle.radius > 0.0 {
+        return Ok(());
+    }
+    at.expected(
+        format!("a radius of {}", circle.radius),
+        "u and v of its middle and a radius above 0, in pixels",
+    )
+}
+
 /// Whether a solution can be written and read again.
 pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
     let point = <[f64; 2]>::from(solution.principal_point_px);
     Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    if let Some(circle) = solution.image_circle_px {
+        check_circle(&at.key("image_circle_px"), circle)?;
+    }
     let pose = [
         ("position_m", solution.position_m.is_some()),
         ("yaw_deg", solution.yaw_deg.is_some()),

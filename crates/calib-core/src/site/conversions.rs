@@ -1,8 +1,8 @@
 //! Entries of the site file as the types of the geometry, and back.
 
 use crate::camera::{
-    Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, Lens, Pixel, PlanScale,
-    WorldPoint,
+    Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
+    PlanScale, WorldPoint,
 };
 use crate::floor::{ControlPoint, MarkShape, Placement, default_efov, efov_on_floor};
 use crate::single::{FixedParameters, Prior, Priors, SceneErrors};
@@ -143,12 +143,19 @@ impl DistortionEntry {
 }
 
 impl SiteCamera {
-    /// The principal point: the one given, or the image centre.
+    /// The principal point: the one given, or the middle of the image circle, or that of the image.
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let [width, height] = self.size();
         let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px);
-        given.unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+        let of_circle = || self.image_circle().map(ImageCircle::centre);
+        given.or_else(of_circle).unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+    }
+
+    /// The disc in which its image shows the scene, if that is said.
+    #[must_use]
+    pub fn image_circle(&self) -> Option<ImageCircle> {
+        self.lens.as_ref()?.image_circle_px
     }
 
     /// The lens as far as it is given: with fixed coefficients, or without distortion.
@@ -162,6 +169,21 @@ impl SiteCamera {
             Some(Lens { focal, distortion: coefficients.distortion()?, ..pinhole })
         };
         given().unwrap_or(pinhole)
+    }
+
+    /// The lens to draw under while nothing is solved: as [`Self::lens`]; for a fisheye that is to be fitted, the one
+    /// with coefficients of zero that shows 180 degrees across the shorter side of the image, unless its focal is given.
+    #[must_use]
+    pub fn likely_lens(&self) -> Lens {
+        let lens = self.lens();
+        let entry = self.lens.as_ref();
+        let sought =
+            entry.and_then(|entry| entry.distortion.as_ref()).map(|distortion| distortion.model.row());
+        let Some(row) = sought.filter(|row| row.is_wide && !lens.distortion.is_wide()) else { return lens };
+        let [width, height] = self.size();
+        let known = entry.and_then(|entry| entry.focal_px).map(|focal| focal.value);
+        let focal = known.unwrap_or(width.min(height) / std::f64::consts::PI);
+        Lens { focal, distortion: row.zero, ..lens }
     }
 
     /// The parameters that are fixed, with their values.
@@ -279,7 +301,8 @@ impl Solution {
     /// Principal point and distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
-        let pinhole = Lens { focal: self.focal_px, ..Lens::pinhole(self.principal_point_px) };
+        let (focal, image_circle) = (self.focal_px, self.image_circle_px);
+        let pinhole = Lens { focal, image_circle, ..Lens::pinhole(self.principal_point_px) };
         let Some(entry) = &self.distortion else { return pinhole };
         let focal = entry.focal_px.unwrap_or(self.focal_px);
         Lens { focal, distortion: entry.distortion().unwrap_or_default(), ..pinhole }

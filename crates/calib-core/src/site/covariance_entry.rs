@@ -14,7 +14,11 @@ pub(crate) fn unit_in_file(index: usize) -> f64 {
 
 /// Name of an unknown in files.
 pub(crate) fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
-    let own = || distortion.names().get(index.checked_sub(Covariance::LENS)?).map(|which| which.name());
+    let own = || match index {
+        Covariance::CENTRE => Some("principal_point_u_px"),
+        index if index > Covariance::CENTRE => Some("principal_point_v_px"),
+        _ => distortion.names().get(index.checked_sub(Covariance::LENS)?).map(|which| which.name()),
+    };
     Covariance::NAMES.get(index).copied().or_else(own)
 }
 
@@ -90,7 +94,7 @@ impl CovarianceEntry {
 
 impl Sigmas {
     /// The standard deviations with the names of what they are of.
-    const fn named(&self) -> [(&'static str, Option<f64>); 14] {
+    const fn named(&self) -> [(&'static str, Option<f64>); 16] {
         [
             ("x_m", self.x_m),
             ("y_m", self.y_m),
@@ -106,6 +110,8 @@ impl Sigmas {
             ("p1", self.p1),
             ("p2", self.p2),
             ("lambda", self.lambda),
+            ("principal_point_u_px", self.principal_point_u_px),
+            ("principal_point_v_px", self.principal_point_v_px),
         ]
     }
 
@@ -135,6 +141,8 @@ impl Sigmas {
             p1: sigma("p1"),
             p2: sigma("p2"),
             lambda: sigma("lambda"),
+            principal_point_u_px: sigma("principal_point_u_px"),
+            principal_point_v_px: sigma("principal_point_v_px"),
             floor_length_rel,
         }
     }

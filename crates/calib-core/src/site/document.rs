@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{FloorPoint, Pixel, PlanPixel, WorldPoint};
+use crate::camera::{FloorPoint, ImageCircle, Pixel, PlanPixel, WorldPoint};
 use crate::single::{Annotation, Known};
 use crate::site::bounded_list;
 use crate::site::elements::{Distance, Link, Mark};
@@ -158,6 +158,9 @@ document! {
         /// Principal point; the image centre if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<Pixel>,
+        /// The disc in which a fisheye shows the scene: its middle and its radius, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        image_circle_px: Option<ImageCircle>,
         /// Distortion: given, or to be fitted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         distortion: Option<DistortionEntry>,

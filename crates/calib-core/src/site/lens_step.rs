@@ -76,14 +76,16 @@ impl Site {
             return None;
         }
         let fitted = fitted.flatten();
-        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map(|focal| focal.value);
-        let focal = distortion.and_then(|d| d.focal_px).or(focal);
+        // A focal that is only believed is estimated with the lens.
+        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
+        let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
         let options = LensOptions {
             principal_point: entry.principal_point(),
             centre_is_held: entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some()),
             size: entry.size(),
+            circle: entry.image_circle(),
             // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
-            focal: focal.filter(|_| fitted.as_ref().is_some_and(Fitted::has_own_focal)),
+            focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
             fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
         };

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::bundle::{CameraEstimate, PlaneEstimate};
-use crate::camera::{Camera, Covariance, Distortion, FloorPoint, Plane};
+use crate::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Plane};
 use crate::floor::{default_efov, efov_on_plane};
 use crate::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use crate::single::{Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent};
@@ -224,6 +224,8 @@ impl Site {
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.findings.extend(height_findings(entry, &camera, &result.findings));
+        let lens = Lens { image_circle: entry.image_circle(), ..camera.lens };
+        let camera = Camera { lens, ..camera };
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_found_anew(finding.code()));
         result.findings.extend(entry.findings_at(&camera));

@@ -61,7 +61,7 @@ fn off(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> 
     let (place, ground) = (&landmark.place, &landmark.ground);
     let px = match landmark.model {
         LandmarkModel::Line { origin } => {
-            let observed = ObservedPixel::new(seen.pixel, &camera.lens, [false; 5])?;
+            let observed = ObservedPixel::new(seen.pixel, &camera.lens)?;
             PosedCamera::new(*camera)
                 .reproject_line(ground, origin, place[0], place[1])
                 .distance(&observed)

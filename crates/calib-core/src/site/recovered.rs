@@ -237,6 +237,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
         // A focal that is zoomed is its own.
         like: entry.like.filter(|_| turn.zoom == 0.0),
         principal_point_px: entry.principal_point_px,
+        image_circle_px: entry.image_circle_px,
     };
     (lens != LensEntry::default()).then_some(lens)
 }

@@ -263,8 +263,17 @@ pub(crate) fn residual_entries(
 fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
     let mut covariance = Covariance::EXACT;
     if let Some(fit) = lens_estimate.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
+        // The focal of a fisheye, as its log, is that of the camera.
+        let focal = lens_estimate.lens.focal;
+        let place = |k: usize| match k {
+            Lens::OWN_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),
+            _ => (Covariance::LENS + k, 1.0),
+        };
         for (i, row) in fit.covariance.iter().enumerate() {
-            covariance.0[Covariance::LENS + i][Covariance::LENS..].copy_from_slice(row);
+            for (j, value) in row.iter().enumerate() {
+                let ((a, by_a), (b, by_b)) = (place(i), place(j));
+                covariance.0[a][b] = value * by_a * by_b;
+            }
         }
     }
     covariance
@@ -286,6 +295,7 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
         covariance: lens_covariance(lens_estimate),
     };
     let mut solution = Solution {
+        image_circle_px: entry.image_circle(),
         distortion: DistortionEntry::of(&camera.lens, focal),
         sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
         covariance: CovarianceEntry::of(&camera),

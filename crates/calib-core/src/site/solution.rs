@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{Coefficient, DistortionModel, FloorPoint, Pixel, WorldPoint};
+use crate::camera::{Coefficient, DistortionModel, FloorPoint, ImageCircle, Pixel, WorldPoint};
 use crate::outcome::{Code, Drawing, FailureCode, Residual};
 use crate::single::Kind;
 
@@ -79,6 +79,9 @@ document! {
         focal_px: f64,
         /// Raw pixel.
         principal_point_px: Pixel,
+        /// The disc in which a fisheye shows the scene, outside of which it has no answer: middle and radius, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        image_circle_px: Option<ImageCircle>,
         /// Coefficients for `focal_px`, or for a focal of their own.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         distortion: Option<DistortionEntry>,
@@ -202,6 +205,12 @@ document! {
         /// Coefficient of the distortion.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
+        /// In pixels, of a principal point that was fitted.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        principal_point_u_px: Option<f64>,
+        /// In pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        principal_point_v_px: Option<f64>,
         /// Relative standard deviation of lengths on the floor inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,
@@ -310,6 +319,7 @@ impl Solution {
             roll_deg: None,
             focal_px,
             principal_point_px,
+            image_circle_px: None,
             distortion: None,
             sigma: None,
             covariance: None,

@@ -1,6 +1,8 @@
 //! Drawn lines: what they are, what the solution says of them, where they lead, which should come next.
 
-use calib_core::{Annotation, Camera, Kind, Pixel, Residual, Shape, UndistortedPixel, line_name};
+use calib_core::{
+    Annotation, Camera, Kind, Pixel, Residual, Shape, UndistortedPixel, line_beyond, line_name,
+};
 
 use crate::image::ImageView;
 use crate::item::{Geometry, Item};
@@ -26,10 +28,13 @@ pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
             let meaning = Meaning::Annotation(line(view, drawn, index, segment));
             let ends = points.first().copied().zip(points.last().copied());
             let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
-            items.push(Item::polyline(meaning, points));
-            if let Some((a, b)) = ends {
-                let signs = signs.of(drawn, segment);
-                items.extend(signs.map(|sign| Item::new(meaning, Geometry::Sign(sign, [a, b]))));
+            let drawn_points = points.len();
+            let line = view.drawn(points);
+            let middle = line.get(line.len() / 2).copied().filter(|_| line.len() > drawn_points);
+            items.push(Item::polyline(meaning, line));
+            if let Some(ends) = ends {
+                let (signs, ends) = (signs.of(drawn, segment), laid_on(middle, ends));
+                items.extend(signs.map(|sign| Item::new(meaning, Geometry::Sign(sign, ends))));
             }
             items.extend(dots);
             if let (Some((first, _)), Some(_)) = (ends, view.letters) {
@@ -51,6 +56,13 @@ impl Signs {
         let is_second = drawn.at_right_angles_to.is_some() && segment == 0 && self == Self::OfKinds;
         of_kind.into_iter().chain(is_second.then_some(SQUARE_BESIDE))
     }
+}
+
+/// What a sign is laid on: the chord between the ends of a line, moved to the middle of its curve where it is bent.
+fn laid_on(middle: Option<Pixel>, (a, b): (Pixel, Pixel)) -> [Pixel; 2] {
+    let Some(middle) = middle else { return [a, b] };
+    let (u, v) = (middle.u - 0.5 * (a.u + b.u), middle.v - 0.5 * (a.v + b.v));
+    [a, b].map(|end| Pixel::new(end.u + u, end.v + v))
 }
 
 fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> Line {
@@ -79,6 +91,11 @@ pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixe
         return Vec::new();
     }
     let ends = points.first().zip(points.last());
+    if camera.lens.distortion.is_wide() {
+        let sides = ends.map_or_else(Vec::new, |(&a, &b)| vec![[b, a], [a, b]]);
+        let beyond = sides.into_iter().map(|ends| line_beyond(&camera.lens, ends));
+        return beyond.map(|line| Item::polyline(Meaning::Extension(kind), line)).collect();
+    }
     let ends = ends.and_then(|(&a, &b)| camera.undistort(a).zip(camera.undistort(b)));
     let Some((a, b)) = ends else { return Vec::new() };
     let at = |t: f64| camera.distort(UndistortedPixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v)));

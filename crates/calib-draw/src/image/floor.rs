@@ -63,6 +63,7 @@ pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(corners) = corners else { return Vec::new() };
     let meaning = Meaning::Efov(view.camera);
     let points = corners.iter().map(|&corner| Item::point(meaning, corner));
+    // It is a polygon of pixels, whatever the lens: what is asked of a pixel is whether it lies inside.
     std::iter::once(Item::polygon(meaning, corners.clone())).chain(points).collect()
 }
 

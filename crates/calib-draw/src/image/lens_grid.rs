@@ -1,6 +1,6 @@
 //! The undistorted grid bent over the raw image: every line of it is straight in the scene.
 
-use calib_core::{Lens, Pixel, Solution, UndistortedPixel};
+use calib_core::{Lens, Pixel, UndistortedPixel, lens_reach};
 
 use crate::image::ImageView;
 use crate::item::Item;
@@ -16,11 +16,52 @@ const FAR: f64 = 1.5;
 
 pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry() else { return Vec::new() };
-    // A lens may be known where the pose is not.
-    let solution = view.scene.solution(view.camera);
-    let lens = solution.map_or_else(|| entry.lens(), Solution::lens);
-    let lines = lines(&lens, entry.size()).into_iter();
-    lines.map(|line| Item::polyline(Meaning::LensGrid, line)).collect()
+    let Some(lens) = view.lens() else { return Vec::new() };
+    let size = entry.size();
+    let lines = if lens.distortion.is_wide() { circles(&lens, size) } else { lines(&lens, size) };
+    lines.into_iter().map(|line| Item::polyline(Meaning::LensGrid, line)).collect()
+}
+
+/// Of a fisheye: great circles through the two directions across and the two down, which are what the columns and rows of
+/// a pinhole's grid are beyond its plane, too, cut where they leave the image or the lens.
+fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
+    use std::f64::consts::{PI, TAU};
+    let across = (0..=32).filter_map(|i| {
+        let [x, _, w] = lens.bearing(Pixel::new(size[0] * f64::from(i) / 32.0, lens.principal_point.v))?;
+        Some((x / lens.focal).atan2(w).abs())
+    });
+    // Twelve columns at most, in steps that a person can count.
+    let side = across.fold(0.0, f64::max).to_degrees();
+    let step: f64 = [5.0, 10.0, 15.0].into_iter().find(|step| 2.0 * side <= COLUMNS * step).unwrap_or(15.0);
+    let count = (180.0 / step) as i32;
+    let rim = rim(lens, size);
+    let shown = |[x, y, w]: [f64; 3]| {
+        let within = x.hypot(y).atan2(w) <= rim;
+        lens.shown([lens.focal * x, lens.focal * y, w]).filter(|_| within)
+    };
+    let mut found = Vec::new();
+    for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {
+        let (sin, cos) = turn.sin_cos();
+        // Once round, from behind the camera, where no lens looks, over its front.
+        let along = |t: f64| (PI + 0.5 * TAU * (1.0 + t)).sin_cos();
+        let column = |t: f64| {
+            let (s, c) = along(t);
+            shown([sin * c, s, cos * c])
+        };
+        let row = |t: f64| {
+            let (s, c) = along(t);
+            shown([s, sin * c, cos * c])
+        };
+        found.extend(pieces(size, column).into_iter().chain(pieces(size, row)));
+    }
+    found
+}
+
+/// How far from its axis the lines of a fisheye are drawn, in radians: to the rim of a circle that lies within the image.
+fn rim(lens: &Lens, size: [f64; 2]) -> f64 {
+    /// What sees less at the sides of its image has more in the corners.
+    const CIRCLE: f64 = 85.0;
+    Some(lens_reach(lens, lens.focal, size)).filter(|reach| *reach > CIRCLE.to_radians()).unwrap_or(f64::MAX)
 }
 
 /// The lines of the grid in raw pixels, cut where they leave the image or the lens.

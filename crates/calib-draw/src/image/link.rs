@@ -18,7 +18,7 @@ pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> 
         let points: Vec<Pixel> = parts.copied().collect();
         let first = points.first().copied();
         let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
-        items.push(Item::polyline(meaning, points));
+        items.push(Item::polyline(meaning, view.drawn(points)));
         items.extend(dots);
         if let (Some(id), Some(at)) = (&link.id, first) {
             items.push(Item::label(meaning, at, id.clone()));
@@ -31,20 +31,20 @@ pub(super) fn sightings(view: &ImageView) -> Vec<Item<Pixel>> {
     let mut items = Vec::new();
     for element in elements(view.site()) {
         for own in element.views.iter().filter(|of| of.index == view.camera) {
-            items.extend(sighting(&element, own));
+            items.extend(sighting(view, &element, own));
         }
     }
     items
 }
 
-fn sighting(element: &Element, view: &View) -> Vec<Item<Pixel>> {
+fn sighting(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel>> {
     let of = Sighted { camera: Some(view.index), is_aside: element.is_aside, is_off: element.is_off };
     let (seen, solved) = (Meaning::Seen(of), Meaning::Solved(of));
     let shown: Vec<Pixel> = view.sightings.iter().map(|seen| seen.shown).collect();
     let first = shown.first().copied();
     let mut items = Vec::new();
     if element.is_long {
-        items.push(Item::polyline(solved, shown));
+        items.push(Item::polyline(solved, image.drawn(shown)));
     }
     for sighting in &view.sightings {
         items.push(Item::polyline(seen, vec![sighting.drawn, sighting.shown]));

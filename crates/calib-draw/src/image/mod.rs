@@ -12,7 +12,7 @@ mod annotation;
 mod control_point;
 mod link;
 
-use calib_core::{Camera, Pixel, Plane, Site, SiteCamera, Solution, WorldPoint};
+use calib_core::{Camera, Lens, Pixel, Plane, Site, SiteCamera, Solution, WorldPoint, drawn_line};
 
 pub use annotation::{Signs, extension};
 pub use floor::{metres, reach};
@@ -88,6 +88,21 @@ impl<'a> ImageView<'a> {
 
     fn entry(&self) -> Option<&'a SiteCamera> {
         self.site().cameras.get(self.camera)
+    }
+
+    /// The lens that lines are drawn under: the one that was found, else the likely one. It may be known where the pose
+    /// is not.
+    fn lens(&self) -> Option<Lens> {
+        let found = self.scene.solution(self.camera).map(Solution::lens);
+        found.or_else(|| self.entry().map(SiteCamera::likely_lens))
+    }
+
+    /// The way across the image of a line that was drawn by its points.
+    fn drawn(&self, points: Vec<Pixel>) -> Vec<Pixel> {
+        match self.lens() {
+            Some(lens) => drawn_line(&lens, &points),
+            None => points,
+        }
     }
 
     /// The plane that the EFOV of a camera lies on; one that nobody drew lies on the floor.

@@ -31,7 +31,9 @@ impl Editor {
         let pose = session.solved.pose(camera);
         let is_drawn =
             hit::pick(&session.site, camera, pose, at, pointer.radius, &session.selection).is_some();
-        let under = session.proposed().and_then(|own| own.under(at, pointer.radius));
+        let lens = hit::lens_of(&session.site, camera, pose);
+        let proposed = session.proposed().zip(lens);
+        let under = proposed.and_then(|(own, lens)| own.under(&lens, at, pointer.radius));
         session.picked = under.filter(|_| !is_drawn);
         if session.picked.is_some() {
             session.selection.clear();

@@ -108,7 +108,9 @@ impl Editor {
             session.note = Some("The image is not there yet.".into());
             return;
         };
-        let pulled = snap::pull_parts(&mut session.site, session.camera, parts, still);
+        let (camera, pose) = (session.camera, session.solved.pose(session.camera));
+        let lens = hit::lens_of(&session.site, camera, pose);
+        let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, still);
         session.commit(format!("pull {name} onto the edge"));
         session.note = Some(match pulled {
             0 => "No edge runs along it.".into(),

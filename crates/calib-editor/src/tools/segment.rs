@@ -1,9 +1,10 @@
 //! Draws a line of one kind: drag, or click and click.
 
 use calib_core::{Kind, Pixel, Shape};
+use calib_image::pull_drawn;
 
 use crate::edit;
-use crate::hit::Part;
+use crate::hit::{self, Part};
 use crate::session::Session;
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
@@ -47,7 +48,7 @@ impl Segment {
     }
 
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
-        self.end(session, camera, pulled(line, pointer));
+        self.end(session, camera, pulled(session, camera, line, pointer));
         Gesture::Idle
     }
 
@@ -64,9 +65,10 @@ impl Segment {
 }
 
 /// The line on the edge that it runs along, while Alt asks for that and there is one.
-fn pulled(line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
+fn pulled(session: &Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
     let still = pointer.still.as_deref().filter(|_| pointer.modifiers.alt);
-    still.and_then(|still| calib_image::pull(still, line)).unwrap_or(line)
+    let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
+    still.zip(lens).and_then(|(still, lens)| pull_drawn(still, &lens, line)).unwrap_or(line)
 }
 
 /// Foot first for what stands upright.
@@ -98,7 +100,7 @@ impl Tool for Segment {
             },
             (Gesture::Pressed { start, .. }, _) => {
                 // The edge that it would be pulled onto is seen before it is taken.
-                self.shown = pulled([start, at], pointer);
+                self.shown = pulled(session, camera, [start, at], pointer);
                 self.show(session, camera, self.shown);
                 Gesture::Pressed { camera, start, end: at }
             }
@@ -106,7 +108,7 @@ impl Tool for Segment {
                 self.finish(session, camera, [start, at], pointer)
             }
             (Gesture::Placed { start, .. }, _) => {
-                self.shown = pulled([start, at], pointer);
+                self.shown = pulled(session, camera, [start, at], pointer);
                 self.show(session, camera, self.shown);
                 Gesture::Placed { camera, start, end: at }
             }

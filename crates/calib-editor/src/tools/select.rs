@@ -127,7 +127,8 @@ impl Tool for Select {
                         if let Some(still) = pointer.still.as_deref().filter(|_| pointer.modifiers.alt) {
                             let parts = session.selection.clone();
                             let moved = edit::points_of(&session.site, camera, &parts);
-                            snap::pull_points(&mut session.site, camera, &moved, still);
+                            let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
+                            snap::pull_points(&mut session.site, camera, &moved, lens, still);
                         }
                         let name = session.selection_name();
                         session.commit(format!("move {name}"));

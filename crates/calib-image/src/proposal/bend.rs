@@ -22,7 +22,12 @@ pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
         return Lens::pinhole(principal_point);
     }
     let brown = BrownConrady { k1, k2: k1.min(0.0).powi(2), ..BrownConrady::default() };
-    Lens { principal_point, focal: 0.5 * size[0].hypot(size[1]), distortion: Distortion::BrownConrady(brown) }
+    Lens {
+        principal_point,
+        focal: 0.5 * size[0].hypot(size[1]),
+        distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
+    }
 }
 
 /// Log density of k1 before an edge is seen, up to a constant.

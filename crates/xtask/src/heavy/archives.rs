@@ -70,7 +70,7 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
         pitch: 0.5,
         roll: 0.05,
         focal,
-        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion },
+        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion, image_circle: None },
         covariance: Covariance::EXACT,
     };
     let solution = Solution::of(&camera, Method::Given, Stage::Placed);

@@ -87,7 +87,12 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
         pitch: about(0.55, 0.25),
         roll: about(0.0, 0.06),
         focal,
-        lens: Lens { principal_point: Pixel::new(about(960.0, 20.0), about(540.0, 20.0)), focal, distortion },
+        lens: Lens {
+            principal_point: Pixel::new(about(960.0, 20.0), about(540.0, 20.0)),
+            focal,
+            distortion,
+            image_circle: None,
+        },
         covariance: Covariance::EXACT,
     };
     for (which, sigma) in [(Covariance::Z, 0.03), (Covariance::PITCH, 0.004), (Covariance::FOCAL, 12.0)] {

@@ -1,0 +1,399 @@
+//! Windows onto what a camera shows: flat ones that look anywhere within a lens, as a pinhole in its place would, and round
+//! ones, unrolled.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use crate::camera::{
+    Camera, Covariance, Lens, Pixel, angle_from_axis, angles_from_rotation, camera_from_world, dot, hypot,
+    sin_cos,
+};
+use crate::floor::remap::Remap;
+
+/// Where a flat window looks from the axis of its camera, and how wide, in radians. The angles turn it as those of a
+/// [`Camera`] do, in the order yaw, pitch, roll: as if the camera stood upright and level and looked along its axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Look {
+    /// Positive looks down.
+    pub pitch: f64,
+    /// Positive looks to the left.
+    pub yaw: f64,
+    /// Positive turns the window clockwise, so that what it shows turns counter-clockwise.
+    pub roll: f64,
+    /// From its left to its right side.
+    pub hfov: f64,
+}
+
+/// How a camera hangs, by which the windows round it stand upright.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mount {
+    /// Under a ceiling, looking down: up is away from its axis.
+    Ceiling,
+    /// On a wall: up is that of its image.
+    Wall,
+}
+
+impl Mount {
+    /// That of a camera that looks down by so much, in radians.
+    #[must_use]
+    pub fn of_pitch(pitch: f64) -> Self {
+        if pitch > 0.25 * PI { Self::Ceiling } else { Self::Wall }
+    }
+}
+
+/// A window of some pixels onto what a camera shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Rows right, down, forward of the window in axes of the camera.
+    rotation: [[f64; 3]; 3],
+    /// Width and height, in pixels.
+    pub size: [usize; 2],
+    /// Focal, in pixels; of a round window pixels for a radian round it.
+    pub focal: f64,
+    /// Its principal point, from its corner, in pixels.
+    pub principal_point: Pixel,
+    /// Whether it is a cylinder, unrolled: columns are planes through its upright axis.
+    pub is_round: bool,
+}
+
+impl Window {
+    /// The widest flat window, in radians.
+    pub const WIDEST: f64 = 170.0 / 180.0 * PI;
+
+    /// A flat window; `None` for one without pixels, and one that is not between 0 and [`Self::WIDEST`] wide.
+    #[must_use]
+    pub fn flat(look: Look, size: [usize; 2]) -> Option<Self> {
+        let [right, down, forward] = camera_from_world(look.roll, look.pitch, look.yaw);
+        // Right, forward, up of the camera are the world of its windows.
+        let rotation = [right, down, forward].map(|[x, y, z]| [x, -z, y]);
+        Self::turned(rotation, look.hfov, size)
+    }
+
+    fn turned(rotation: [[f64; 3]; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
+        let [width, height] = size.map(|side| side as f64);
+        let is_finite = rotation.iter().flatten().all(|part| part.is_finite());
+        if size.contains(&0) || !is_finite || !(hfov > 0.0 && hfov <= Self::WIDEST) {
+            return None;
+        }
+        let (sin, cos) = sin_cos(0.5 * hfov);
+        let principal_point = Pixel::new(0.5 * width, 0.5 * height);
+        Some(Self { rotation, size, focal: 0.5 * width * cos / sin, principal_point, is_round: false })
+    }
+
+    /// A flat window towards a direction in axes of the camera, in which what is upright is upright; `None` of one without
+    /// pixels, or not between 0 and [`Self::WIDEST`] wide. Straight ahead under a ceiling, up is that of the image.
+    #[must_use]
+    pub fn toward(mount: Mount, direction: [f64; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
+        let [x, y, z] = direction;
+        let out = hypot(x, y);
+        match mount {
+            Mount::Wall => {
+                let (pitch, yaw) = (y.atan2(hypot(x, z)), (-x).atan2(z));
+                Self::flat(Look { pitch, yaw, roll: 0.0, hfov }, size)
+            }
+            Mount::Ceiling => {
+                let length = hypot(out, z);
+                let [sin, cos] = [out / length, z / length];
+                let [out_u, out_v] = if out > 1e-9 * length { [x / out, y / out] } else { [0.0, -1.0] };
+                let forward = [sin * out_u, sin * out_v, cos];
+                let down = [-cos * out_u, -cos * out_v, sin];
+                Self::turned([cross(down, forward), down, forward], hfov, size)
+            }
+        }
+    }
+
+    /// Four windows round the axis of a camera. Under a ceiling they look outward, with what is upright upright, to the
+    /// sides that the image has at its top, right, bottom and left; on a wall up left, up right, down left, down right.
+    #[must_use]
+    pub fn quadrants(mount: Mount, size: [usize; 2]) -> Option<[Self; 4]> {
+        /// How far they look from the axis, and how wide they are.
+        const TILT: f64 = 52.0 / 180.0 * PI;
+        const WIDE: f64 = 95.0 / 180.0 * PI;
+        let quadrant = |index: usize| match mount {
+            Mount::Ceiling => {
+                let (out_u, out_v) = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)][index];
+                let (sin, cos) = sin_cos(TILT);
+                Self::toward(mount, [sin * out_u, sin * out_v, cos], WIDE, size)
+            }
+            Mount::Wall => {
+                let (side, up) = [(1.0, -1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][index];
+                let look = Look { yaw: 0.25 * PI * side, pitch: 0.2 * PI * up, roll: 0.0, hfov: WIDE };
+                Self::flat(look, size)
+            }
+        };
+        Some([quadrant(0)?, quadrant(1)?, quadrant(2)?, quadrant(3)?])
+    }
+
+    /// All that a lens shows round its axis, unrolled: under a ceiling about the axis, from the rim of the image down, with
+    /// the top of the image in the middle; on a wall about the upright of the image. `reach` is how far from its axis the
+    /// camera sees, in radians: see [`lens_reach`].
+    #[must_use]
+    pub fn panorama(mount: Mount, reach: f64, size: [usize; 2]) -> Option<Self> {
+        /// Of a lens that looks higher than the camera hangs no more is shown than this, as a slope.
+        const ABOVE: f64 = 0.27;
+        if size.contains(&0) || !(reach > 0.0 && reach < PI) {
+            return None;
+        }
+        let [width, height] = size.map(|side| side as f64);
+        let (rotation, angle, above) = match mount {
+            Mount::Ceiling => {
+                let (sin, cos) = sin_cos(reach - FRAC_PI_2);
+                let rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
+                (rotation, TAU, Some((sin / cos).min(ABOVE)))
+            }
+            Mount::Wall => {
+                ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], (2.0 * reach).min(TAU), None)
+            }
+        };
+        let focal = width / angle;
+        let middle = above.map_or(0.5 * height, |above| above * focal);
+        let principal_point = Pixel::new(0.5 * width, middle);
+        Some(Self { rotation, size, focal, principal_point, is_round: true })
+    }
+
+    /// Rows right, down, forward of the window in axes of its camera (right, down, forward).
+    #[must_use]
+    pub const fn window_from_camera(&self) -> &[[f64; 3]; 3] {
+        &self.rotation
+    }
+
+    /// The direction that the window shows at a pixel, in axes of the camera, of any length.
+    #[must_use]
+    pub fn direction(&self, pixel: Pixel) -> [f64; 3] {
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        let (x, y) = ((pixel.u - cu) / self.focal, (pixel.v - cv) / self.focal);
+        let (x, z) = if self.is_round { sin_cos(x) } else { (x, 1.0) };
+        std::array::from_fn(|i| {
+            let [right, down, forward] = &self.rotation;
+            x * right[i] + y * down[i] + z * forward[i]
+        })
+    }
+
+    /// Where the window shows a direction in axes of the camera; `None` beside and behind a flat window, and on the axis of
+    /// a round one.
+    #[must_use]
+    pub fn pixel(&self, direction: [f64; 3]) -> Option<Pixel> {
+        let [x, y, z] = self.rotation.map(|row| dot(&row, &direction));
+        let Pixel { u: cu, v: cv } = self.principal_point;
+        if !self.is_round {
+            return (z > 0.0).then(|| Pixel::new(cu + self.focal * x / z, cv + self.focal * y / z));
+        }
+        let level = hypot(x, z);
+        (level > 0.0).then(|| Pixel::new(cu + self.focal * x.atan2(z), cv + self.focal * y / level))
+    }
+
+    /// Where the raw image of a camera shows a pixel of the window; `focal` is that of the camera, in pixels. `None` where its
+    /// lens shows nothing.
+    #[must_use]
+    pub fn raw(&self, lens: &Lens, focal: f64, pixel: Pixel) -> Option<Pixel> {
+        let [x, y, z] = self.direction(pixel);
+        lens.shown([focal * x, focal * y, z])
+    }
+
+    /// Where the window shows a raw pixel of a camera; `None` where it does not.
+    #[must_use]
+    pub fn of_raw(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
+        let [x, y, z] = lens.bearing(raw)?;
+        self.pixel([x / focal, y / focal, z])
+    }
+
+    /// The map that makes the window of raw images of `raw` pixels; `None` for a raw image of fewer than 2 x 2 pixels, and for
+    /// images of 1.4 gigapixels and more.
+    #[must_use]
+    pub fn remap(&self, lens: &Lens, focal: f64, raw: [usize; 2]) -> Option<Remap> {
+        Remap::new(raw, self.size, |pixel| self.raw(lens, focal, pixel))
+    }
+
+    /// The pinhole camera that a flat window of a camera is; `None` of a round one. It is as sure as its numbers are written.
+    #[must_use]
+    pub fn camera(&self, of: &Camera) -> Option<Camera> {
+        let camera = of.rotation();
+        let row = |own: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|j| (0..3).map(|i| own[i] * camera[i][j]).sum())
+        };
+        let (roll, pitch, yaw) = angles_from_rotation(&self.rotation.map(row));
+        let lens = Lens::pinhole(self.principal_point);
+        let covariance = Covariance::EXACT;
+        let pinhole = Camera { position: of.position, yaw, pitch, roll, focal: self.focal, lens, covariance };
+        (!self.is_round).then_some(pinhole)
+    }
+}
+
+/// How far from its axis a camera sees at the middles of the sides of its image, at most, in radians: of a fisheye whose
+/// circle fits its image, to the rim. `focal` is that of the camera, in pixels.
+#[must_use]
+pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
+    /// Where a lens ends before the side.
+    const SHARES: u32 = 64;
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    let sides = [[0.0, cv], [width, cv], [cu, 0.0], [cu, height]];
+    let seen = |[u, v]: [f64; 2]| {
+        (1..=SHARES).rev().find_map(|share| {
+            let share = f64::from(share) / f64::from(SHARES);
+            let [x, y, z] = lens.bearing(Pixel::new(cu + share * (u - cu), cv + share * (v - cv)))?;
+            Some(angle_from_axis(hypot(x, y) / focal, z))
+        })
+    };
+    sides.into_iter().filter_map(seen).fold(0.0, f64::max)
+}
+
+/// The horizontal field of view of an image, in radians: without the bend of its lens, but of a fisheye with it, as far as it
+/// sees to both sides. `focal` is that of the camera, in pixels.
+#[must_use]
+pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
+    if lens.distortion.is_wide() {
+        2.0 * lens_reach(lens, focal, size)
+    } else {
+        2.0 * (0.5 * size[0] / focal).atan()
+    }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Distortion, WorldPoint, any_camera};
+    use proptest::prelude::*;
+
+    fn fisheye() -> Lens {
+        let distortion = Distortion::KannalaBrandt { k: [0.01, -0.002, 0.0, 0.0] };
+        Lens { principal_point: Pixel::new(500.0, 490.0), focal: 300.0, distortion, image_circle: None }
+    }
+
+    fn any_window() -> impl Strategy<Value = Window> {
+        let flat = [-1.5..1.5_f64, -3.0..3.0_f64, -3.0..3.0_f64, 0.2..2.8_f64].prop_map(
+            |[pitch, yaw, roll, hfov]| Window::flat(Look { pitch, yaw, roll, hfov }, [640, 480]).unwrap(),
+        );
+        let mount = prop_oneof![Just(Mount::Ceiling), Just(Mount::Wall)];
+        let four = (mount.clone(), 0..4_usize)
+            .prop_map(|(mount, i)| Window::quadrants(mount, [640, 480]).unwrap()[i]);
+        let round = mount.prop_map(|mount| Window::panorama(mount, 1.6, [1200, 400]).unwrap());
+        prop_oneof![flat, four, round]
+    }
+
+    proptest! {
+        #[test]
+        fn a_pixel_of_a_window_leads_to_the_raw_image_and_back(
+            window in any_window(), u in 0.02..0.98_f64, v in 0.02..0.98_f64,
+        ) {
+            let lens = fisheye();
+            let pixel = Pixel::new(u * window.size[0] as f64, v * window.size[1] as f64);
+            let raw = window.raw(&lens, lens.focal, pixel);
+            prop_assume!(raw.is_some());
+            let back = window.of_raw(&lens, lens.focal, raw.unwrap()).unwrap();
+            prop_assert!(back.distance(pixel) < 1e-6, "{back:?} {pixel:?}");
+        }
+
+        #[test]
+        fn a_flat_window_of_a_camera_is_a_pinhole_camera(
+            camera in any_camera(), window in any_window(), at in [-9.0..9.0_f64, -9.0..9.0_f64, 0.0..3.0_f64],
+        ) {
+            prop_assume!(!window.is_round);
+            let pinhole = window.camera(&camera).unwrap();
+            let point = WorldPoint::from(at);
+            let direct = window.pixel(camera.in_camera(point));
+            let shown = pinhole.world_to_pixel(point);
+            prop_assume!(pinhole.in_camera(point)[2].abs() > 1e-3);
+            prop_assert_eq!(direct.is_some(), shown.is_some());
+            if let (Some(a), Some(b)) = (direct, shown) {
+                prop_assert!(a.distance(b) < 1e-5 * (1.0 + a.u.abs() + a.v.abs()), "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_look_turns_as_a_camera_does() {
+        let look = |pitch: f64, yaw: f64| Look { pitch, yaw, roll: 0.0, hfov: 1.0 };
+        let middle = |look| {
+            let window = Window::flat(look, [100, 50]).unwrap();
+            window.direction(window.principal_point)
+        };
+        let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(near(middle(look(0.0, 0.0)), [0.0, 0.0, 1.0]), "along the axis");
+        assert!(near(middle(look(FRAC_PI_2, 0.0)), [0.0, 1.0, 0.0]), "down");
+        assert!(near(middle(look(0.0, FRAC_PI_2)), [-1.0, 0.0, 0.0]), "left");
+    }
+
+    #[test]
+    fn windows_under_a_ceiling_have_what_is_upright_upright() {
+        // A camera that looks straight down, and the foot and head of people all round it.
+        let camera = Camera {
+            position: WorldPoint { x: 0.0, y: 0.0, z: 4.0 },
+            yaw: 0.3,
+            pitch: FRAC_PI_2,
+            roll: 0.0,
+            focal: 300.0,
+            lens: fisheye(),
+            covariance: Covariance::EXACT,
+        };
+        let panorama = Window::panorama(Mount::Ceiling, 1.6, [1200, 400]).unwrap();
+        let four = Window::quadrants(Mount::Ceiling, [640, 480]).unwrap();
+        for step in 0..36 {
+            let (sin, cos) = (TAU * f64::from(step) / 36.0).sin_cos();
+            let at = |z: f64| camera.in_camera(WorldPoint { x: 5.0 * cos, y: 5.0 * sin, z });
+            let (foot, head) = (panorama.pixel(at(0.0)).unwrap(), panorama.pixel(at(1.8)).unwrap());
+            assert!((foot.u - head.u).abs() < 1e-6 && head.v < foot.v, "{foot:?} {head:?}");
+            let shown =
+                four.iter().filter_map(|window| Some((window.pixel(at(0.0))?, window.pixel(at(1.8))?)));
+            let inside = |p: Pixel| p.u > 0.0 && p.u < 640.0 && p.v > 0.0 && p.v < 480.0;
+            let seen: Vec<_> = shown.filter(|&(foot, head)| inside(foot) && inside(head)).collect();
+            assert!(!seen.is_empty(), "every one is in one of the four");
+            assert!(seen.iter().all(|(foot, head)| head.v < foot.v));
+        }
+    }
+
+    #[test]
+    fn a_window_towards_a_direction_has_it_in_its_middle() {
+        for mount in [Mount::Ceiling, Mount::Wall] {
+            for direction in [[0.0, 0.0, 2.0], [0.3, -0.4, 0.5], [-1.0, 0.2, -0.1]] {
+                let window = Window::toward(mount, direction, 1.2, [640, 480]).unwrap();
+                let middle = window.pixel(direction).unwrap();
+                assert!(
+                    middle.distance(window.principal_point) < 1e-9,
+                    "{mount:?} {direction:?}: {middle:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_window_is_refused() {
+        let look = |hfov: f64| Look { hfov, ..Look::default() };
+        assert_eq!(Window::flat(look(0.0), [10, 10]), None);
+        assert_eq!(Window::flat(look(PI), [10, 10]), None);
+        assert_eq!(Window::flat(look(1.0), [0, 10]), None);
+        assert_eq!(Window::flat(Look { pitch: f64::NAN, ..look(1.0) }, [10, 10]), None);
+        assert_eq!(Window::toward(Mount::Ceiling, [0.0; 3], 1.0, [10, 10]), None);
+        assert_eq!(Window::panorama(Mount::Wall, 0.0, [10, 10]), None);
+        let window = Window::flat(look(1.0), [10, 10]).unwrap();
+        assert!(window.remap(&fisheye(), 300.0, [1, 10]).is_none());
+    }
+
+    #[test]
+    fn a_window_is_made_of_the_pixels_that_the_lens_shows_there() {
+        let lens = fisheye();
+        let raw: Vec<u8> =
+            (0..980_usize).flat_map(|y| (0..1000_usize).map(move |x| ((x + y) / 8) as u8)).collect();
+        let look = Look { pitch: 1.1, yaw: 0.7, roll: 0.2, hfov: 1.4 };
+        let window = Window::flat(look, [320, 200]).unwrap();
+        let mut out = vec![0; 320 * 200];
+        assert!(window.remap(&lens, lens.focal, [1000, 980]).unwrap().apply_into(&raw, &mut out));
+        let mut seen = 0;
+        for (i, &value) in out.iter().enumerate() {
+            let pixel = Pixel::new((i % 320) as f64 + 0.5, (i / 320) as f64 + 0.5);
+            let Some(at) = window.raw(&lens, lens.focal, pixel) else { continue };
+            if at.u > 1.0 && at.v > 1.0 && at.u < 999.0 && at.v < 979.0 {
+                assert!((f64::from(value) - (at.u + at.v - 1.0) / 8.0).abs() < 1.2, "{value} at {at:?}");
+                seen += 1;
+            }
+        }
+        assert!(seen > 10_000, "{seen}");
+        let wide = view_angle(&lens, lens.focal, [1000.0, 980.0]).to_degrees();
+        assert!((185.0..200.0).contains(&wide), "{wide}");
+        let flat = Lens::pinhole(Pixel::new(500.0, 490.0));
+        assert_eq!(view_angle(&flat, 500.0, [1000.0, 980.0]), FRAC_PI_2);
+        assert!((lens_reach(&lens, lens.focal, [1000.0, 980.0]) - 500.0 / 300.0).abs() < 0.1);
+    }
+}
