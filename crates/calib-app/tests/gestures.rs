@@ -206,7 +206,10 @@ fn without_plan() -> (Site, Vec<calib_core::Link>) {
     let truth = calib_demo::demo_site().truth;
     site.plan = None;
     site.cameras.truncate(3);
-    let links = std::mem::take(&mut site.links);
+    let mut links = std::mem::take(&mut site.links);
+    for link in &mut links {
+        link.seen.retain(|seen| site.cameras.iter().any(|camera| camera.id == seen.camera));
+    }
     (site.marks, site.distances) = (Vec::new(), Vec::new());
     for (index, camera) in site.cameras.iter_mut().enumerate() {
         camera.control_points.clear();

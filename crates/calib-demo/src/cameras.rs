@@ -1,6 +1,6 @@
 //! The cameras as they truly are: what calibration should find.
 
-use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, Turn, WorldPoint};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, ImageCircle, Lens, Pixel, Turn, WorldPoint};
 
 /// Id, camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
@@ -26,15 +26,11 @@ fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
     let mut camera = camera(at, degrees, 454.0, None, size);
     let distortion = Distortion::KannalaBrandt { k: [-0.02, 0.001, 0.0, 0.0] };
     camera.lens = Lens { focal: camera.focal, distortion, ..camera.lens };
-    camera
-}
-
-/// Radius of the image circle of a fisheye, in pixels: beyond it there is no image.
-pub(crate) fn rim(camera: &Camera) -> Option<f64> {
     let (sin, cos) = HALF_FIELD.to_radians().sin_cos();
-    let wide = camera.lens.distortion.is_wide();
-    let shown = camera.lens.shown([camera.focal * sin, 0.0, cos]).filter(|_| wide)?;
-    Some(shown.distance(camera.lens.principal_point))
+    let Pixel { u, v } = camera.lens.principal_point;
+    let rim = camera.lens.shown([camera.focal * sin, 0.0, cos]);
+    camera.lens.image_circle = rim.map(|rim| ImageCircle { u, v, radius: rim.u - u });
+    camera
 }
 
 /// Whether a camera with this id looks into the shop.
@@ -69,6 +65,8 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
 pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
     let Pixel { u, v } = camera.lens.principal_point;
     let principal_point = Pixel::new(u * factor, v * factor);
-    let lens = Lens { principal_point, focal: camera.lens.focal * factor, ..camera.lens };
+    let circle = |circle: ImageCircle| <[f64; 3]>::from(circle).map(|side| factor * side).into();
+    let image_circle = camera.lens.image_circle.map(circle);
+    let lens = Lens { principal_point, focal: camera.lens.focal * factor, image_circle, ..camera.lens };
     Camera { focal: camera.focal * factor, lens, ..*camera }
 }

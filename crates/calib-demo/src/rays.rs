@@ -1,8 +1,7 @@
 //! The rays of an image: exact at the nodes of a mesh, in between by blending.
 
-use calib_core::{Camera, Pixel};
+use calib_core::{Camera, Lens, Pixel};
 
-use crate::cameras::rim;
 use crate::shape::Line;
 use crate::vector::Vec3;
 
@@ -25,8 +24,10 @@ impl Rays {
         let columns = width as usize / PITCH + 2;
         let rows = height as usize / PITCH + 2;
         let node = |i: usize| Pixel::new(((i % columns) * PITCH) as f64, ((i / columns) * PITCH) as f64);
+        // A node outside the image circle is at the corner of a cell that reaches into it.
+        let beyond = Camera { lens: Lens { image_circle: None, ..camera.lens }, ..*camera };
         let direction = |i: usize| {
-            let [x, y, z] = camera.pixel_to_ray(node(i))?.direction;
+            let [x, y, z] = beyond.pixel_to_ray(node(i))?.direction;
             // Equal depth, not equal length, is what blends linearly; beside a fisheye there is no depth.
             let ahead = camera.rotation()[2];
             let depth = x * ahead[0] + y * ahead[1] + z * ahead[2];
@@ -35,8 +36,7 @@ impl Rays {
         };
         let nowhere = Vec3::grey(f32::NAN);
         let nodes = (0..columns * rows).map(|i| direction(i).unwrap_or(nowhere)).collect();
-        let Pixel { u, v } = camera.lens.principal_point;
-        let rim = rim(camera).map(|radius| [u as f32, v as f32, radius as f32]);
+        let rim = camera.lens.image_circle.map(|circle| <[f64; 3]>::from(circle).map(|side| side as f32));
         Self { origin: camera.position.into(), nodes, columns, rim }
     }
 
@@ -66,9 +66,7 @@ mod tests {
             let rays = Rays::new(&camera, size);
             for i in 0..200 {
                 let (u, v) = (9.37 * i as f64 % f64::from(size[0]), 5.11 * i as f64 % f64::from(size[1]));
-                if rim(&camera)
-                    .is_some_and(|rim| camera.lens.principal_point.distance(Pixel::new(u, v)) > rim)
-                {
+                if camera.lens.image_circle.is_some_and(|circle| !circle.holds(Pixel::new(u, v))) {
                     assert!(rays.through(u as f32, v as f32).is_none());
                     continue;
                 }

@@ -1,15 +1,14 @@
 //! The site: what the operator entered, and the truth.
 
 use calib_core::{
-    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format,
-    ImageCircle, Known, LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera,
-    WorldPoint,
+    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format, Known,
+    LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera, WorldPoint,
 };
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cameras::{cameras, is_in_shop, rim};
+use crate::cameras::{cameras, is_in_shop};
 use crate::drawing::plot;
 use crate::edge::Edge;
 use crate::element::marks;
@@ -150,8 +149,7 @@ fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
         }
         _ => DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare },
     };
-    let Pixel { u, v } = camera.lens.principal_point;
-    let image_circle_px = rim(camera).map(|radius| ImageCircle { u, v, radius });
+    let image_circle_px = camera.lens.image_circle;
     Some(LensEntry { distortion: Some(distortion), image_circle_px, ..LensEntry::default() })
 }
 

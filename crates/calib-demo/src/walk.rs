@@ -118,7 +118,9 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
                 let [w, h] = size.map(f64::from);
                 // Below the horizon, as a detector's reflections and boxes of goods are.
                 let pixel = Pixel::new(random.random_range(0.0..w), random.random_range(0.3 * h..h));
-                seen.push(Seen { moment, camera: index, pixel, person: None });
+                if camera.pixel_to_ray(pixel).is_some() {
+                    seen.push(Seen { moment, camera: index, pixel, person: None });
+                }
             }
         }
     }

@@ -2,9 +2,8 @@
 
 use std::sync::OnceLock;
 
-use calib_core::{Camera, Pixel, WorldPoint};
+use calib_core::{Camera, ImageCircle, Pixel, WorldPoint};
 
-use crate::cameras::rim;
 use crate::shape::{Line, Shape};
 use crate::stage::{Lamp, Outline, Solid, Stage};
 use crate::tree::Tree;
@@ -70,8 +69,8 @@ pub fn visible(camera: &Camera, size: [u32; 2], point: WorldPoint, slack: f64) -
 /// Whether a pixel lies inside the image of a camera, and inside the image circle of a fisheye, `margin` pixels from the
 /// border.
 pub(crate) fn is_shown(camera: &Camera, size: [u32; 2], pixel: Pixel, margin: f64) -> bool {
-    let out = pixel.distance(camera.lens.principal_point);
-    is_inside(pixel, size, margin) && rim(camera).is_none_or(|rim| out <= rim - margin)
+    let in_circle = |circle: ImageCircle| pixel.distance(circle.centre()) <= circle.radius - margin;
+    is_inside(pixel, size, margin) && camera.lens.image_circle.is_none_or(in_circle)
 }
 
 /// Whether a pixel lies inside an image, `margin` pixels from its border.

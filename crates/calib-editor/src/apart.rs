@@ -4,7 +4,7 @@ use calib_core::{Camera, FloorLine, FloorPoint, Link, LinkKind, LinkSeen, Plane}
 
 use crate::session::Session;
 
-/// The greatest distance between where two views put a link.
+/// The distance between where two views put a link, of those that contradict each other most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
     /// In metres.
@@ -18,7 +18,12 @@ impl Apart {
     /// Whether chance does not explain it.
     #[must_use]
     pub fn is_far(self) -> bool {
-        self.sigma.is_some_and(|sigma| self.metres > 3.0 * sigma)
+        self.clear() > 3.0
+    }
+
+    /// The distance over its standard deviation; 0 where nothing is known of that.
+    fn clear(self) -> f64 {
+        self.sigma.map_or(0.0, |sigma| self.metres / sigma)
     }
 }
 
@@ -33,7 +38,7 @@ pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
     let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(move |b| (a, b)));
     let far =
         pairs.map(|(a, b)| Apart { metres: a.0.distance(b.0), sigma: a.1.zip(b.1).map(|(a, b)| a.hypot(b)) });
-    far.max_by(|a, b| a.metres.total_cmp(&b.metres))
+    far.max_by(|a, b| a.clear().total_cmp(&b.clear()).then(a.metres.total_cmp(&b.metres)))
 }
 
 /// The plane on which a point of a link is.

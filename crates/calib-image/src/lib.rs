@@ -1,5 +1,5 @@
 //! What is found in the pixels of a still: straight edges, the edge under a drawn line, and the calibration that
-//! the edges propose; and what became of a camera between two stills.
+//! the edges propose; the circle that a fisheye's image fills; and what became of a camera between two stills.
 //!
 //! Here are no files, threads, clocks or windows: whoever has them hands over pixels. Pixels are raw, with the
 //! corner of the image as origin, as in `calib-core`.
@@ -20,11 +20,13 @@ pub mod edges;
 mod pull;
 mod pull_curve;
 mod measure;
+mod image_circle;
 mod proposal;
 mod compare;
 
 pub use compare::{Became, Comparison, OtherSize, Refusal, Uncompared, drawn_edges, recovered};
 pub use edges::Edge;
+pub use image_circle::image_circle;
 pub use line_segment::LineSegment;
 pub use measure::line_segments;
 pub use proposal::{Group, Proposal, Reason, Still, Verdict, joined};

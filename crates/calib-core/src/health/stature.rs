@@ -73,20 +73,23 @@ impl Stature {
 
     /// The ray of a pixel, of any length.
     fn direction(&self, pixel: Pixel) -> Option<[f64; 3]> {
-        let straight = self.camera.undistort(pixel)?;
-        let Pixel { u, v } = self.camera.lens.principal_point;
-        let [a, b] = [(straight.u - u) / self.camera.focal, (straight.v - v) / self.camera.focal];
+        let [x, y, ahead] = self.camera.lens.bearing(pixel)?;
+        let [a, b] = [x / self.camera.focal, y / self.camera.focal];
         let [right, down, forward] = &self.axes;
-        Some(std::array::from_fn(|i| a * right[i] + b * down[i] + forward[i]))
+        Some(std::array::from_fn(|i| a * right[i] + b * down[i] + ahead * forward[i]))
     }
 }
 
-/// A person of usual height with the foot at a pixel; derivatives by differences.
+/// A person of usual height with the foot at a pixel; derivatives by differences. None where uprights lie rather than
+/// stand in the image, as around the foot of a camera under a ceiling: foot and head are not at the ends of a box there.
 fn usual(camera: &Camera, foot: Pixel) -> Option<Cell> {
     /// Radians, and of the focal.
     const STEP: f64 = 1e-4;
     let floor = camera.pixel_to_floor(foot, 0.0)?;
     let head = camera.world_to_pixel(floor.at_height(USUAL))?;
+    if foot.v - head.v < 2.0 * (foot.u - head.u).abs() {
+        return None;
+    }
     let nudged = |parameter: usize, by: f64| {
         let mut movement = [0.0; Movement::SIZE];
         movement[parameter] = by;

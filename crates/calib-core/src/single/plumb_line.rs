@@ -18,7 +18,7 @@ use crate::single::chi_square::is_misfit;
 use crate::single::constraints::Source;
 use crate::single::fitted::Fitted;
 use crate::single::lens_problem::{LensProblem, shown_by_parameters};
-use crate::single::straightness::{Edge, edge_redundancy, straightness, times_drawn};
+use crate::single::straightness::{Edge, edge_redundancy, outermost, straightness, times_drawn};
 
 /// Twice the log of the evidence that is very strong (Kass and Raftery 1995).
 const STRONG: f64 = 10.0;
@@ -117,19 +117,12 @@ impl LensFit {
             }
             None => {
                 let model = select_model(undistorted, redundancy, &problem);
-                let fisheye = || Fitted::first(KannalaBrandt, KannalaBrandt.row().usual);
-                let is_bent_otherwise = || {
-                    let dof = redundancy - model.values.len() as i64;
-                    is_misfit(model.cost / (options.sigma * options.sigma), dof)
+                let fisheye = || {
+                    let row = KannalaBrandt.row();
+                    FittedModel::solved(problem(Fitted::first(KannalaBrandt, row.usual)), options)
                 };
-                let may_be_fisheye =
-                    redundancy > MOST_OPEN && (options.circle.is_some() || is_bent_otherwise());
-                let fisheye =
-                    may_be_fisheye.then(|| FittedModel::solved(problem(fisheye()), options)).flatten();
-                match fisheye.filter(|fisheye| fisheye.is_better_than(&model, options)) {
-                    Some(fisheye) => fisheye,
-                    None => model,
-                }
+                let fisheye = model.may_be_fisheye(redundancy, options).then(fisheye).flatten();
+                fisheye.filter(|fisheye| fisheye.is_better_than(&model, redundancy, options)).unwrap_or(model)
             }
         };
         Some(Self::of(&model, cost_before, redundancy, options))
@@ -189,14 +182,34 @@ impl<'a> FittedModel<'a> {
         Some(Self::of(problem, values))
     }
 
-    /// Whether the edges say very strongly that the lens is a fisheye and not this other one; where there is an image
-    /// circle it need only be as straight.
-    fn is_better_than(&self, other: &Self, options: &LensOptions) -> bool {
+    /// Whether it is worth while to see if the lens is a fisheye.
+    fn may_be_fisheye(&self, redundancy: i64, options: &LensOptions) -> bool {
+        let dof = redundancy - self.values.len() as i64;
+        let is_bent_otherwise = || is_misfit(self.cost / (options.sigma * options.sigma), dof);
+        redundancy > MOST_OPEN && (options.circle.is_some() || is_bent_otherwise())
+    }
+
+    /// Whether the edges say very strongly that the lens is a fisheye and not this other one, all of them and not one
+    /// that is not straight in space, and are drawn where only fisheyes see; where there is an image circle it need
+    /// only be as straight.
+    fn is_better_than(&self, other: &Self, redundancy: i64, options: &LensOptions) -> bool {
+        /// Angle off the axis to which other lenses are built, in radians.
+        const OTHERS: f64 = 0.9;
         if options.circle.is_some() {
             return self.cost <= other.cost;
         }
         let of = |model: &Self| model.problem.evidence(&model.values).unwrap_or(f64::INFINITY);
-        of(self) < of(other) - STRONG && self.cost < other.cost
+        let shared = shared_gain(other, &self.problem, &self.values) / (options.sigma * options.sigma);
+        let is_shared = shared > MOST_OPEN as f64 * (redundancy as f64).ln();
+        is_shared && of(self) < of(other) - STRONG && self.reach() > OTHERS
+    }
+
+    /// How far off the axis of the lens the outermost point is that is drawn, in radians.
+    fn reach(&self) -> f64 {
+        let lens = self.problem.lens(&self.values);
+        let drawn = self.problem.edges.iter().flat_map(|edge| &edge.points);
+        let bearing = outermost(drawn, lens.principal_point).and_then(|pixel| lens.bearing(pixel));
+        bearing.map_or(0.0, |[x, y, ahead]| x.hypot(y).atan2(lens.focal * ahead))
     }
 
     fn of(problem: LensProblem<'a>, values: Vec<f64>) -> Self {

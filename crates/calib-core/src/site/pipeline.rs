@@ -213,6 +213,7 @@ impl Site {
         }
         result.solution.position_m = Some(camera.position);
         result.solution.yaw_deg = Some(camera.yaw.to_degrees());
+        result.solution.image_circle_px = entry.image_circle();
         result.solution.stage = stage;
         if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
             placed_uncertainty(entry, &camera, &mut result);

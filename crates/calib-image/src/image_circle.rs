@@ -1,0 +1,222 @@
+//! The circle that the image of a fisheye fills: the scene is inside, and outside of it there is black.
+//!
+//! Rows and columns are walked from the border of the image inward for as long as it is black. Where the black ends is
+//! the rim, but where something dark lies beside it or a caption is written into the black. The circle through three
+//! such places that the most others are on is then fitted to these, by least squares of their distances (Gauss-Newton).
+
+use calib_core::{ImageCircle, Pixel};
+use image::RgbImage;
+use nalgebra::{Matrix3, Vector3};
+
+/// Brightness of a channel, 0 to 255, up to which a corner of the image can be black.
+const BLACK: u8 = 48;
+/// What is brighter than the corners by this is of the scene.
+const CONTRAST: u8 = 16;
+/// Rows and columns that are walked, each from both ends.
+const WALKS: u32 = 400;
+/// Pixels in a row that end the black: grain does not.
+const IN_A_ROW: u32 = 3;
+/// Triples of places of which circles are made.
+const TRIPLES: usize = 500;
+/// How far from the circle a place is of it, as a share of the image's longer side.
+const NEAR: f64 = 0.004;
+/// So much of the places is on the circle, and so much of what is outside of it is black.
+const SHARES: [f64; 2] = [0.6, 0.9];
+
+/// The image circle of a fisheye, in raw pixels; `None` where black corners do not end in one.
+#[must_use]
+pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
+    let black = black(image)?;
+    let places = rim(image, black);
+    let size = [image.width(), image.height()].map(f64::from);
+    let near = (NEAR * size[0].max(size[1])).max(1.5);
+    let is_on =
+        |circle: &ImageCircle, at: &Pixel| (circle.centre().distance(*at) - circle.radius).abs() < near;
+    let on = |circle: &ImageCircle| places.iter().filter(|at| is_on(circle, at)).count();
+    let triple = |number: usize| {
+        // Steps that have no common divisor with one another, so that no two triples are alike.
+        let [i, j, k] = [number, number * 7 + 3, number * 31 + 11].map(|of| of * 37 % places.len().max(1));
+        through([*places.get(i)?, *places.get(j)?, *places.get(k)?]).filter(|circle| is_likely(circle, size))
+    };
+    let mut circle = (0..TRIPLES).filter_map(triple).max_by_key(on)?;
+    for _ in 0..8 {
+        let own: Vec<Pixel> = places.iter().filter(|at| is_on(&circle, at)).copied().collect();
+        circle = improved(circle, &own)?;
+    }
+    let is_agreed = on(&circle) as f64 >= SHARES[0] * places.len() as f64;
+    let is_round = [[false; 2], [false, true], [true, false], [true; 2]].iter().all(|&[right, below]| {
+        let is_of = |at: &&Pixel| (at.u > circle.u) == right && (at.v > circle.v) == below;
+        places.iter().filter(is_of).any(|at| is_on(&circle, at))
+    });
+    let is_likely = is_agreed && is_round && is_likely(&circle, size);
+    (is_likely && is_black_outside(image, &circle, black) && is_sharp(image, &circle, black))
+        .then_some(circle)
+}
+
+/// The brightest channel of a pixel.
+fn level(image: &RgbImage, x: u32, y: u32) -> u8 {
+    image.get_pixel(x, y).0.into_iter().max().unwrap_or(0)
+}
+
+/// What black is at most, by the corners of the image, of which one can have a caption.
+fn black(image: &RgbImage) -> Option<u8> {
+    let (w, h) = image.dimensions();
+    let side = (w.min(h) / 50).max(4);
+    if w.min(h) < 4 * side {
+        return None;
+    }
+    let mut corners = [(0, 0), (w - side, 0), (0, h - side), (w - side, h - side)].map(|(x0, y0)| {
+        let mut levels: Vec<u8> =
+            (0..side * side).map(|i| level(image, x0 + i % side, y0 + i / side)).collect();
+        levels.sort_unstable();
+        levels[levels.len() * 9 / 10]
+    });
+    corners.sort_unstable();
+    (corners[2] <= BLACK).then_some(corners[2] + CONTRAST)
+}
+
+/// Where the black ends on the way from the border of the image inward.
+fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
+    let (w, h) = image.dimensions();
+    let mut places = Vec::new();
+    for (is_row, lines, length) in [(true, h, w), (false, w, h)] {
+        let step = lines.div_ceil(WALKS).max(1);
+        for line in (0..lines).step_by(step as usize) {
+            for is_back in [false, true] {
+                let at = |i: u32| if is_back { length - 1 - i } else { i };
+                let level = |i: u32| {
+                    let (x, y) = if is_row { (at(i), line) } else { (line, at(i)) };
+                    level(image, x, y)
+                };
+                let ends = |i: &u32| (*i..*i + IN_A_ROW).all(|i| level(i) > black);
+                let Some(end) = (0..length.saturating_sub(IN_A_ROW)).find(ends).filter(|end| *end > 0) else {
+                    continue;
+                };
+                // Between the middles of two pixels.
+                let [before, after] = [end - 1, end].map(|i| f64::from(level(i)));
+                let share = ((f64::from(black) - before) / (after - before)).clamp(0.0, 1.0);
+                let along = f64::from(end) - 0.5 + share;
+                let along = if is_back { f64::from(length) - along } else { along };
+                let across = f64::from(line) + 0.5;
+                places.push(if is_row { Pixel::new(along, across) } else { Pixel::new(across, along) });
+            }
+        }
+    }
+    places
+}
+
+/// Whether the image circle of a fisheye is about there and so large.
+fn is_likely(circle: &ImageCircle, [w, h]: [f64; 2]) -> bool {
+    let is_amid = (circle.u - 0.5 * w).abs() < 0.25 * w && (circle.v - 0.5 * h).abs() < 0.25 * h;
+    is_amid && (0.25 * w.min(h)..0.5 * w.hypot(h)).contains(&circle.radius)
+}
+
+/// The circle through three places; `None` where they are in a line.
+fn through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
+    let [bu, bv, cu, cv] = [b.u - a.u, b.v - a.v, c.u - a.u, c.v - a.v];
+    let twice = 2.0 * (bu * cv - bv * cu);
+    let [b2, c2] = [bu * bu + bv * bv, cu * cu + cv * cv];
+    let (u, v) = ((cv * b2 - bv * c2) / twice, (bu * c2 - cu * b2) / twice);
+    let circle = ImageCircle { u: a.u + u, v: a.v + v, radius: u.hypot(v) };
+    (circle.radius.is_finite() && circle.radius > 0.0).then_some(circle)
+}
+
+/// One step of Gauss-Newton to the circle nearest to all places.
+fn improved(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for at in places {
+        let [u, v] = [at.u - circle.u, at.v - circle.v];
+        let distance = u.hypot(v);
+        let by = Vector3::new(u / distance, v / distance, 1.0);
+        normal += by * by.transpose();
+        right += by * (distance - circle.radius);
+    }
+    let step = normal.cholesky()?.solve(&right);
+    Some(ImageCircle { u: circle.u + step.x, v: circle.v + step.y, radius: circle.radius + step.z })
+}
+
+fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
+    let step = (image.width().max(image.height()) / WALKS).max(1) as usize;
+    let of_rows = (0..image.height()).step_by(step);
+    let pixels = of_rows.flat_map(|y| (0..image.width()).step_by(step).map(move |x| (x, y)));
+    let is_outside = |&(x, y): &(u32, u32)| {
+        circle.centre().distance(Pixel::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) > 1.02 * circle.radius
+    };
+    let (mut all, mut dark) = (0_u32, 0_u32);
+    for (x, y) in pixels.filter(is_outside) {
+        all += 1;
+        dark += u32::from(level(image, x, y) <= black);
+    }
+    f64::from(dark) >= SHARES[1] * f64::from(all)
+}
+
+/// Whether the black ends at once: light that falls off in the dark has no rim.
+fn is_sharp(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
+    /// Directions in which a look is taken, and how far within the rim, as a share of the radius.
+    const LOOKS: (u32, f64) = (120, 0.97);
+    let level = |i: u32| {
+        let (sin, cos) = (f64::from(i) / f64::from(LOOKS.0) * std::f64::consts::TAU).sin_cos();
+        let [u, v] = [circle.u + LOOKS.1 * circle.radius * cos, circle.v + LOOKS.1 * circle.radius * sin];
+        let is_inside =
+            (0.0..f64::from(image.width())).contains(&u) && (0.0..f64::from(image.height())).contains(&v);
+        is_inside.then(|| level(image, u as u32, v as u32))
+    };
+    let mut levels: Vec<u8> = (0..LOOKS.0).filter_map(level).collect();
+    levels.sort_unstable();
+    levels.get(levels.len() / 2).is_some_and(|&middle| f64::from(middle) > 1.5 * f64::from(black))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    /// A scene of stripes in a circle, with noise, a dark thing at its rim and a caption in the black.
+    fn picture(size: [u32; 2], circle: ImageCircle, dark: bool) -> RgbImage {
+        let mut state = 7_u32;
+        RgbImage::from_fn(size[0], size[1], |x, y| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let grain = (state >> 24) as u8 / 32;
+            let at = Pixel::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let inside = (circle.radius - circle.centre().distance(at) + 0.5).clamp(0.0, 1.0);
+            let is_dark = dark && x < size[0] / 3 && y > size[1] / 2 && y < size[1] * 2 / 3;
+            let scene = if is_dark { 10 } else { 90 + 80 * (x / 40 % 2) as u8 };
+            let is_caption = dark && y < 24 && x < 160 && (x / 4) % 2 == 0;
+            let value = if is_caption { 220 } else { (inside * f64::from(scene)) as u8 + grain };
+            Rgb([value; 3])
+        })
+    }
+
+    #[test]
+    fn the_circle_is_found_where_it_is_whole_and_where_it_is_cut() {
+        for (size, circle) in [
+            ([720, 720], ImageCircle { u: 366.0, v: 351.0, radius: 330.0 }),
+            ([960, 720], ImageCircle { u: 480.3, v: 355.0, radius: 440.0 }),
+            ([1280, 720], ImageCircle { u: 640.0, v: 362.0, radius: 344.5 }),
+        ] {
+            for dark in [false, true] {
+                let found = image_circle(&picture(size, circle, dark)).expect("there is a circle");
+                let off = found.centre().distance(circle.centre());
+                assert!(off < 0.6 && (found.radius - circle.radius).abs() < 0.8, "{found:?}, not {circle:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn black_that_ends_in_no_circle_is_not_of_a_fisheye() {
+        let bars = |x0: u32, y0: u32| {
+            RgbImage::from_fn(640, 480, |x, y| {
+                let is_bar = x < x0 || x >= 640 - x0 || y < y0 || y >= 480 - y0;
+                Rgb([if is_bar { 0 } else { 120 }; 3])
+            })
+        };
+        for picture in [bars(0, 0), bars(80, 0), bars(0, 60), bars(80, 60), bars(400, 0)] {
+            assert_eq!(image_circle(&picture), None);
+        }
+        let lamp =
+            |x: f64, y: f64| 255.0 * (-((x - 320.0) / 200.0).powi(2) - ((y - 300.0) / 90.0).powi(2)).exp();
+        let night = RgbImage::from_fn(640, 480, |x, y| Rgb([lamp(f64::from(x), f64::from(y)) as u8; 3]));
+        assert_eq!(image_circle(&night), None);
+        assert_eq!(image_circle(&RgbImage::new(3, 900)), None);
+    }
+}
