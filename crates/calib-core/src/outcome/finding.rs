@@ -105,6 +105,8 @@ pub enum Finding {
     UncertainCorners {
         /// By so many pixels.
         px: f64,
+        /// It is the rim of a fisheye's image.
+        is_round: bool,
     },
     /// Straight edges under a fixed lens: their residuals are reported, they estimate nothing.
     UnusedEdges {

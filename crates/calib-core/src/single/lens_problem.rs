@@ -117,10 +117,13 @@ impl LensProblem<'_> {
     }
 
     /// Edges that say next to nothing: of a lens that was fitted those without which the corner would be hardly
-    /// less certain, else those that a distortion would hardly bend.
+    /// less certain, else those that a distortion would hardly bend. A fisheye bends whatever does not lead outward.
     pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
         /// How much less certain.
         const HARDLY: f64 = 1.05;
+        if self.fitted.is_wide() {
+            return Vec::new();
+        }
         let lens = self.lens(values);
         let hardly_bent = uninformative(&self.edges, &lens, self.size, self.sigma);
         let Some(corner) = self.corner_variance(values, |_| true).filter(|_| !values.is_empty()) else {
@@ -133,10 +136,24 @@ impl LensProblem<'_> {
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
 
+    /// Where errors of the lens are stated: halfway to the edge, at the middle of the longer edge, and in the corner.
+    /// The image of a fisheye ends in its circle, of whose radius half the longer side is a guess.
+    pub(super) fn places(&self) -> [Pixel; 3] {
+        let [w, h] = self.size;
+        let whole = ImageCircle { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) };
+        let circle = if self.fitted.is_wide() { self.circle.unwrap_or(whole) } else { whole };
+        let (right, down) = (f64::from(u8::from(w > h)), f64::from(u8::from(w <= h)));
+        let edge = Pixel { u: circle.u + right * circle.radius, v: circle.v + down * circle.radius };
+        let rim = circle.radius * std::f64::consts::FRAC_1_SQRT_2;
+        let end = Pixel { u: (circle.u + rim).min(w), v: (circle.v + rim).min(h) };
+        let corner = if self.fitted.is_wide() { end } else { Pixel::from([w, h]) };
+        let halfway = Pixel { u: 0.5 * (circle.u + edge.u), v: 0.5 * (circle.v + edge.v) };
+        [halfway, edge, corner]
+    }
+
     /// Variance of the undistorted corner of the image in square pixels, as far as some edges tell it.
     fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
-        let [w, h] = self.size;
-        let corner = Pixel::from([w, h]);
+        let [_, _, corner] = self.places();
         let used = self.edges.iter().copied().zip(self.times.iter().copied());
         let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
         let (fitted, open) = (self.fitted.clone(), self.open.clone());

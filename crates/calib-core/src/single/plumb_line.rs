@@ -47,7 +47,7 @@ pub struct LensFit {
     /// Covariance of the parameters; zeros for those that were not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
     /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
-    /// of the longer edge, and in the corner, in pixels.
+    /// of the longer edge, and in the corner, in pixels; of a fisheye halfway to its image circle and on it.
     pub map_error: [f64; 3],
     /// Polylines that carry next to no information, with how far a distortion that moves the corner by 10 px
     /// would bend them, in pixels.
@@ -272,11 +272,7 @@ fn map_error(
 ) -> [f64; 3] {
     let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
     let lens = problem.lens(values);
-    let [w, h] = options.size;
-    let edge = if w > h { [w, 0.5 * h] } else { [0.5 * w, h] };
-    let halfway = [0.25 * w + 0.5 * edge[0], 0.25 * h + 0.5 * edge[1]];
-    let variance = |place: [f64; 2]| {
-        let place = Pixel::from(place);
+    let variance = |place: Pixel| {
         let by = shown_by_parameters(&lens, place)?;
         let jacobian: Vec<[f64; 2]> = problem.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
@@ -296,7 +292,7 @@ fn map_error(
         Some(options.sigma * options.sigma * variance.max(0.0) + model_variance)
     };
     // Where the distortion cannot be inverted there is no position.
-    [halfway, edge, [w, h]].map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
+    problem.places().map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
 /// The covariance with a row and a column for every parameter of the lens.

@@ -171,7 +171,7 @@ impl LensEstimate {
             });
         }
         if corner > MOST {
-            findings.push(Finding::UncertainCorners { px: corner });
+            findings.push(Finding::UncertainCorners { px: corner, is_round: fit.lens.distortion.is_wide() });
         }
         if is_misfit(fit.chi2, fit.dof) {
             let [px_without_lens, px] = fit.straightness;

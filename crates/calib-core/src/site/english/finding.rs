@@ -44,7 +44,7 @@ impl English<'_> {
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
             F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
-            F::UncertainCorners { px } => corners(*px),
+            F::UncertainCorners { px, is_round } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
                 self.unused_edges(*first, *count, *is_undistorted, *px)
             }
@@ -111,6 +111,12 @@ fn advice(finding: &Finding) -> String {
 
 const HEIGHTS_APART: &str = "Check the heights, feet and heads of both: they must stand on the floor. Switch one off to see what the others give.";
 
+const FLOOR_OR_UPRIGHT: &str =
+    "Check that floor lines and verticals were not exchanged; draw the field of view on the floor.";
+
+const TIE_OR_HOLD: &str =
+    "Give two control points, or links with a camera that has some, and refine; or hold what is measured.";
+
 const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
 
 /// Advice that is the same whatever the numbers.
@@ -118,9 +124,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
         F::PriorDominates { .. } => "Enter the focal if you know it, or draw what tells it.",
-        F::NoFloor => {
-            "Check that floor lines and verticals were not exchanged; draw the field of view on the floor."
-        }
+        F::NoFloor => FLOOR_OR_UPRIGHT,
         F::FewResiduals { .. } => "Draw more lines: each makes the noise better known.",
         F::UncertaintyUnknown => {
             "Mend the lines that do not fit, if there are such; else draw lines on its image, or import it with standard \
@@ -135,6 +139,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
         F::BentEdges { .. } => "Look for a point off its edge, then for an edge that is bent in space.",
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
+        F::UncertainCorners { is_round: true, .. } => "Draw straight edges that reach out to the rim.",
         F::UncertainCorners { .. } => "Draw straight edges that reach into the corners.",
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
         F::UnusedKind { .. } => "Switch it off, or use a method that does.",
@@ -164,9 +169,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::NotConnected { .. } => "Link two points with a camera that is tied, or give control points.",
         F::Sliding { .. } => "Link points far apart from each other.",
         F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => GIVE_A_SCALE,
-        F::PlacedByHand => {
-            "Give two control points, or links with a camera that has some, and refine; or hold what is measured."
-        }
+        F::PlacedByHand => TIE_OR_HOLD,
         F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
         F::UnusedEvidence { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
         F::FocalUnobservable { .. }

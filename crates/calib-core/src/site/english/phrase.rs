@@ -336,10 +336,11 @@ pub(super) fn bent(px: f64, px_without_lens: f64) -> String {
     )
 }
 
-pub(super) fn corners(px: f64) -> String {
+pub(super) fn corners(px: f64, is_round: bool) -> String {
     // By more than an image is wide is altogether.
     let how = if px < 4000.0 { format!("by \u{b1} {px:.0} px") } else { "altogether".into() };
-    format!("The straight edges leave the corners of the image uncertain {how}.")
+    let what = if is_round { "rim" } else { "corners" };
+    format!("The straight edges leave the {what} of the image uncertain {how}.")
 }
 
 pub(super) const fn estimator(by: Estimator) -> &'static str {
