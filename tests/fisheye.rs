@@ -2,12 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
+use std::process::Command;
+
 use calib_core::{
-    Annotation, Camera, Constraints, Covariance, Distortion, DistortionEntry, DistortionModel, Fit,
-    FitOptions, ImageCircle, Kind, Lens, LensEntry, Options, Pixel, SceneEntry, SceneErrors, Site,
-    SiteCamera, WorldPoint,
+    Annotation, Camera, Constraints, Covariance, Distortion, DistortionEntry, DistortionModel, Edge, Fit,
+    FitOptions, Fitted, ImageCircle, Kind, Lens, LensEntry, LensFit, LensOptions, Options, Pixel, SceneEntry,
+    SceneErrors, Site, SiteCamera, Source, WorldPoint,
 };
 use calib_demo::random::normal;
+use calib_image::image_circle;
+use calib_tests::{peers_python, root, shared};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -127,6 +131,57 @@ fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
         // Of so many trials a share has a standard deviation of 0.7 %, a root mean square one of 2.2 %.
         assert!(rms.iter().all(|rms| (0.93..1.07).contains(rms)), "{rms:?}");
         assert!(held.iter().all(|held| (0.925..0.975).contains(held)), "{held:?}");
+    }
+}
+
+/// Where the vertical leads in the image of a camera: across and down, of a unit vector.
+fn vertical(camera: &Camera) -> [f64; 2] {
+    let [right, down, _] = camera.rotation();
+    [right[2], down[2]]
+}
+
+#[test]
+fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_trade_places() {
+    const TRIALS: usize = 1000;
+    const STEP: f64 = 1e-6;
+    for off in [0.0, 0.0005, 0.002, 0.01] {
+        let mut random = ChaCha8Rng::seed_from_u64(23);
+        // The square of the distance of the two components from the truth, in sigmas, by the covariance of pitch and roll.
+        let mut distances: Vec<f64> = (0..TRIALS)
+            .map(|_| {
+                let camera = fisheye(&mut random, 185.0, std::f64::consts::FRAC_PI_2 - off);
+                let annotations = room(&mut random, &camera, 185.0, 2);
+                let constraints = Constraints::new(&annotations, &camera.lens, SceneErrors::EXACT);
+                let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(camera.lens, SIZE) };
+                let found = Fit::new(&constraints, &options).unwrap().camera;
+                let [was, is] = [camera, found].map(|camera| vertical(&camera));
+                let by = |at: Camera| {
+                    let moved = vertical(&at);
+                    [(moved[0] - is[0]) / STEP, (moved[1] - is[1]) / STEP]
+                };
+                let by = [
+                    by(Camera { pitch: found.pitch - STEP, ..found }).map(|of| -of),
+                    by(Camera { roll: found.roll + STEP, ..found }),
+                ];
+                let of = [Covariance::PITCH, Covariance::ROLL];
+                let entry = |i: usize, j: usize| {
+                    let sum = |k: usize, l: usize| by[k][i] * found.covariance.0[of[k]][of[l]] * by[l][j];
+                    sum(0, 0) + sum(0, 1) + sum(1, 0) + sum(1, 1)
+                };
+                let (a, b, c) = (entry(0, 0), entry(0, 1), entry(1, 1));
+                let [u, v] = [is[0] - was[0], is[1] - was[1]];
+                (c * u * u - 2.0 * b * u * v + a * v * v) / (a * c - b * b)
+            })
+            .collect();
+        distances.sort_by(f64::total_cmp);
+        let mean = distances.iter().sum::<f64>() / TRIALS as f64;
+        // Chi-squares of two degrees of freedom: their mean is 2, and 95 % are below 5.99.
+        let held = distances.iter().filter(|square| **square < 5.99).count() as f64 / TRIALS as f64;
+        println!(
+            "{off} from straight down: mean {mean:.2}, 95 % hold {held:.3}, most {:.1}",
+            distances[TRIALS - 1]
+        );
+        assert!((1.8..2.2).contains(&mean) && (0.925..0.975).contains(&held), "{mean}, {held}");
     }
 }
 
@@ -257,4 +312,79 @@ fn a_pixel_outside_the_image_circle_has_no_answer() {
     }
     // What the circle says of the principal point is within a hundredth of its radius.
     assert!(camera.lens.principal_point.distance(centre) < 15.0);
+}
+
+/// Root mean square distance in the image between where two lenses show the rays of the pixels of a disc.
+fn apart(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
+    let across = |i: u32| disc.radius * (f64::from(i) / 40.0 - 1.0);
+    let pixels = (0..=80).flat_map(|i| (0..=80).map(move |j| (across(i), across(j))));
+    let in_disc = pixels.map(|(u, v)| Pixel::new(disc.u + u, disc.v + v)).filter(|&pixel| disc.holds(pixel));
+    let square = |pixel: Pixel| {
+        let [x, y, ahead] = one.bearing(pixel).unwrap();
+        let ratio = other.focal / one.focal;
+        other.shown([x * ratio, y * ratio, ahead]).unwrap().distance(pixel).powi(2)
+    };
+    let squares: Vec<f64> = in_disc.map(square).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+#[test]
+fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
+    let (Some(folder), Some(python)) = (shared("real/fisheye"), peers_python()) else { return };
+    let script = root().join("tests/fisheye_boards.py");
+    let output = Command::new(python).arg(script).arg(&folder).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let size: [f64; 2] = serde_json::from_value(found["size"].clone()).unwrap();
+    let lines: Vec<Vec<Pixel>> = serde_json::from_value(found["edges"].clone()).unwrap();
+    let [fx, fy, cu, cv, k @ ..]: [f64; 8] = serde_json::from_value(found["board"].clone()).unwrap();
+    // In every picture the scene ends at the same circle, whatever is in it.
+    let stills = std::fs::read_dir(&folder).unwrap().map(|entry| image::open(entry.unwrap().path()).unwrap());
+    let circles: Vec<ImageCircle> = stills.map(|still| image_circle(&still.to_rgb8()).unwrap()).collect();
+    let mut radii: Vec<f64> = circles.iter().map(|circle| circle.radius).collect();
+    radii.sort_by(f64::total_cmp);
+    println!(
+        "{} image circles, radius {:.1} to {:.1} px, e.g. {:?}",
+        radii.len(),
+        radii[0],
+        radii[14],
+        circles[0]
+    );
+    assert!(radii.len() == 15 && radii[14] - radii[0] < 0.02 * radii[7], "{radii:.1?}");
+    // Its pixels are square to a thousandth, so that of one focal the mean is meant.
+    assert!((fx / fy - 1.0).abs() < 2e-3);
+    let board = Lens {
+        principal_point: Pixel::new(cu, cv),
+        focal: 0.5 * (fx + fy),
+        distortion: Distortion::KannalaBrandt { k },
+        image_circle: None,
+    };
+    let edge = |(annotation, points): (usize, Vec<Pixel>)| Edge {
+        points,
+        source: Source { annotation, segment: 0 },
+    };
+    let edges: Vec<Edge> = lines.into_iter().enumerate().map(edge).collect();
+    let disc = ImageCircle { radius: 455.0, ..circles[0] };
+    for (circle, fitted) in [
+        (None, None),
+        (Some(circles[0]), None),
+        (None, Some(Fitted::first(DistortionModel::KannalaBrandt, 4))),
+    ] {
+        let options = LensOptions {
+            principal_point: Pixel::new(0.5 * size[0], 0.5 * size[1]),
+            centre_is_held: false,
+            circle,
+            size,
+            fitted,
+            focal: None,
+            sigma: 0.15,
+        };
+        let fit = LensFit::new(&edges, &options).unwrap();
+        let off = apart(&fit.lens, &board, disc);
+        println!(
+            "{circle:?}: {off:.2} px rms over the disc, straight to {:.3?} px, {:?}; board {board:?}",
+            fit.straightness, fit.lens
+        );
+        assert!(fit.lens.distortion.is_wide() && off < 1.0, "{off} px: {:?}", fit.lens);
+    }
 }

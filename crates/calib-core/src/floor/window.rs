@@ -222,15 +222,21 @@ impl Window {
 /// circle fits its image, to the rim. `focal` is that of the camera, in pixels.
 #[must_use]
 pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
-    /// Where a lens ends before the side.
-    const SHARES: u32 = 64;
+    /// Halvings on the way to a side before which the image ends: far below a pixel.
+    const STEPS: u32 = 20;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let sides = [[0.0, cv], [width, cv], [cu, 0.0], [cu, height]];
     let seen = |[u, v]: [f64; 2]| {
-        (1..=SHARES).rev().find_map(|share| {
-            let share = f64::from(share) / f64::from(SHARES);
+        let angle = |share: f64| {
             let [x, y, z] = lens.bearing(Pixel::new(cu + share * (u - cu), cv + share * (v - cv)))?;
             Some(angle_from_axis(hypot(x, y) / focal, z))
+        };
+        angle(1.0).or_else(|| {
+            let halved = |(share, last): (f64, Option<f64>), step: u32| {
+                let next = share + 0.5_f64.powi(step as i32);
+                angle(next).map_or((share, last), |angle| (next, Some(angle)))
+            };
+            (1..=STEPS).fold((0.0, None), halved).1
         })
     };
     sides.into_iter().filter_map(seen).fold(0.0, f64::max)
@@ -254,7 +260,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Distortion, WorldPoint, any_camera};
+    use crate::camera::{Distortion, ImageCircle, WorldPoint, any_camera};
     use proptest::prelude::*;
 
     fn fisheye() -> Lens {
@@ -395,5 +401,11 @@ mod tests {
         let flat = Lens::pinhole(Pixel::new(500.0, 490.0));
         assert_eq!(view_angle(&flat, 500.0, [1000.0, 980.0]), FRAC_PI_2);
         assert!((lens_reach(&lens, lens.focal, [1000.0, 980.0]) - 500.0 / 300.0).abs() < 0.1);
+        // What is seen ends with the image circle.
+        let half = 92.5_f64.to_radians();
+        let rim = lens.shown([lens.focal * half.sin(), 0.0, half.cos()]).unwrap();
+        let circle = ImageCircle { u: 500.0, v: 490.0, radius: rim.u - 500.0 };
+        let reach = lens_reach(&Lens { image_circle: Some(circle), ..lens }, lens.focal, [1000.0, 980.0]);
+        assert!((reach - half).abs() < 1e-5, "{reach} for {half}");
     }
 }

@@ -1,0 +1,68 @@
+//! Reads bytes as the files of the format that `CALIB_FORMAT` names, and writes the site that comes of it: no panic, and
+//! what is read is a valid site.
+
+#![no_main]
+
+use std::sync::LazyLock;
+
+use calib_core::Site;
+use calib_formats::{File, import};
+use libfuzzer_sys::fuzz_target;
+
+/// How bytes become files.
+enum Names {
+    /// The first byte chooses the name of the one file.
+    OneOf(&'static [&'static str]),
+    /// [`CUT`] separates the files.
+    AllOf(&'static [&'static str]),
+}
+
+/// Separates the files of one input.
+const CUT: &[u8] = b"\n-- file --\n";
+
+/// The importers and the names of their files.
+const FORMATS: &[(&str, Names)] = &[
+    ("opencv", Names::OneOf(&["a.json", "a.yml", "a.xml"])),
+    ("ros", Names::OneOf(&["a.yaml"])),
+    ("colmap", Names::AllOf(&["cameras.txt", "images.txt"])),
+    ("nvidia", Names::OneOf(&["calibration.json", "camInfo/a.yml", "transforms.yml"])),
+    ("wildtrack", Names::AllOf(&["intrinsic_zero/intr_a.xml", "extrinsic/extr_a.xml"])),
+    ("kalibr", Names::OneOf(&["camchain.yaml"])),
+    ("caliscope", Names::OneOf(&["a.toml"])),
+    ("fspy", Names::OneOf(&["a.fspy"])),
+    ("worldfile", Names::OneOf(&["a.pgw"])),
+];
+
+static FORMAT: LazyLock<&(&str, Names)> = LazyLock::new(|| {
+    let asked = std::env::var("CALIB_FORMAT").expect("CALIB_FORMAT names the format");
+    FORMATS.iter().find(|(name, _)| *name == asked).expect("CALIB_FORMAT is a format of the list")
+});
+
+fuzz_target!(|bytes: &[u8]| {
+    let (name, names) = &**FORMAT;
+    let file = |name: &str, bytes: &[u8]| File { name: name.into(), bytes: bytes.into() };
+    let files: Vec<File> = match names {
+        Names::AllOf(names) => {
+            names.iter().zip(parts(bytes)).map(|(name, bytes)| file(name, bytes)).collect()
+        }
+        Names::OneOf(names) => {
+            let Some((&first, rest)) = bytes.split_first() else { return };
+            vec![file(names[usize::from(first) % names.len()], rest)]
+        }
+    };
+    let format = calib_formats::format(name).expect("a format of the registry");
+    let Ok(imported) = import(format, &files) else { return };
+    if let Err(error) = Site::from_json(&imported.site.to_json()) {
+        panic!("what was imported cannot be read: {error}");
+    }
+});
+
+fn parts(mut bytes: &[u8]) -> Vec<&[u8]> {
+    let mut parts = Vec::new();
+    while let Some(at) = bytes.windows(CUT.len()).position(|window| window == CUT) {
+        parts.push(&bytes[..at]);
+        bytes = &bytes[at + CUT.len()..];
+    }
+    parts.push(bytes);
+    parts
+}

@@ -1,3 +1,0 @@
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| calib_formats_fuzz::read("opencv", &["a.json", "a.yml", "a.xml"], false, bytes));
