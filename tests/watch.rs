@@ -40,7 +40,7 @@ fn archive(camera: usize, by: Movement, after: usize) -> (Crowd, i64) {
     let span = [MAY, MAY + 14 * DAY];
     let share = 0.25;
     let at = MAY + (14.0 * DAY as f64 * (1.0 - share)) as i64;
-    let people = (5.0 * after as f64 / share) as usize;
+    let people = (6.0 * after as f64 / share) as usize;
     (Crowd { moved: Some(Moved { camera, at, by }), season: 0.01, ..Crowd::new(people, span) }, at)
 }
 

@@ -12,6 +12,9 @@ use nalgebra::{Matrix3, Vector3};
 const BLACK: u8 = 48;
 /// What is brighter than the corners by this is of the scene.
 const CONTRAST: u8 = 16;
+/// The rim is where this share of the brightness within it is reached, which is taken from so far within, as a share of
+/// the image's longer side: a rim that is not sharp is in one place then, before what is bright and before what is dim.
+const RIM: (f64, f64) = (0.25, 0.06);
 /// Rows and columns that are walked, each from both ends.
 const WALKS: u32 = 400;
 /// Pixels in a row that end the black: grain does not.
@@ -19,9 +22,9 @@ const IN_A_ROW: u32 = 3;
 /// Triples of places of which circles are made.
 const TRIPLES: usize = 500;
 /// How far from the circle a place is of it, as a share of the image's longer side.
-const NEAR: f64 = 0.004;
-/// So much of the places is on the circle, and so much of what is outside of it is black.
-const SHARES: [f64; 2] = [0.6, 0.9];
+const NEAR: f64 = 0.005;
+/// So much of the places is on the circle, and so much of what is outside of it is black: a lens can glare there.
+const SHARES: [f64; 2] = [0.55, 0.85];
 
 /// The image circle of a fisheye, in raw pixels; `None` where black corners do not end in one.
 #[must_use]
@@ -65,37 +68,35 @@ fn black(image: &RgbImage) -> Option<u8> {
     if w.min(h) < 4 * side {
         return None;
     }
-    let mut corners = [(0, 0), (w - side, 0), (0, h - side), (w - side, h - side)].map(|(x0, y0)| {
-        let mut levels: Vec<u8> =
-            (0..side * side).map(|i| level(image, x0 + i % side, y0 + i / side)).collect();
-        levels.sort_unstable();
-        levels[levels.len() * 9 / 10]
-    });
+    let corner =
+        |(x0, y0)| quantile(0.9, (0..side * side).map(|i| level(image, x0 + i % side, y0 + i / side)));
+    let mut corners = [(0, 0), (w - side, 0), (0, h - side), (w - side, h - side)].map(corner);
     corners.sort_unstable();
-    (corners[2] <= BLACK).then_some(corners[2] + CONTRAST)
+    (corners[2] <= BLACK).then_some(corners[2])
+}
+
+/// The level that a share of the pixels do not exceed; 0 of none.
+fn quantile(share: f64, levels: impl Iterator<Item = u8>) -> u8 {
+    let mut levels: Vec<u8> = levels.collect();
+    levels.sort_unstable();
+    levels.get((share * levels.len() as f64) as usize).copied().unwrap_or(0)
 }
 
 /// Where the black ends on the way from the border of the image inward.
 fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
     let (w, h) = image.dimensions();
+    let ahead = (RIM.1 * f64::from(w.max(h))) as u32;
     let mut places = Vec::new();
     for (is_row, lines, length) in [(true, h, w), (false, w, h)] {
         let step = lines.div_ceil(WALKS).max(1);
         for line in (0..lines).step_by(step as usize) {
             for is_back in [false, true] {
-                let at = |i: u32| if is_back { length - 1 - i } else { i };
                 let level = |i: u32| {
-                    let (x, y) = if is_row { (at(i), line) } else { (line, at(i)) };
+                    let i = if is_back { length - 1 - i } else { i };
+                    let (x, y) = if is_row { (i, line) } else { (line, i) };
                     level(image, x, y)
                 };
-                let ends = |i: &u32| (*i..*i + IN_A_ROW).all(|i| level(i) > black);
-                let Some(end) = (0..length.saturating_sub(IN_A_ROW)).find(ends).filter(|end| *end > 0) else {
-                    continue;
-                };
-                // Between the middles of two pixels.
-                let [before, after] = [end - 1, end].map(|i| f64::from(level(i)));
-                let share = ((f64::from(black) - before) / (after - before)).clamp(0.0, 1.0);
-                let along = f64::from(end) - 0.5 + share;
+                let Some(along) = end_of_black(level, length, black, ahead) else { continue };
                 let along = if is_back { f64::from(length) - along } else { along };
                 let across = f64::from(line) + 0.5;
                 places.push(if is_row { Pixel::new(along, across) } else { Pixel::new(across, along) });
@@ -103,6 +104,23 @@ fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
         }
     }
     places
+}
+
+/// Where the black ends on a way of levels, in pixels from its start; `None` where there is none, or nothing else.
+fn end_of_black(level: impl Fn(u32) -> u8, length: u32, black: u8, ahead: u32) -> Option<f64> {
+    let end = |from: u32, bound: u8| {
+        (from..length.saturating_sub(IN_A_ROW)).find(|i| (*i..*i + IN_A_ROW).all(|i| level(i) > bound))
+    };
+    let bound = black + CONTRAST;
+    let first = end(0, bound).filter(|first| *first > 0)?;
+    let bright = (first..length.min(first + ahead)).map(&level).max()?;
+    let share = (RIM.0 * f64::from(bright.saturating_sub(black))) as u8;
+    let bound = bound.max(black + share);
+    let end = end(first, bound)?;
+    // Between the middles of two pixels.
+    let [before, after] = [end - 1, end].map(|i| f64::from(level(i)));
+    let share = ((f64::from(bound) - before) / (after - before)).clamp(0.0, 1.0);
+    Some(f64::from(end) - 0.5 + if share.is_nan() { 0.5 } else { share })
 }
 
 /// Whether the image circle of a fisheye is about there and so large.
@@ -140,12 +158,12 @@ fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
     let of_rows = (0..image.height()).step_by(step);
     let pixels = of_rows.flat_map(|y| (0..image.width()).step_by(step).map(move |x| (x, y)));
     let is_outside = |&(x, y): &(u32, u32)| {
-        circle.centre().distance(Pixel::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) > 1.02 * circle.radius
+        circle.centre().distance(Pixel::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) > 1.05 * circle.radius
     };
     let (mut all, mut dark) = (0_u32, 0_u32);
     for (x, y) in pixels.filter(is_outside) {
         all += 1;
-        dark += u32::from(level(image, x, y) <= black);
+        dark += u32::from(level(image, x, y) <= black + 2 * CONTRAST);
     }
     f64::from(dark) >= SHARES[1] * f64::from(all)
 }
@@ -153,7 +171,7 @@ fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
 /// Whether the black ends at once: light that falls off in the dark has no rim.
 fn is_sharp(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
     /// Directions in which a look is taken, and how far within the rim, as a share of the radius.
-    const LOOKS: (u32, f64) = (120, 0.97);
+    const LOOKS: (u32, f64) = (120, 0.94);
     let level = |i: u32| {
         let (sin, cos) = (f64::from(i) / f64::from(LOOKS.0) * std::f64::consts::TAU).sin_cos();
         let [u, v] = [circle.u + LOOKS.1 * circle.radius * cos, circle.v + LOOKS.1 * circle.radius * sin];
@@ -161,9 +179,7 @@ fn is_sharp(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
             (0.0..f64::from(image.width())).contains(&u) && (0.0..f64::from(image.height())).contains(&v);
         is_inside.then(|| level(image, u as u32, v as u32))
     };
-    let mut levels: Vec<u8> = (0..LOOKS.0).filter_map(level).collect();
-    levels.sort_unstable();
-    levels.get(levels.len() / 2).is_some_and(|&middle| f64::from(middle) > 1.5 * f64::from(black))
+    quantile(0.5, (0..LOOKS.0).filter_map(level)) > black + 2 * CONTRAST
 }
 
 #[cfg(test)]
@@ -213,10 +229,13 @@ mod tests {
         for picture in [bars(0, 0), bars(80, 0), bars(0, 60), bars(80, 60), bars(400, 0)] {
             assert_eq!(image_circle(&picture), None);
         }
-        let lamp =
-            |x: f64, y: f64| 255.0 * (-((x - 320.0) / 200.0).powi(2) - ((y - 300.0) / 90.0).powi(2)).exp();
-        let night = RgbImage::from_fn(640, 480, |x, y| Rgb([lamp(f64::from(x), f64::from(y)) as u8; 3]));
-        assert_eq!(image_circle(&night), None);
+        for (width, height) in [(200.0, 90.0), (160.0, 160.0), (120.0, 120.0)] {
+            let lamp = |x: f64, y: f64| {
+                255.0 * (-((x - 320.0) / width).powi(2) - ((y - 240.0) / height).powi(2)).exp()
+            };
+            let night = RgbImage::from_fn(640, 480, |x, y| Rgb([lamp(f64::from(x), f64::from(y)) as u8; 3]));
+            assert_eq!(image_circle(&night), None, "a lamp of {width} by {height}");
+        }
         assert_eq!(image_circle(&RgbImage::new(3, 900)), None);
     }
 }

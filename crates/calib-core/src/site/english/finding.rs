@@ -63,7 +63,7 @@ impl English<'_> {
             F::HiddenControlPoints { points } => self.hidden(points),
             F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
             F::ScaleAssumed { height } => scale_assumed(*height),
-            F::PlacedByHand => "Where the camera stands a hand says, and nothing tells how well.".into(),
+            F::PlacedByHand => "A hand says where the camera stands, and nothing tells how well.".into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
