@@ -16,15 +16,20 @@ const NO_FLOOR: f64 = 36.0;
 /// weak beliefs. Up to 50 degrees of roll the camera turned by 180 degrees is ruled out.
 pub(crate) const BEYOND_BELIEF: f64 = 16.0;
 
-/// Minus twice the log of how plausible a camera is, of roll and floor alone.
+/// Minus twice the log of how plausible a camera is, of roll and floor alone. Where a camera looks along the vertical, roll
+/// and yaw trade places, and nothing hangs on its side.
 pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     let half = std::f64::consts::PI;
     let roll = (camera.roll + half).rem_euclid(2.0 * half) - half;
-    (roll / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
+    (roll * camera.pitch.cos() / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
 }
 
-/// The share of the corners of the drawn field of view that lie on no floor; without one, 1 if no floor is near.
+/// The share of the corners of the drawn field of view that lie on no floor; without one, 1 if no floor is near, or, of a
+/// wide lens, which sees some floor wherever it looks, the share of the image.
 fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
+    if efov.is_empty() && camera.lens.distortion.is_wide() {
+        return share_of_image_without_floor(camera, size);
+    }
     if efov.is_empty() {
         return f64::from(u8::from(default_efov(camera, size).polygon.is_empty()));
     }
@@ -33,6 +38,16 @@ fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     }
     let above = efov.iter().filter(|&&corner| camera.pixel_to_floor(corner, 0.0).is_none()).count();
     above as f64 / efov.len() as f64
+}
+
+fn share_of_image_without_floor(camera: &Camera, [w, h]: [f64; 2]) -> f64 {
+    /// Rows and columns at whose middles the image is looked at.
+    const CELLS: u32 = 8;
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(CELLS);
+    let pixels = (0..CELLS).flat_map(|i| (0..CELLS).map(move |j| Pixel::new(w * at(i), h * at(j))));
+    let seen: Vec<Pixel> = pixels.filter(|&pixel| camera.pixel_to_ray(pixel).is_some()).collect();
+    let above = seen.iter().filter(|&&pixel| camera.pixel_to_floor(pixel, 0.0).is_none()).count();
+    above as f64 / seen.len().max(1) as f64
 }
 
 #[cfg(test)]
