@@ -24,8 +24,12 @@ impl FloorLine {
     /// `None` where the pixel or the line beside it is not seen.
     #[must_use]
     pub fn nearest(&self, camera: &Camera, pixel: Pixel, plane: &Plane) -> Option<(FloorPoint, Pixel)> {
-        /// A piece of the line, in metres, so short that no lens bends it.
-        const PIECE: f64 = 0.05;
+        /// Half of a piece of the line, in metres, so short that no lens bends it.
+        const PIECE: f64 = 1e-3;
+        /// Pieces that are looked at, each about where the one before is nearest.
+        const STEPS: usize = 40;
+        /// A step, in halves of a piece, after which no other follows.
+        const NEAR: f64 = 1e-3;
         let put = camera.pixel_to_plane(pixel, plane)?.on_floor();
         let (sin, cos) = self.turn.sin_cos();
         let along = (put.x - self.through.x) * cos + (put.y - self.through.y) * sin;
@@ -35,10 +39,18 @@ impl FloorLine {
             let at = on_line(along);
             camera.world_to_pixel(at.at_height(plane.height_at(at)))
         };
-        let (a, b) = (shown(along - PIECE)?, shown(along + PIECE)?);
-        let (du, dv) = (b.u - a.u, b.v - a.v);
-        let t = ((pixel.u - a.u) * du + (pixel.v - a.v) * dv) / (du * du + dv * dv);
-        let nearest = Pixel { u: a.u + t * du, v: a.v + t * dv };
+        let mut middle = along;
+        let mut nearest = pixel;
+        for _ in 0..STEPS {
+            let (a, b) = (shown(middle - PIECE)?, shown(middle + PIECE)?);
+            let (du, dv) = (b.u - a.u, b.v - a.v);
+            let t = ((pixel.u - a.u) * du + (pixel.v - a.v) * dv) / (du * du + dv * dv);
+            nearest = Pixel { u: a.u + t * du, v: a.v + t * dv };
+            middle += (2.0 * t - 1.0) * PIECE;
+            if (2.0 * t - 1.0).abs() < NEAR {
+                break;
+            }
+        }
         nearest.is_finite().then_some((on_line(along), nearest))
     }
 }
@@ -64,7 +76,13 @@ mod tests {
             let across = |p: FloorPoint| (p.y - line.through.y) * turn.cos() - (p.x - line.through.x) * turn.sin();
             prop_assert!(across(at).abs() < 1e-9 && (at.distance(put) - off.abs()).abs() < 1e-9);
             let back = camera.pixel_to_floor(shown, 0.0).unwrap();
-            prop_assert!(across(back).abs() < 0.02 * off.abs() + 1e-4, "{} of {off}", across(back));
+            prop_assert!(across(back).abs() < 1e-4, "{} of {off}", across(back));
+            // None beside it is nearer.
+            for beside in [-0.1, 0.1] {
+                let beside = FloorPoint { x: back.x + beside * turn.cos(), y: back.y + beside * turn.sin() };
+                let Some(other) = camera.world_to_pixel(beside.at_height(0.0)) else { continue };
+                prop_assert!(other.distance(pixel) > shown.distance(pixel) - 1e-3, "{other:?} {shown:?} {pixel:?}");
+            }
         }
     }
 }
