@@ -260,7 +260,9 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let (lens, size) = (solution.lens(), entry.size());
     let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
     let hfov = view(solution.focal_px);
-    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px);
+    // That of a fisheye is not the focal's alone.
+    let is_wide = lens.distortion.is_wide();
+    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, digits).min(2);
     ui.horizontal(|ui| {

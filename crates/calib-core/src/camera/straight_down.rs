@@ -20,7 +20,7 @@ pub struct StraightDown {
     /// Where the top of the image heads on the floor, counted as yaw is: counter-clockwise from world +y, in radians
     /// above -pi up to pi.
     pub heading: f64,
-    /// Its standard deviation; `None` if it was not estimated, or nothing is known of it.
+    /// Its standard deviation; `None` if the yaw was not estimated, or nothing is known of it.
     pub heading_sigma: Option<f64>,
 }
 
@@ -45,7 +45,9 @@ impl Camera {
         let covariance = &self.covariance.0;
         let terms = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         let variance: f64 = terms.map(|(a, b)| a.1 * b.1 * covariance[a.0][b.0]).sum();
-        let is_known = variance > 0.0 && variance.is_finite();
+        // Of a camera that nothing places its roll alone says nothing of where it is turned.
+        let is_placed = self.covariance.sigma(Covariance::YAW).is_some();
+        let is_known = is_placed && variance > 0.0 && variance.is_finite();
         Some(StraightDown {
             tilt,
             tilt_sigma: self.covariance.sigma(Covariance::PITCH),
