@@ -225,6 +225,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
         solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}", p.z)),
         sigma
             .and_then(|s| s.floor_length_rel)
+            .filter(|rel| *rel < 1.0)
             .map_or_else(|| "-".into(), |rel| format!("{:.1} %", 100.0 * rel)),
         solution.rms_px.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
     );

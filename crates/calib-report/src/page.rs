@@ -103,7 +103,10 @@ fn summary(html: &mut String, cameras: &[SiteCamera]) {
         let placed = solution.stage >= Stage::Placed;
         let down = straight_down(solution);
         let own_turn = |angle: Option<f64>| angle.filter(|_| down.is_none());
-        let floor = sigma.and_then(|s| s.floor_length_rel).map(|rel| format!("\u{b1} {:.1} %", 100.0 * rel));
+        let floor = sigma
+            .and_then(|s| s.floor_length_rel)
+            .filter(|rel| *rel < 1.0)
+            .map(|rel| format!("\u{b1} {:.1} %", 100.0 * rel));
         let cells = [
             with_sigma(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1, ""),
             with_sigma(solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), 2, "\u{b0}"),

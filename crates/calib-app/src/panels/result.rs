@@ -282,12 +282,12 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
         .filter(is_shown)
         .filter_map(|which| Some((which.title(), value(which)?)))
         .collect();
-    if used.is_empty() {
-        return;
+    // No more of them in a row than the column has room for.
+    for row in used.chunks(2) {
+        let names: Vec<&str> = row.iter().map(|(name, _)| *name).collect();
+        let values: Vec<String> = row.iter().map(|(_, value)| number(*value, 3)).collect();
+        ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
     }
-    let names: Vec<&str> = used.iter().map(|(name, _)| *name).collect();
-    let values: Vec<String> = used.iter().map(|(_, value)| number(*value, 3)).collect();
-    ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
 }
 
 fn floor_row(ui: &mut Ui, solution: &Solution) {
