@@ -531,7 +531,7 @@ fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
     assert_eq!(circle(&desk), Some(found));
     desk.redo();
     // It is a fisheye all the same, and of a fisheye the circle is sought at once.
-    desk.harness.get_by_label("Lens").click();
+    desk.harness.get_by_role_and_label(egui::Role::ComboBox, "Lens").click();
     desk.harness.run_steps(3);
     desk.harness.get_by_label("fisheye").click();
     desk.harness.run_steps(3);
