@@ -61,6 +61,8 @@ fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
             let folder = calib_app::files::data_dir();
             let mut app = calib_app::App::new(&creation.egui_ctx, folder);
             for path in paths {
+                // A name on the command line is of the folder that one is in, not of the site's.
+                let path = std::path::absolute(&path).unwrap_or(path);
                 app.take_path(&creation.egui_ctx, path);
             }
             Ok(Box::new(app))

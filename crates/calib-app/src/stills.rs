@@ -55,9 +55,14 @@ impl App {
             (None, None) => file.name.clone(),
         };
         let read = self.editor.session().images.reader(&name);
-        Here::size_of(ctx, file.name, read, |bytes, size, drawn| ReadPicture {
+        Here::still(ctx, file.name, read, |bytes, picture, drawn| ReadPicture {
             taken: time_in_name(&title).or_else(|| calib_input::taken(bytes)),
-            still: NewStill { image: name, title, size },
+            still: NewStill {
+                image: name,
+                title,
+                size: picture.dimensions().into(),
+                image_circle: calib_image::image_circle(picture),
+            },
             drawn,
         })
     }

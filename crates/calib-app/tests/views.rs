@@ -503,3 +503,40 @@ fn a_chooser_that_is_closed_changes_nothing() {
         assert!(*desk.site() == before && desk.app().editor.error().is_none(), "{purpose:?}");
     }
 }
+
+#[test]
+fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
+    let scratch = Scratch::new();
+    let [w, h] = [480_u32, 400];
+    let (u, v, radius) = (243.0, 198.0, 180.0);
+    let picture = image::RgbImage::from_fn(w, h, |x, y| {
+        let inside = radius - (f64::from(x) + 0.5 - u).hypot(f64::from(y) + 0.5 - v) + 0.5;
+        image::Rgb([(150.0 * inside.clamp(0.0, 1.0)) as u8; 3])
+    });
+    let mut png = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    scratch.write("ceiling.png", png.get_ref());
+    let mut desk = Desk::new(calib_core::Site::new());
+    desk.answer(Some(scratch.path("ceiling.png")));
+    desk.tell(Command::AddImages);
+    desk.wait(|app| !app.editor.site().cameras.is_empty() && !app.is_working());
+    let circle = |desk: &Desk| desk.site().cameras[0].image_circle();
+    let found = circle(&desk).expect("the circle comes with the still");
+    assert!(found.centre().distance(Pixel::new(u, v)) < 0.6 && (found.radius - radius).abs() < 0.8);
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("Remove").click();
+    desk.harness.run_steps(3);
+    assert_eq!(circle(&desk), None);
+    desk.undo();
+    assert_eq!(circle(&desk), Some(found));
+    desk.redo();
+    // It is a fisheye all the same, and of a fisheye the circle is sought at once.
+    desk.harness.get_by_role_and_label(egui::Role::ComboBox, "Lens").click();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("fisheye").click();
+    desk.harness.run_steps(3);
+    assert_eq!(circle(&desk), Some(found));
+    let asked = desk.site().cameras[0].lens.as_ref().and_then(|lens| lens.distortion.clone()).unwrap();
+    assert!(asked.model.row().is_wide && asked.distortion().is_none(), "{asked:?}");
+    assert!(words(&desk).contains("a fisheye, needs straight edges"), "{}", words(&desk));
+}

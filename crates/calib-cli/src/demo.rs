@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, Covariance, Options, Pixel, Sigmas, Site, SiteCamera, Stage};
+use calib_core::{Camera, Covariance, Options, Pixel, Sigmas, Site, SiteCamera, Stage, StraightDown};
 use calib_demo::{DemoSite, Walk};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -168,6 +168,8 @@ struct Errors {
     /// Absent where nothing told the place.
     position_m: Option<(f64, Option<f64>)>,
     floor_m: Option<f64>,
+    /// Where the top of the image of a camera heads that looks straight down: there roll and yaw are one turn.
+    image_top_deg: Option<(f64, Option<f64>)>,
 }
 
 impl Errors {
@@ -182,7 +184,13 @@ impl Errors {
             (told.len() == axes.len()).then(|| told.iter().map(|s| s * s).sum::<f64>().sqrt())
         };
         let turn = |a: f64, b: f64| ((a - b + half).rem_euclid(2.0 * half) - half).to_degrees();
+        let tops = [&found, truth].map(Camera::straight_down);
+        let top = |[found, truth]: [StraightDown; 2]| {
+            (turn(found.heading, truth.heading), found.heading_sigma.map(f64::to_degrees))
+        };
+        let tops = if let [Some(found), Some(truth)] = tops { Some([found, truth]) } else { None };
         Some(Self {
+            image_top_deg: tops.filter(|_| is_placed).map(top),
             roll_deg: (turn(found.roll, truth.roll), sigma(|s| s.roll_deg)),
             pitch_deg: (turn(found.pitch, truth.pitch), sigma(|s| s.pitch_deg)),
             focal_percent: (
@@ -197,14 +205,18 @@ impl Errors {
 
     fn json(&self) -> serde_json::Value {
         let pair = |(error, sigma): (f64, Option<f64>)| serde_json::json!({ "error": error, "sigma": sigma });
-        serde_json::json!({
+        let mut json = serde_json::json!({
             "roll_deg": pair(self.roll_deg),
             "pitch_deg": pair(self.pitch_deg),
             "focal_percent": pair(self.focal_percent),
             "yaw_deg": self.yaw_deg.map(pair),
             "position_m": self.position_m.map(pair),
             "floor_m": self.floor_m,
-        })
+        });
+        if let Some(top) = self.image_top_deg {
+            json["image_top_deg"] = pair(top);
+        }
+        json
     }
 
     fn row(&self, id: &str) -> String {
@@ -213,12 +225,16 @@ impl Errors {
             None => format!("{error:+.2}"),
         };
         let placed = |pair: Option<(f64, Option<f64>)>| pair.map_or_else(|| "-".into(), cell);
+        let own_turn = |cell: String| if self.image_top_deg.is_some() { "-".into() } else { cell };
+        let top = self.image_top_deg.map_or_else(String::new, |top| {
+            format!("\n{id:10} looks straight down: the top of its image heads {} degrees off", cell(top))
+        });
         format!(
-            "{id:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}",
-            cell(self.roll_deg),
+            "{id:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}{top}",
+            own_turn(cell(self.roll_deg)),
             cell(self.pitch_deg),
             cell(self.focal_percent),
-            placed(self.yaw_deg),
+            own_turn(placed(self.yaw_deg)),
             placed(self.position_m).trim_start_matches('+'),
             self.floor_m.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
         )

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use calib_core::{Annotation, Options, Site, SiteCamera};
-use calib_image::{Group, Proposal, Still, Verdict, line_segments};
+use calib_core::{Annotation, ImageCircle, Options, Site, SiteCamera};
+use calib_image::{Group, Proposal, Still, Verdict, image_circle, line_segments};
 use calib_report::{few, is_fitted, overlay};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -69,6 +69,8 @@ pub(crate) struct Args {
 struct Proposed {
     path: PathBuf,
     size: [u32; 2],
+    /// Of a fisheye, in raw pixels.
+    image_circle: Option<ImageCircle>,
     proposal: Proposal,
     is_taken: bool,
 }
@@ -104,9 +106,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
     let image = stills::read(&path)?;
     let size = [image.width(), image.height()];
-    let proposal = Proposal::new(&Still::new(line_segments(&image), size));
+    let image_circle = image_circle(&image);
+    let principal_point = image_circle.map(ImageCircle::centre);
+    let proposal = Proposal::new(&Still { principal_point, ..Still::new(line_segments(&image), size) });
     let is_taken = accept.takes(&proposal);
-    Ok(Proposed { path, size, proposal, is_taken })
+    Ok(Proposed { path, size, image_circle, proposal, is_taken })
 }
 
 /// A name for every still: that of its file, numbered where it is taken.
@@ -131,6 +135,11 @@ fn camera(still: &Proposed, id: String, output: &str) -> SiteCamera {
     if still.is_taken {
         // They say nothing while the lens is given; without it they tell it.
         drawn.annotations.extend(still.proposal.straight.iter().cloned().map(Annotation::of_points));
+    }
+    if still.image_circle.is_some() {
+        let lens = drawn.lens.get_or_insert_default();
+        // Its middle is the principal point, until the lens is fitted with one.
+        (lens.image_circle_px, lens.principal_point_px) = (still.image_circle, None);
     }
     SiteCamera { id, image: Some(beside(&still.path, output)), ..drawn }
 }

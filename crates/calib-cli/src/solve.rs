@@ -14,7 +14,7 @@ use crate::site_file;
 use crate::site_summary::site_summary;
 use crate::stop::Stop;
 use crate::words::visible;
-use calib_report::{few, planes_text};
+use calib_report::{few, planes_text, straight_down};
 
 /// How stage 1 is solved.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -174,6 +174,11 @@ fn text(site: &Site, asked: &[Asked]) -> String {
             (None, None) => {}
         }
     }
+    for Asked { camera, .. } in asked {
+        if let Some(down) = camera.solution.as_ref().and_then(straight_down) {
+            let _ = writeln!(out, "{:width$}  {down}", camera.id);
+        }
+    }
     for Asked { camera, findings } in asked {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution, findings);
@@ -202,17 +207,25 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
     };
     let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
+    // Roll and yaw are one turn there.
+    let is_down = straight_down(solution).is_some();
+    let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);
     let _ = writeln!(
         out,
         "{:width$}  {stage:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
         camera.id,
-        number(solution.roll_deg, sigma.and_then(|s| s.roll_deg), 2),
+        number(own_turn(solution.roll_deg), sigma.and_then(|s| s.roll_deg), 2),
         number(solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), 2),
-        if placed { number(solution.yaw_deg, sigma.and_then(|s| s.yaw_deg), 2) } else { "-".into() },
+        if placed {
+            number(own_turn(solution.yaw_deg), sigma.and_then(|s| s.yaw_deg), 2)
+        } else {
+            "-".into()
+        },
         number(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1),
         solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}", p.z)),
         sigma
             .and_then(|s| s.floor_length_rel)
+            .filter(|rel| *rel < 1.0)
             .map_or_else(|| "-".into(), |rel| format!("{:.1} %", 100.0 * rel)),
         solution.rms_px.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
     );

@@ -136,7 +136,7 @@ pub use bundle::{
 };
 pub use camera::{
     BrownConrady, Camera, Chart, Coefficient, Covariance, Distortion, DistortionModel, FloorCovariance,
-    FloorPoint, ImageCircle, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray,
+    FloorPoint, ImageCircle, Lens, MODELS, ModelRow, Pixel, PlanPixel, PlanScale, Plane, Ray, StraightDown,
     UndistortedPixel, WorldPoint, angles_from_rotation, camera_from_world,
 };
 pub use floor::{

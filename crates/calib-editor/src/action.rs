@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use calib_core::{
-    Annotation, ControlPointEntry, Distance, Known, LensEntry, Link, Mark, MarkKind, Placement, Plan, Site,
+    Annotation, ControlPointEntry, Distance, ImageCircle, Known, LensEntry, Link, Mark, MarkKind, Placement,
+    Plan, Site,
 };
 use calib_image::Proposal;
 use image::RgbImage;
@@ -32,7 +33,7 @@ pub struct Opened {
 }
 
 /// A picture that was read, to become a still or the plan.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NewStill {
     /// What the site is to call it.
     pub image: String,
@@ -40,6 +41,8 @@ pub struct NewStill {
     pub title: String,
     /// In pixels.
     pub size: [u32; 2],
+    /// The disc outside of which it is black, of a fisheye's.
+    pub image_circle: Option<ImageCircle>,
 }
 
 /// A number of a camera's place.

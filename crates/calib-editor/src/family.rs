@@ -62,6 +62,10 @@ impl Family {
     #[must_use]
     pub fn of(site: &Site, index: usize, solution: &Solution, lenses: &LensCache) -> Option<Self> {
         let camera = site.cameras.get(index)?;
+        // Views of a fisheye are not told by a focal alone, and its horizon is a ring.
+        if solution.lens().distortion.is_wide() {
+            return None;
+        }
         let own = view_of(camera, solution.focal_px);
         let shown = |a: f64, b: f64| Some([fit(site, index, a, lenses)?, fit(site, index, b, lenses)?]);
         let is_open = solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);

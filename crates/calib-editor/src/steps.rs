@@ -65,7 +65,8 @@ pub fn bent_px(session: &Session, camera: usize) -> Option<f64> {
     let lens = &session.solved.pose(camera)?.lens;
     let known = entry.lens.as_ref();
     let is_fitted = known.is_some_and(|lens| {
-        lens.like.is_some() || lens.distortion.as_ref().is_some_and(|distortion| distortion.fit.is_some())
+        lens.like.is_some()
+            || lens.distortion.as_ref().is_some_and(|distortion| distortion.distortion().is_none())
     });
     let is_given = known.is_some_and(|lens| lens.distortion.is_some());
     if is_fitted || (!is_given && lens.distortion != calib_core::Distortion::None) {
@@ -89,6 +90,15 @@ fn drawn(session: &Session, camera: usize, kind: Kind) -> (usize, usize) {
     (lines, groups)
 }
 
+/// Whether a camera is a fisheye whose lens is sought: it cannot be taken as straight.
+fn is_fisheye(session: &Session, camera: usize) -> bool {
+    let Some(entry) = session.site.cameras.get(camera) else { return false };
+    let is_told = entry.lens.as_ref().is_some_and(|lens| {
+        lens.like.is_some() || lens.distortion.as_ref().is_some_and(|given| given.distortion().is_some())
+    });
+    !is_told && (entry.image_circle().is_some() || entry.likely_lens().distortion.is_wide())
+}
+
 /// Where the lens comes from, and whether it is known.
 fn lens(session: &Session, camera: usize) -> (String, bool) {
     let entry = session.site.cameras.get(camera).and_then(|entry| entry.lens.as_ref());
@@ -107,7 +117,8 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
     }
     let from = match (like, distortion, edges) {
         (Some(like), ..) => format!("like {like}"),
-        (_, Some(given), _) if given.fit.is_none() => "given".into(),
+        (_, Some(given), _) if given.distortion().is_some() => "given".into(),
+        (.., 0) if is_fisheye(session, camera) => "a fisheye, needs straight edges".into(),
         (.., 0) => "taken as straight".into(),
         _ if is_fitted && is_vague => format!("from {drawn}: too little"),
         _ if is_fitted => format!("from {drawn}"),
@@ -137,7 +148,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
         Step { title, state, is_done, is_optional, is_doubted }
     };
     vec![
-        step(LENS, lens, has_lens, true),
+        step(LENS, lens, has_lens, !is_fisheye(session, camera)),
         step(
             VERTICALS,
             if plumb >= 2 { format!("{plumb}, needs 2") } else { format!("needs 2, has {plumb}") },

@@ -139,8 +139,12 @@ fn drawn() -> Operator {
     let (demo, _) = two();
     let mut operator = Operator(Editor::default());
     for camera in &demo.cameras {
-        let still =
-            NewStill { image: format!("{}.png", camera.id), title: camera.id.clone(), size: camera.size_px };
+        let still = NewStill {
+            image: format!("{}.png", camera.id),
+            title: camera.id.clone(),
+            size: camera.size_px,
+            image_circle: None,
+        };
         operator.0.apply(Action::AddCamera(still));
     }
     assert_eq!(operator.site().cameras.len(), 2);
@@ -312,7 +316,12 @@ fn what_came_in_for_a_site_that_is_closed_does_not_land_in_the_next() {
 #[test]
 fn the_steps_say_what_a_camera_still_needs() {
     let (demo, _) = two();
-    let still = NewStill { image: "a.png".into(), title: "a".into(), size: demo.cameras[0].size_px };
+    let still = NewStill {
+        image: "a.png".into(),
+        title: "a".into(),
+        size: demo.cameras[0].size_px,
+        image_circle: None,
+    };
     let mut operator = Operator(Editor::default());
     operator.0.apply(Action::AddCamera(still));
     let missing = steps::missing(operator.0.session(), 0);

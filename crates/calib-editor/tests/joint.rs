@@ -51,7 +51,8 @@ fn what_it_does_not_follow_from_leaves_it() {
     let poses =
         |editor: &Editor| (0..5).map(|i| *editor.session().solved.pose(i).unwrap()).collect::<Vec<_>>();
     let before = poses(&editor);
-    let still = NewStill { image: "yard.png".into(), title: "yard".into(), size: [640, 480] };
+    let still =
+        NewStill { image: "yard.png".into(), title: "yard".into(), size: [640, 480], image_circle: None };
     editor.apply(Action::AddCamera(still));
     let free = Mark { id: Some("free".into()), seen: Vec::new(), ..editor.site().marks[0].clone() };
     change(&mut editor, |site| site.marks.push(free));

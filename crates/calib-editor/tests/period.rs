@@ -104,7 +104,7 @@ fn a_still_is_replaced_and_rescaled_in_its_own_period() {
     let mut editor = opened(site(), None);
     let before = editor.site().clone();
     let size = before.cameras[OLD].size_px.map(|side| side / 2);
-    let still = NewStill { image: "small.png".into(), title: "small".into(), size };
+    let still = NewStill { image: "small.png".into(), title: "small".into(), size, image_circle: None };
     editor.apply(Action::ReplaceStill(Period::of(&before.cameras[OLD]), still));
     editor.apply(Action::RescaleToStill);
     let after = editor.site();

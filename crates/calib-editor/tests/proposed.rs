@@ -208,7 +208,8 @@ fn a_proposal_goes_with_its_camera_and_its_still() {
     editor.apply(Action::Choose(1));
     assert!(editor.session().proposed().is_none(), "it is the other camera's");
     editor.apply(Action::Choose(0));
-    let still = NewStill { image: "other.png".into(), title: "other".into(), size: [1920, 1080] };
+    let still =
+        NewStill { image: "other.png".into(), title: "other".into(), size: [1920, 1080], image_circle: None };
     editor.apply(Action::ReplaceStill(Period { camera: "renamed".into(), from: None }, still));
     assert!(editor.session().proposed().is_none(), "another still proposes something else");
     undo(&mut editor);

@@ -12,6 +12,7 @@ use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
 use crate::walk_page::WalkPage;
+use crate::words::straight_down;
 
 /// A picture that the page shows.
 #[derive(Clone, Debug)]
@@ -100,12 +101,22 @@ fn summary(html: &mut String, cameras: &[SiteCamera]) {
         };
         let sigma = solution.sigma.as_ref();
         let placed = solution.stage >= Stage::Placed;
-        let floor = sigma.and_then(|s| s.floor_length_rel).map(|rel| format!("\u{b1} {:.1} %", 100.0 * rel));
+        let down = straight_down(solution);
+        let own_turn = |angle: Option<f64>| angle.filter(|_| down.is_none());
+        let floor = sigma
+            .and_then(|s| s.floor_length_rel)
+            .filter(|rel| *rel < 1.0)
+            .map(|rel| format!("\u{b1} {:.1} %", 100.0 * rel));
         let cells = [
             with_sigma(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1, ""),
             with_sigma(solution.pitch_deg, sigma.and_then(|s| s.pitch_deg), 2, "\u{b0}"),
-            with_sigma(solution.roll_deg, sigma.and_then(|s| s.roll_deg), 2, "\u{b0}"),
-            with_sigma(solution.yaw_deg.filter(|_| placed), sigma.and_then(|s| s.yaw_deg), 2, "\u{b0}"),
+            with_sigma(own_turn(solution.roll_deg), sigma.and_then(|s| s.roll_deg), 2, "\u{b0}"),
+            with_sigma(
+                own_turn(solution.yaw_deg).filter(|_| placed),
+                sigma.and_then(|s| s.yaw_deg),
+                2,
+                "\u{b0}",
+            ),
             with_sigma(solution.position_m.filter(|_| placed).map(|p| p.x), sigma.and_then(|s| s.x_m), 2, ""),
             with_sigma(solution.position_m.filter(|_| placed).map(|p| p.y), sigma.and_then(|s| s.y_m), 2, ""),
             with_sigma(solution.position_m.map(|p| p.z), sigma.and_then(|s| s.z_m), 2, ""),

@@ -1,5 +1,9 @@
 //! Words and numbers as the operator reads them.
 
+use std::fmt::Write as _;
+
+use calib_core::{Solution, Stage};
+
 /// Names in a row, cut short: "a, b, c and 997 more".
 #[must_use]
 pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
@@ -24,6 +28,24 @@ pub fn centimetres(metres: f64) -> String {
 #[must_use]
 pub fn distance(metres: f64) -> String {
     if metres < 1.0 { format!("{} cm", centimetres(metres)) } else { format!("{metres:.1} m") }
+}
+
+/// How a camera that looks straight down looks, in place of its roll and, once it stands somewhere, its yaw; `None`
+/// for any other.
+#[must_use]
+pub fn straight_down(solution: &Solution) -> Option<String> {
+    let down = solution.camera()?.straight_down()?;
+    let degrees = |value: f64, sigma: Option<f64>| {
+        let sure = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {:.2}", sigma.to_degrees()));
+        format!("{:.2}{sure}", value.to_degrees())
+    };
+    let tilt = degrees(down.tilt, down.tilt_sigma);
+    let mut text = format!("looks straight down, {tilt} degrees off");
+    if solution.stage >= Stage::Placed {
+        let heading = degrees(down.heading, down.heading_sigma);
+        let _ = write!(text, "; the top of its image heads {heading} degrees, counted as yaw is");
+    }
+    Some(text)
 }
 
 #[cfg(test)]

@@ -153,6 +153,8 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
     let top = egui::pos2(left, rect.top() + 7.0);
     let sigma = steps::floor_sigma(app.editor.session(), camera);
+    // A length that may be twice as long or nothing is not known.
+    let sigma = sigma.filter(|rel| *rel < 1.0);
     let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
     let taken = clip.text(right, Align2::RIGHT_TOP, sigma, theme::regular(11.0), palette.text2);

@@ -4,9 +4,12 @@ use calib_core::{Coefficient, DistortionEntry, DistortionModel};
 use calib_editor::{Action, OldStill};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
-use crate::panels::{heading, scene};
+use crate::panels::{circle, heading, scene};
 use crate::state::App;
 use crate::theme;
+
+/// The coefficients that are fitted where it is not asked for others.
+const USUAL: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
 
 /// Where the distortion comes from.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,7 +17,9 @@ enum From {
     /// As much as the straight edges support.
     Edges,
     /// Named coefficients are fitted.
-    Fitted,
+    Fitted(Vec<Coefficient>),
+    /// Those of a fisheye are fitted.
+    Fisheye,
     /// Coefficients are given.
     Given,
     /// Another camera's lens.
@@ -29,15 +34,23 @@ impl From {
         }
         match lens.and_then(|lens| lens.distortion.as_ref()) {
             None => Self::Edges,
-            Some(entry) if entry.fit.is_some() => Self::Fitted,
-            Some(_) => Self::Given,
+            Some(entry) if entry.distortion().is_some() => Self::Given,
+            Some(entry) if entry.model.row().is_wide => Self::Fisheye,
+            Some(entry) => {
+                let row = entry.model.row();
+                Self::Fitted(entry.fit.clone().unwrap_or_else(|| row.coefficients[..row.usual].to_vec()))
+            }
         }
     }
 
     fn text(&self) -> String {
         match self {
             Self::Edges => "from straight edges".into(),
-            Self::Fitted => "fit k1 and k2".into(),
+            Self::Fitted(which) => {
+                let names: Vec<&str> = which.iter().map(|which| which.title()).collect();
+                format!("fit {}", names.join(" and "))
+            }
+            Self::Fisheye => "fisheye".into(),
             Self::Given => "given".into(),
             Self::Like(id) => format!("like {id}"),
         }
@@ -53,7 +66,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     names(app, ui);
     let own = From::of(app);
     let id = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
-    let mut choices = vec![From::Edges, From::Fitted, From::Given];
+    let usual = From::Fitted(USUAL.to_vec());
+    let own_fit = Some(own.clone()).filter(|own| matches!(own, From::Fitted(_)) && *own != usual);
+    let mut choices = vec![From::Edges, usual];
+    choices.extend(own_fit);
+    choices.extend([From::Fisheye, From::Given]);
     let free = |camera: &&calib_core::SiteCamera| {
         // A lens is shared with a camera that has one of its own.
         camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
@@ -80,6 +97,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     } else if own == From::Given {
         coefficients(app, ui);
     }
+    circle::show(app, ui);
     scene::show(app, ui);
 }
 
@@ -118,14 +136,16 @@ fn names(app: &mut App, ui: &mut Ui) {
 fn set(app: &mut App, to: From) {
     let focal = app.editor.session().solution().map(|solution| solution.focal_px);
     let current = app.editor.session().solution().and_then(|solution| solution.distortion.clone());
+    let is_sought = to == From::Fisheye;
+    let circle = if is_sought { circle::found(app) } else { None };
     app.change_lens("change where the lens comes from", |lens| {
         lens.like = None;
+        lens.image_circle_px = lens.image_circle_px.or(circle);
         let bare = DistortionEntry::new(DistortionModel::BrownConrady);
         lens.distortion = match to {
             From::Edges => None,
-            From::Fitted => {
-                Some(DistortionEntry { fit: Some(vec![Coefficient::K1, Coefficient::K2]), ..bare })
-            }
+            From::Fitted(which) => Some(DistortionEntry { fit: Some(which), ..bare }),
+            From::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
             From::Given => {
                 let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
                 Some(DistortionEntry { fit: None, focal_px: focal, ..current.unwrap_or(zero) })
@@ -140,7 +160,7 @@ fn set(app: &mut App, to: From) {
 
 /// Has the lens fitted to the straight edges.
 pub fn fit(app: &mut App) {
-    set(app, From::Fitted);
+    set(app, From::Fitted(USUAL.to_vec()));
 }
 
 /// The coefficients that are given, and the focal that they refer to.

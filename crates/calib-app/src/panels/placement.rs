@@ -1,11 +1,11 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
-use calib_core::{Known, Placement, STAGE_1_HEIGHT, Sigmas};
+use calib_core::{Known, Placement, STAGE_1_HEIGHT, Sigmas, Solution};
 use calib_editor::{Action, PlaceNumber, Units};
 use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::command::Command;
-use crate::panels::result::{Number, cells, held_at, lock, number_row};
+use crate::panels::result::{Number, TOP, cells, held_at, lock, orientation_row};
 use crate::panels::{digits, heading, length_field, number};
 use crate::state::App;
 use crate::theme;
@@ -36,10 +36,32 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     from_stage_1(app, ui);
 }
 
+/// How a camera is turned on the plan, as it is shown.
+struct Turn {
+    title: &'static str,
+    degrees: f64,
+    sigma: Option<f64>,
+}
+
+impl Turn {
+    /// Of a camera that looks straight down where the top of its image heads: its yaw is one turn with its roll.
+    fn of(solution: Option<&Solution>, degrees: f64) -> Self {
+        let camera = solution.and_then(Solution::camera);
+        let Some((yaw, down)) = camera.and_then(|camera| Some((camera.yaw, camera.straight_down()?))) else {
+            let sigma = solution.and_then(|solution| solution.sigma.as_ref()?.yaw_deg);
+            return Self { title: "Turn", degrees, sigma };
+        };
+        let heading = degrees + (down.heading - yaw).to_degrees();
+        let degrees = 180.0 - (180.0 - heading).rem_euclid(360.0);
+        Self { title: TOP, degrees, sigma: down.heading_sigma.map(f64::to_degrees) }
+    }
+}
+
 /// The numbers of the place, to be typed, held and released.
 fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed: bool) {
     let (palette, camera) = (theme::palette(ui.ctx()), app.editor.session().camera);
-    let mut turn = placement.turn.to_degrees();
+    let told = Turn::of(app.editor.session().solution(), placement.turn.to_degrees());
+    let mut turn = told.degrees;
     let mut height = placement.scale * STAGE_1_HEIGHT;
     let units = app.editor.session().units;
     let sigmas = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
@@ -54,7 +76,7 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let rows = [
         ("x", by_x, of(|s| s.x_m, units.metres()), place(held.x)),
         ("y", by_y, of(|s| s.y_m, units.metres()), place(held.y)),
-        ("Turn", degrees.update_while_editing(false), of(|s| s.yaw_deg, 1.0), place(held.turn)),
+        (told.title, degrees.update_while_editing(false), told.sigma, place(held.turn)),
         ("Height", length_field(units, &mut height, 1e-3), of(|s| s.z_m, units.metres()), of_height),
     ];
     let (mut changed, mut locked) = (None, None);
@@ -84,7 +106,7 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
         // What is held is what counts.
         Number::Height.set(app, Some(Known { value: height, ..known }));
     } else if let Some(what) = changed.filter(|_| height > 0.0) {
-        (placement.turn, placement.scale) = (turn.to_radians(), scale);
+        (placement.turn, placement.scale) = (placement.turn + (turn - told.degrees).to_radians(), scale);
         app.send(Action::Place { camera, placement, name: format!("set {} of {id}", what.to_lowercase()) });
     }
 }
@@ -129,7 +151,7 @@ fn from_stage_1(app: &mut App, ui: &mut Ui) {
     ui.add_space(4.0);
     heading(ui, "From stage 1", "");
     for which in [Number::Pitch, Number::Roll, Number::Focal] {
-        number_row(app, ui, &solution, which);
+        orientation_row(app, ui, &solution, which);
     }
 }
 
@@ -176,10 +198,11 @@ fn pose_rows(app: &App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
     let units = app.editor.session().units;
+    let turn = Turn::of(Some(solution), solution.yaw_deg.unwrap_or_default());
     let rows = [
         ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.sign()),
         ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.sign()),
-        ("Turn", solution.yaw_deg.unwrap_or_default(), sigma.and_then(|s| s.yaw_deg), 1.0, "\u{b0}"),
+        (turn.title, turn.degrees, turn.sigma, 1.0, "\u{b0}"),
         ("Height", at.z, sigma.and_then(|s| s.z_m), units.metres(), units.sign()),
     ];
     for (title, value, sigma, one, unit) in rows {

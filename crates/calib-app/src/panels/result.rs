@@ -1,6 +1,6 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
-use calib_core::{Code, Coefficient, Known, LensEntry, Solution, view_angle};
+use calib_core::{Code, Coefficient, Known, LensEntry, Solution, Stage, view_angle};
 use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
@@ -97,7 +97,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines}"));
     heading(ui, "Result", &rms);
     for which in NUMBERS {
-        number_row(app, ui, &solution, which);
+        orientation_row(app, ui, &solution, which);
         if which == Number::Focal {
             view_row(app, ui, &solution);
         }
@@ -106,8 +106,37 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     floor_row(ui, &solution);
 }
 
+/// A number of a result; of a camera that looks straight down not pitch and roll, but what is known in their place.
+pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
+    let down = solution.camera().and_then(|camera| camera.straight_down());
+    // What is held can be released.
+    let Some(down) = down.filter(|_| which.known(app).is_none()) else {
+        return number_row(app, ui, solution, which);
+    };
+    match which {
+        Number::Focal | Number::Height => number_row(app, ui, solution, which),
+        Number::Pitch => down_cells(ui, "Off straight down", down.tilt, down.tilt_sigma),
+        Number::Roll if solution.stage >= Stage::Placed => {
+            down_cells(ui, TOP, down.heading, down.heading_sigma);
+        }
+        // Where it is turned is told with its place.
+        Number::Roll => {}
+    }
+}
+
+/// Where the top of the image heads.
+pub(crate) const TOP: &str = "Image top";
+
+fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
+    let sigma = sigma.map(f64::to_degrees);
+    let shown = sigma.map_or(2, digits).min(3);
+    ui.horizontal(|ui| {
+        cells(ui, title, &number(angle.to_degrees(), shown), sigma.map(|s| number(s, shown)), "\u{b0}");
+    });
+}
+
 /// A number of a result with its sigma and its lock.
-pub(crate) fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
+fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let Some((value, sigma)) = which.of(solution) else { return };
     let known = which.known(app);
     let unit = which.unit(app.editor.session().units);
@@ -231,7 +260,9 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let (lens, size) = (solution.lens(), entry.size());
     let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
     let hfov = view(solution.focal_px);
-    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px);
+    // That of a fisheye is not the focal's alone.
+    let is_wide = lens.distortion.is_wide();
+    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, digits).min(2);
     ui.horizontal(|ui| {
@@ -251,12 +282,12 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
         .filter(is_shown)
         .filter_map(|which| Some((which.title(), value(which)?)))
         .collect();
-    if used.is_empty() {
-        return;
+    // No more of them in a row than the column has room for.
+    for row in used.chunks(2) {
+        let names: Vec<&str> = row.iter().map(|(name, _)| *name).collect();
+        let values: Vec<String> = row.iter().map(|(_, value)| number(*value, 3)).collect();
+        ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
     }
-    let names: Vec<&str> = used.iter().map(|(name, _)| *name).collect();
-    let values: Vec<String> = used.iter().map(|(_, value)| number(*value, 3)).collect();
-    ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
 }
 
 fn floor_row(ui: &mut Ui, solution: &Solution) {

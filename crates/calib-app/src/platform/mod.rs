@@ -130,12 +130,12 @@ pub(crate) trait Platform {
         then: impl FnOnce(RgbImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Reads the picture of a file of this name for its bytes and its size; a drawing becomes the picture that stands for it.
-    fn size_of<T: Send + 'static>(
+    /// Reads the picture of a file of this name for its bytes and its pixels; a drawing becomes the picture that stands for it.
+    fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
     /// Finds the straight edges of an image.

@@ -6,7 +6,8 @@
 //! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
 //! - `elementary` sines and roots that are the same on every machine; `simd` loops with its vector instructions;
 //! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
-//! - `covariance` the covariance of a camera; `pinhole` the camera itself; `chart` **views of a wide lens
+//! - `covariance` the covariance of a camera; `pinhole` the camera itself; `straight_down` its turn where roll and yaw are
+//!   one; `chart` **views of a wide lens
 //!   in which lines beside the camera are straight**;
 //! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
 //!   Jacobians, for the bundle adjustment;
@@ -20,6 +21,7 @@ mod distortion;
 mod lens;
 mod covariance;
 mod pinhole;
+mod straight_down;
 mod chart;
 mod plane;
 mod floor_covariance;
@@ -40,6 +42,7 @@ pub use lens::Lens;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
 pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
+pub use straight_down::StraightDown;
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]

@@ -172,7 +172,8 @@ impl SiteCamera {
     }
 
     /// The lens to draw under while nothing is solved: as [`Self::lens`]; for a fisheye that is to be fitted, the one
-    /// with coefficients of zero that shows 180 degrees across the shorter side of the image, unless its focal is given.
+    /// with coefficients of zero that shows 180 degrees across its image circle, or else the shorter side of the image,
+    /// unless its focal is given.
     #[must_use]
     pub fn likely_lens(&self) -> Lens {
         let lens = self.lens();
@@ -182,7 +183,8 @@ impl SiteCamera {
         let Some(row) = sought.filter(|row| row.is_wide && !lens.distortion.is_wide()) else { return lens };
         let [width, height] = self.size();
         let known = entry.and_then(|entry| entry.focal_px).map(|focal| focal.value);
-        let focal = known.unwrap_or(width.min(height) / std::f64::consts::PI);
+        let across = self.image_circle().map_or(width.min(height), |circle| 2.0 * circle.radius);
+        let focal = known.unwrap_or(across / std::f64::consts::PI);
         Lens { focal, distortion: row.zero, ..lens }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::camera::{Camera, Covariance, Lens, WorldPoint};
-use crate::floor::STAGE_1_HEIGHT;
+use crate::floor::{STAGE_1_HEIGHT, view_angle};
 use crate::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use crate::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
@@ -176,7 +176,8 @@ fn likelihood(
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
     solution.dof = usize::try_from(fit.dof).ok();
-    solution.alternatives = fit.alternatives.iter().map(|other| alternative(other, entry)).collect();
+    solution.alternatives =
+        fit.alternatives.iter().map(|other| alternative(other, entry, &fit.camera.lens)).collect();
     let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));
     findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera, planes);
@@ -196,11 +197,11 @@ pub(crate) fn residuals_when_off(
     residuals_at(&off, at, camera.position.z, entry.size()[0])
 }
 
-fn alternative(other: &LocalMinimum, entry: &SiteCamera) -> Alternative {
+fn alternative(other: &LocalMinimum, entry: &SiteCamera, lens: &Lens) -> Alternative {
     let focal = other.orientation.focal;
     Alternative {
         focal_px: focal,
-        hfov_deg: 2.0 * (0.5 * entry.size()[0] / focal).atan().to_degrees(),
+        hfov_deg: view_angle(lens, focal, entry.size()).to_degrees(),
         pitch_deg: other.orientation.pitch.to_degrees(),
         roll_deg: other.orientation.roll.to_degrees(),
         chi2: other.chi2,

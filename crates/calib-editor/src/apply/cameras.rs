@@ -1,6 +1,6 @@
 //! The list of cameras and their stills: chosen, added, replaced, renamed, removed.
 
-use calib_core::SiteCamera;
+use calib_core::{LensEntry, SiteCamera};
 
 use crate::action::NewStill;
 use crate::command::Cameras;
@@ -31,20 +31,25 @@ impl Editor {
     }
 
     pub(super) fn add_camera(&mut self, still: NewStill) {
-        let NewStill { image, title, size } = still;
+        let NewStill { image, title, size, image_circle } = still;
         let site = &mut self.session.site;
         let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
         let id = std::iter::once(title.clone())
             .chain((2..).map(|number| format!("{title}-{number}")))
             .find(|id| !taken(id))
             .unwrap_or_default();
-        site.cameras.push(SiteCamera { image: Some(image), ..SiteCamera::new(id.clone(), size) });
+        let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
+        site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         self.session.commit(format!("add {id}"));
     }
 
     pub(super) fn replace_still(&mut self, of: Period, still: NewStill) {
-        let NewStill { image, size, .. } = still;
+        let NewStill { image, size, image_circle, .. } = still;
         let Some(entry) = self.session.site.cameras.iter_mut().find(|entry| of.is_of(entry)) else { return };
+        // One of another size is rescaled with what is drawn, if at all.
+        if entry.image_circle().is_none() && image_circle.is_some() && entry.size_px == size {
+            entry.lens.get_or_insert_default().image_circle_px = image_circle;
+        }
         let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
         let size = Some(from).filter(|from| *from != size);
         self.session.commit(format!("replace the still of {}", of.camera));

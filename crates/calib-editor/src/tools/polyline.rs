@@ -160,7 +160,10 @@ impl Tool for Polyline {
                     (0, Makes::Field) => {
                         "Click the next corner, or the first one to close.  Enter: close".into()
                     }
-                    (0, Makes::StraightEdge) => "Click the next point.  Enter or double click: done".into(),
+                    (0, Makes::StraightEdge) => {
+                        "Click the next point.  Enter or double click: done, J then pulls it onto the edge"
+                            .into()
+                    }
                     _ => format!("Click the next point; {left} more needed."),
                 }
             }

@@ -1,6 +1,6 @@
 //! Draws a line of one kind: drag, or click and click.
 
-use calib_core::{Kind, Pixel, Shape};
+use calib_core::{Kind, Pixel, Shape, SiteCamera};
 use calib_image::pull_drawn;
 
 use crate::edit;
@@ -45,6 +45,12 @@ impl Segment {
         let part = edit::add_line(entry, self.kind, line.to_vec(), fresh);
         session.select_only(camera, part);
         Some(part)
+    }
+
+    /// Whether the next line is added to those of its kind that were drawn last.
+    fn goes_on(&self, session: &Session) -> bool {
+        let is_drawn = |entry: &SiteCamera| entry.annotations.iter().any(|drawn| drawn.kind == self.kind);
+        !session.fresh_group && session.entry().is_some_and(is_drawn)
     }
 
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
@@ -145,6 +151,9 @@ impl Tool for Segment {
                 }
             }
             (Gesture::Idle, Kind::Vertical) => "Draw along something plumb: drag, or click both ends.".into(),
+            (Gesture::Idle, Kind::Parallel) if self.goes_on(session) => {
+                "Draw a line parallel to those just drawn.  W: begin another direction".into()
+            }
             (Gesture::Idle, _) => format!("Draw a {title} line on the floor: drag, or click both ends."),
             (Gesture::Pressed { .. }, _) => "Release to set the end.  Alt: pull onto the edge".into(),
             (Gesture::Placed { .. }, _) => "Click or Enter to set the end.  Alt: pull onto the edge".into(),

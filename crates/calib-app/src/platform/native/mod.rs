@@ -101,13 +101,13 @@ impl Platform for Native {
         work::picture(ctx, source, then)
     }
 
-    fn size_of<T: Send + 'static>(
+    fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
-        work::size_of(ctx, name, source, then)
+        work::still(ctx, name, source, then)
     }
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {

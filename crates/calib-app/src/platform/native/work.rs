@@ -21,18 +21,18 @@ pub(super) fn picture<T: Send + 'static>(
     Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read_within)?)?)))
 }
 
-pub(super) fn size_of<T: Send + 'static>(
+pub(super) fn still<T: Send + 'static>(
     ctx: &Context,
     name: String,
     source: Source,
-    then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+    then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
 ) -> Task<Result<T, String>> {
     Task::spawn(ctx, move || {
         let bytes = source.read(files::read_within)?;
         let picture = || {
             let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
             let image = decode(drawn.as_deref().unwrap_or(&bytes))?;
-            Ok(then(&bytes, image.dimensions().into(), drawn))
+            Ok(then(&bytes, &image, drawn))
         };
         picture().map_err(|error: String| format!("{name}: {error}"))
     })

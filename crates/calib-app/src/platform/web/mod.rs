@@ -113,11 +113,11 @@ impl Platform for Web {
         Task::wait(ctx, async move { Ok(then(worker::decode(source).await?)) })
     }
 
-    fn size_of<T: Send + 'static>(
+    fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
         source: Source,
-        then: impl FnOnce(&[u8], [u32; 2], Option<Vec<u8>>) -> T + Send + 'static,
+        then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
         Task::wait(ctx, async move {
             let picture = async {
@@ -131,7 +131,7 @@ impl Platform for Web {
                     Some(png) => worker::pixels(png).await?,
                     None => worker::decode(source).await?,
                 };
-                Ok(then(bytes.as_deref().unwrap_or_default(), image.dimensions().into(), drawn))
+                Ok(then(bytes.as_deref().unwrap_or_default(), &image, drawn))
             };
             picture.await.map_err(|error: String| format!("{name}: {error}"))
         })

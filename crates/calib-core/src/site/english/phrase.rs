@@ -321,6 +321,10 @@ pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
 }
 
 pub(super) fn floor(rel: f64) -> String {
+    // A length that may be twice as long or nothing is not known.
+    if rel >= 1.0 {
+        return "Lengths on the floor are not known.".into();
+    }
     format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel)
 }
 
