@@ -216,7 +216,9 @@ impl Tracker {
     /// Gives the detections of one camera to tracks, the likeliest pair first; new tracks for the rest.
     fn assign(&mut self, at_s: f64, seen: &[OnFloor]) {
         let Some(camera) = seen.first().map(|seen| seen.camera) else { return };
-        let calibration = SMatrix::from(self.cameras[camera].1.covariance.0);
+        // Of the place of a camera that a hand placed nothing is known: the tracks are on the floor where it put them.
+        let known = |value: f64| if value.is_finite() { value } else { 0.0 };
+        let calibration = SMatrix::from(self.cameras[camera].1.covariance.0).map(known);
         let mut pairs: Vec<(usize, usize, Innovation)> = Vec::new();
         for (t, track) in self.tracks.iter().enumerate() {
             for (d, seen) in seen.iter().enumerate() {

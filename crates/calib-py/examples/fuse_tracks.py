@@ -44,7 +44,8 @@ def on_floor(camera: calib.Camera, u: Array, v: Array) -> list[tuple[Array, Arra
 
 
 def assign(tracks: list[Track], seen: list[tuple[Array, Array, Array]], camera: calib.Camera, at: float, ids: Iterator[int]) -> None:
-    own, pairs = camera.covariance, []
+    # Of the place of a camera that a hand placed nothing is known: the tracks are on the floor where it put them.
+    own, pairs = np.nan_to_num(camera.covariance, posinf=0.0), []
     for (t, track), (d, (point, noise, slopes)) in itertools.product(enumerate(tracks), enumerate(seen)):
         shared = track.shared.get(camera.id, np.zeros((4, len(own))))
         cross = shared[:2] @ slopes.T
