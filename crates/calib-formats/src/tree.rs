@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeSet, HashSet};
 use std::rc::Rc;
 
+use saphyr::{LoadableYamlNode as _, Scalar, Yaml};
 use serde_json::{Map, Number, Value};
 
 use crate::error::{FormatError, Problem, quoted};
@@ -52,8 +53,14 @@ impl Syntax {
         }
         match self {
             Self::Json => serde_json::from_str(text).map_err(|error| wrong("JSON", error.to_string())),
-            Self::Yaml => serde_saphyr::from_str(without_directives(text))
-                .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned())),
+            Self::Yaml => {
+                let documents = Yaml::load_from_str(without_directives(text))
+                    .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned()))?;
+                let [document] = documents.as_slice() else {
+                    return Err(wrong("YAML", format!("{} documents", documents.len())));
+                };
+                from_yaml(document).ok_or_else(|| wrong("YAML", "a key that is a list or a mapping".into()))
+            }
             Self::Toml => toml::from_str::<toml::Table>(text)
                 .map_err(|error| wrong("TOML", first_line(&error.to_string()).to_owned()))
                 .and_then(|table| {
@@ -82,7 +89,16 @@ fn without_directives(mut text: &str) -> &str {
     text
 }
 
+/// Brackets inside each other, or blocks inside each other where that may be more: `- - - 1`, or far indented.
 fn depth(text: &str) -> usize {
+    /// Columns of which one level of blocks may be.
+    const COLUMNS: usize = 8;
+    let blocks = text.lines().map(|line| {
+        let marks = line.bytes().take_while(|c| matches!(c, b' ' | b'-' | b'?' | b':'));
+        let (all, spaces) = marks.fold((0, 0), |(all, spaces), c| (all + 1, spaces + usize::from(c == b' ')));
+        (all - spaces).saturating_sub("---".len()).max(all / COLUMNS)
+    });
+    let blocks = blocks.max().unwrap_or(0);
     let (mut now, mut most) = (0_usize, 0);
     for byte in text.bytes() {
         match byte {
@@ -92,7 +108,32 @@ fn depth(text: &str) -> usize {
         }
         most = most.max(now);
     }
-    most
+    most.max(blocks)
+}
+
+/// As JSON would say it: what a tag says of a value is left out, and what is no finite number is null. `None` where a
+/// key is no text.
+fn from_yaml(yaml: &Yaml) -> Option<Value> {
+    Some(match yaml {
+        Yaml::Value(Scalar::Null) | Yaml::Alias(_) | Yaml::BadValue => Value::Null,
+        Yaml::Value(Scalar::Boolean(value)) => Value::Bool(*value),
+        Yaml::Value(Scalar::Integer(value)) => Value::from(*value),
+        Yaml::Value(Scalar::FloatingPoint(value)) => Value::from(**value),
+        Yaml::Value(Scalar::String(text)) | Yaml::Representation(text, ..) => Value::from(text.as_ref()),
+        Yaml::Sequence(items) => Value::Array(items.iter().map(from_yaml).collect::<Option<_>>()?),
+        Yaml::Tagged(_, value) => return from_yaml(value),
+        Yaml::Mapping(entries) => {
+            let entry = |(key, value): (&Yaml, &Yaml)| {
+                let key = match from_yaml(key)? {
+                    Value::String(key) => key,
+                    Value::Array(_) | Value::Object(_) => return None,
+                    other => other.to_string(),
+                };
+                Some((key, from_yaml(value)?))
+            };
+            Value::Object(entries.iter().map(entry).collect::<Option<_>>()?)
+        }
+    })
 }
 
 /// Elements are keys; a text of numbers is a number or a list of them.
@@ -341,4 +382,44 @@ pub(crate) fn escaped(text: &str) -> String {
 /// A document as indented JSON.
 pub(crate) fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn yaml(text: &str) -> Result<Value, String> {
+        let file = File { name: "a.yaml".into(), bytes: text.as_bytes().to_vec() };
+        Syntax::Yaml.parse(&file).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn yaml_becomes_what_json_would_say() {
+        let text = "%YAML:1.0\n---\na: !!opencv-matrix {rows: 1, data: [1., -2.5e-3, .nan, 0x10]}\nb: &b [x, true, ~]\nc: *b\n1: \"2\"\n";
+        let said = yaml(text).unwrap();
+        let wanted = serde_json::json!({
+            "a": {"rows": 1, "data": [1.0, -2.5e-3, null, 16]}, "b": ["x", true, null], "c": ["x", true, null], "1": "2"
+        });
+        assert_eq!(said, wanted);
+    }
+
+    #[test]
+    fn hostile_yaml_is_refused_with_a_word() {
+        let laughs: String = (1..12)
+            .map(|i| format!("a{i}: &a{i} [{}]\n", format!("*a{}, ", i - 1).repeat(9)))
+            .collect();
+        let indented: String = (0..2000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
+        for (text, why) in [
+            (format!("a0: &a0 [1]\n{laughs}"), "alias"),
+            ("- ".repeat(100_000), "brackets"),
+            (indented, "brackets"),
+            ("a: 1\na: 2\n".into(), "uplicate"),
+            ("? [1]\n: 2\n".into(), "key"),
+            ("a: 1\n---\nb: 2\n".into(), "documents"),
+            ("a: [1".into(), "YAML"),
+        ] {
+            let said = yaml(&text).unwrap_err();
+            assert!(said.contains(why), "{why}: {said}");
+        }
+    }
 }
