@@ -178,6 +178,8 @@ const fn name_of(model: DistortionModel) -> &'static CStr {
         DistortionModel::BrownConrady => c"brown-conrady",
         DistortionModel::Division => c"division",
         DistortionModel::KannalaBrandt => c"kannala-brandt",
+        DistortionModel::Unified => c"unified",
+        DistortionModel::DoubleSphere => c"double-sphere",
     }
 }
 

@@ -89,7 +89,13 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         if !own.contains(&which) {
             return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
         }
-        Bounds::COEFFICIENT.check(&at.key(key), value)?;
+        let [low, high] = which.bounds();
+        let what = match which {
+            Coefficient::Xi => "a number above -1 and up to 1e6",
+            Coefficient::Alpha => "a number between 0 and 1",
+            _ => "a number between -1e6 and 1e6",
+        };
+        Bounds { low, high, what }.check(&at.key(key), value)?;
     }
     optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
     if let Some(fit) = &entry.fit {
@@ -102,6 +108,10 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
                 return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
             }
         }
+    }
+    if !given && !entry.model.row().is_fitted {
+        let found = format!("{} without coefficients", entry.model.row().name);
+        return at.expected(found, "its coefficients: it is given, and not fitted");
     }
     if given && entry.focal_px.is_none() && focal.is_none() {
         return at.expected(
