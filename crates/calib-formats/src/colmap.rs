@@ -10,7 +10,7 @@ use calib_core::{BrownConrady, Distortion};
 use crate::error::{FormatError, Problem, quoted};
 use crate::export::{Export, Scene, UNSEEN, rounded_up};
 use crate::file::File;
-use crate::fisheye::{MOST_OFF, WIDEST, nearest};
+use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
 use crate::given::{Given, Imported, site_of};
 use crate::rotation::{from_quaternion, quaternion};
 use crate::tree::{digits, joined};
@@ -232,8 +232,15 @@ fn symmetric(
         focal * theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
     };
     let corner = cx.max(width - cx).hypot(cy.max(height - cy));
-    let rings = (1..=400).map(|ring| WIDEST * f64::from(ring) / 400.0).map(|theta| [theta, radius(theta)]);
-    let samples: Vec<[f64; 2]> = rings.take_while(|[_, radius]| *radius <= corner).collect();
+    // Out to the corners, or to where it shows nothing more.
+    let mut samples: Vec<[f64; 2]> = Vec::new();
+    for theta in (1..=400).map(|ring| WIDEST * f64::from(ring) / 400.0) {
+        let at = radius(theta);
+        if !(at > samples.last().map_or(0.0, |[_, before]| *before) && at <= corner) {
+            break;
+        }
+        samples.push([theta, at]);
+    }
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
     let moved = focal * prism.most(rim);
     if !(moved <= UNSEEN) {
@@ -248,7 +255,7 @@ fn symmetric(
     let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
     let off = nearest.map_or(f64::INFINITY, |lens| lens.off + moved);
     let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
-        let found = format!("six radial terms that no four come nearer to than {off:.2} px");
+        let found = too_far("six radial terms", off);
         return Err(FormatError::expected(line.place(), found, "at most 1 px"));
     };
     let off = rounded_up(off, 3);

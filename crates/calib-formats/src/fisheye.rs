@@ -18,6 +18,14 @@ pub(crate) struct Nearest {
     pub(crate) off: f64,
 }
 
+/// What is found where no lens is near enough: `what` is of other terms.
+pub(crate) fn too_far(what: &str, off: f64) -> String {
+    match off.is_finite() {
+        true => format!("{what} that no Kannala-Brandt lens comes nearer to than {off:.2} px"),
+        false => format!("{what} that no Kannala-Brandt lens is near"),
+    }
+}
+
 /// The least squares of `f theta (1 + k1 theta^2 + ... + k4 theta^8) - radius` over pairs of theta (radians) and radius
 /// (pixels), linear in f and f k. `None` where they determine no lens.
 pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {

@@ -9,7 +9,7 @@
 use crate::error::{FormatError, Problem};
 use crate::export::rounded_up;
 use crate::file::File;
-use crate::fisheye::{MOST_OFF, WIDEST, nearest};
+use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
 use crate::given::{Given, Imported, site_and_rest};
 use crate::tree::digits;
 
@@ -113,7 +113,7 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
     let off = nearest.map_or(f64::INFINITY, |lens| lens.off + skew);
     let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
-        let found = format!("a polynomial that no Kannala-Brandt lens comes nearer to than {off:.2} px");
+        let found = too_far("a polynomial", off);
         return Err(FormatError::expected(&direct.place, found, "at most 1 px"));
     };
     notes.push(format!(
