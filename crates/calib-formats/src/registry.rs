@@ -297,7 +297,7 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "kalibr",
-        about: "Kalibr camchain, lenses only",
+        about: "Kalibr camchain: lenses",
         extensions: &["yaml", "yml"],
         holds: "lens (radtan, equidistant, unified or double sphere)",
         lacks: "places in the world (poses from camera to camera are written), k3, standard deviations, EFOV, planes besides the floor",
