@@ -243,7 +243,7 @@ fn symmetric(
     }
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
     let moved = focal * prism.most(rim);
-    if !(moved <= UNSEEN) {
+    if moved.is_nan() || moved > UNSEEN {
         let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
         let expected = "zeros, or next to nothing: they have no place here; calibrate it as OPENCV_FISHEYE";
         return Err(FormatError::expected(line.place(), found, expected));

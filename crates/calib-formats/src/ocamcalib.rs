@@ -1,4 +1,4 @@
-//! `calib_results.txt` of OCamCalib, the polynomial of D. Scaramuzza, A. Martinelli, R. Siegwart, "A flexible technique
+//! `calib_results.txt` of `OCamCalib`, the polynomial of D. Scaramuzza, A. Martinelli, R. Siegwart, "A flexible technique
 //! for accurate omnidirectional camera calibration and structure from motion", 2006.
 //!
 //! A pixel (row, column) less the centre, through the inverse of `[c d; e 1]`, is the point (x, y) at the radius r of a ray

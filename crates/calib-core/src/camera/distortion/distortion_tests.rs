@@ -70,7 +70,8 @@ proptest! {
                 prop_assert!(lens.ray([x, y]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.shown([x, y, w]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.max_radius() >= 0.0);
-                if !(xi > -1.0) || matches!(lens, Distortion::DoubleSphere { .. }) && !(0.0..=1.0).contains(&alpha) {
+                let is_double = matches!(lens, Distortion::DoubleSphere { .. });
+                if xi.is_nan() || xi <= -1.0 || is_double && !(0.0..=1.0).contains(&alpha) {
                     prop_assert!(lens.ray([x, y]).is_none() && lens.shown([x, y, w]).is_none());
                     prop_assert!(lens.distort([x, y]).is_none() && lens.undistort([x, y]).is_none());
                 }
