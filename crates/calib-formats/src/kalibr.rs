@@ -68,7 +68,7 @@ fn lens_of(view: &View, scene: &Scene, export: &mut Export) -> Written {
         Terms::None => ("radtan", vec![0.0; 4]),
         Terms::BrownConrady(brown) | Terms::Fitted(brown, _) => {
             if brown.k3 != 0.0 {
-                export.lose(view, "the k3 of its lens: radtan has k1, k2, p1 and p2 alone");
+                export.lose(view, "the k3 of its distortion: radtan has k1, k2, p1 and p2 alone");
             }
             ("radtan", vec![brown.k1, brown.k2, brown.p1, brown.p2])
         }
