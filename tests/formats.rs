@@ -99,7 +99,7 @@ proptest! {
         let site = site(&camera);
         for (name, extension) in
             [("opencv", "json"), ("opencv", "yml"), ("opencv", "xml"), ("colmap", "txt"), ("ros", "yaml"),
-             ("nvidia", "json"), ("wildtrack", "xml")]
+             ("nerfstudio", "json"), ("nvidia", "json"), ("wildtrack", "xml")]
         {
             let export = exported(name, &site, extension);
             let plain = camera.lens.distortion == Distortion::None;

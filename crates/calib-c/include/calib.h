@@ -284,8 +284,8 @@ enum CalibResult calib_camera_matrix(const struct CalibCamera *camera,
 // The distortion: the name of its model into `*model`, null where there is none, which nobody frees; five coefficients in
 // the order of the model, zeros after its last; and the focal that they are for, in pixels of the stream.
 //
-// "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3), "division" lambda, and "kannala-brandt" k1 to
-// k4. `CALIB_RESULT_REFUSED` where the stream is stretched.
+// "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3), "division" lambda, "kannala-brandt" k1 to k4,
+// "unified" xi, and "double-sphere" xi and alpha. `CALIB_RESULT_REFUSED` where the stream is stretched.
 //
 // # Safety
 // `camera` is a handle that is not freed meanwhile; `*model`, five values of `coefficients` and `*focal_px` can be written.

@@ -8,8 +8,9 @@ use std::fmt::Write as _;
 use calib_core::{BrownConrady, Distortion};
 
 use crate::error::{FormatError, Problem, quoted};
-use crate::export::{Export, Scene};
+use crate::export::{Export, Scene, UNSEEN, rounded_up};
 use crate::file::File;
+use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
 use crate::given::{Given, Imported, site_of};
 use crate::rotation::{from_quaternion, quaternion};
 use crate::tree::{digits, joined};
@@ -101,9 +102,9 @@ fn lines<'a>(files: &'a [File], base: &str) -> Result<(&'a File, Vec<Line<'a>>),
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (_, camera_lines) = lines(files, "cameras.txt")?;
-    let mut cameras = HashMap::new();
+    let (mut cameras, mut notes) = (HashMap::new(), Vec::new());
     for line in camera_lines.iter().filter(|line| !line.words.is_empty()) {
-        cameras.insert(line.words[0], lens(line)?);
+        cameras.insert(line.words[0], lens(line, &mut notes)?);
     }
     let (file, image_lines) = lines(files, "images.txt")?;
     let mut given: Vec<Given> = Vec::new();
@@ -129,6 +130,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
     let mut imported = site_of(given, &file.name)?;
+    imported.notes.extend(notes);
     if with_points > 0 {
         let images = calib_core::counted(with_points, "image", "images");
         imported.notes.push(format!("{}: not taken: the points of {images}", file.name));
@@ -141,7 +143,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     Ok(imported)
 }
 
-fn lens(line: &Line) -> Result<Given, FormatError> {
+fn lens(line: &Line, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     let [width, height] = line.numbers(2)?;
     let most = f64::from(calib_core::MAX_SIDE);
     if [width, height].iter().any(|side| side.fract() != 0.0 || !(1.0..=most).contains(side)) {
@@ -162,24 +164,105 @@ fn lens(line: &Line) -> Result<Given, FormatError> {
             let [k1, k2, p1, p2] = line.numbers(8)?;
             (line.numbers(4)?, brown([k1, k2, p1, p2, 0.0]))
         }
-        "FULL_OPENCV" => {
-            let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
-            if [k4, k5, k6] != [0.0; 3] {
-                return Err(FormatError::expected(
-                    line.place(),
-                    "k4, k5, k6",
-                    "zeros: they have no place here",
-                ));
-            }
-            (line.numbers(4)?, brown([k1, k2, p1, p2, k3]))
+        "FULL_OPENCV" => (line.numbers(4)?, brown(full_opencv(line)?)),
+        "OPENCV_FISHEYE" => (line.numbers(4)?, kannala_brandt(line.numbers(8)?)),
+        "SIMPLE_RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, 0.0, 0.0, 0.0])),
+        "RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, line.number(8)?, 0.0, 0.0])),
+        "THIN_PRISM_FISHEYE" => {
+            let [k1, k2, p1, p2, k3, k4, sx1, sy1] = line.numbers(8)?;
+            let prism = Prism { p: [p1, p2], s: [sx1, 0.0, sy1, 0.0] };
+            symmetric(line, [k1, k2, k3, k4, 0.0, 0.0], &prism, notes)?
         }
-        "OPENCV_FISHEYE" => (line.numbers(4)?, Distortion::KannalaBrandt { k: line.numbers(8)? }),
+        "RAD_TAN_THIN_PRISM_FISHEYE" => {
+            let prism = Prism { p: line.numbers(14)?, s: line.numbers(16)? };
+            symmetric(line, line.numbers(8)?, &prism, notes)?
+        }
         other => {
-            let known =
-                "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV or OPENCV_FISHEYE";
+            let known = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, \
+                         SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE or RAD_TAN_THIN_PRISM_FISHEYE";
             return Err(FormatError::expected(line.place(), quoted(other), known));
         }
     };
     let size = Some([width as u32, height as u32]);
     Ok(Given { size, distortion, ..Given::new("", line.place(), k) })
+}
+
+const fn kannala_brandt(k: [f64; 4]) -> Distortion {
+    Distortion::KannalaBrandt { k }
+}
+
+/// k1, k2, p1, p2, k3.
+fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
+    let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
+    if [k4, k5, k6] == [0.0; 3] {
+        return Ok([k1, k2, p1, p2, k3]);
+    }
+    Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros: they have no place here"))
+}
+
+/// What of a fisheye is not symmetric about its axis.
+struct Prism {
+    /// Tangential.
+    p: [f64; 2],
+    /// Of the thin prism: x by the square and the fourth power of the radius, and y.
+    s: [f64; 4],
+}
+
+impl Prism {
+    /// No less than what it moves a point at a radius by, over the focal.
+    fn most(&self, radius: f64) -> f64 {
+        let (square, [px, py], [x2, x4, y2, y4]) = (radius * radius, self.p, self.s.map(f64::abs));
+        let prism = (x2 + x4 * square).hypot(y2 + y4 * square);
+        square * (3.0 * px.hypot(py) + prism)
+    }
+}
+
+/// Focals, centre and lens of a fisheye whose radius is `theta (1 + k1 theta^2 + ... + k6 theta^12)`, and which has
+/// hardly anything else.
+fn symmetric(
+    line: &Line,
+    terms: [f64; 6],
+    prism: &Prism,
+    notes: &mut Vec<String>,
+) -> Result<([f64; 4], Distortion), FormatError> {
+    let ([width, height], [fx, fy, cx, cy]) = (line.numbers(2)?, line.numbers(4)?);
+    let focal = 0.5 * (fx + fy);
+    let radius = |theta: f64| {
+        let square = theta * theta;
+        focal * theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
+    };
+    let corner = cx.max(width - cx).hypot(cy.max(height - cy));
+    // Out to the corners, or to where it shows nothing more.
+    let mut samples: Vec<[f64; 2]> = Vec::new();
+    for theta in (1..=400).map(|ring| WIDEST * f64::from(ring) / 400.0) {
+        let at = radius(theta);
+        if !(at > samples.last().map_or(0.0, |[_, before]| *before) && at <= corner) {
+            break;
+        }
+        samples.push([theta, at]);
+    }
+    let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
+    let moved = focal * prism.most(rim);
+    if moved.is_nan() || moved > UNSEEN {
+        let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
+        let expected = "zeros, or next to nothing: they have no place here; calibrate it as OPENCV_FISHEYE";
+        return Err(FormatError::expected(line.place(), found, expected));
+    }
+    let [k1, k2, k3, k4, k5, k6] = terms;
+    if [k5, k6] == [0.0; 2] {
+        return Ok(([fx, fy, cx, cy], kannala_brandt([k1, k2, k3, k4])));
+    }
+    let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
+    let off = nearest.map_or(f64::INFINITY, |lens| lens.off + moved);
+    let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
+        let found = too_far("six radial terms", off);
+        return Err(FormatError::expected(line.place(), found, "at most 1 px"));
+    };
+    let off = rounded_up(off, 3);
+    notes.push(format!(
+        "{}: of six radial terms four are taken, which are at most {off:.3} px off",
+        line.place()
+    ));
+    let ratio = lens.focal / focal;
+    Ok(([ratio * fx, ratio * fy, cx, cy], lens.distortion))
 }

@@ -51,6 +51,17 @@ pub(crate) struct Scene<'a> {
 /// Pixels by which a lens in other terms may be off without a word.
 pub(crate) const UNSEEN: f64 = 0.05;
 
+/// What to do with a lens that looks beside and behind itself where its model has no place; `None` of other lenses.
+pub(crate) fn way_out(view: &View) -> Option<String> {
+    let row = view.camera.lens.distortion.model()?.row();
+    row.is_wide.then(|| {
+        format!(
+            "flat windows of a {} lens have pinhole cameras that every format holds: calib undistort --look",
+            row.name
+        )
+    })
+}
+
 /// An error that is not understated by the digits that are shown.
 pub(crate) fn rounded_up(error: f64, digits: i32) -> f64 {
     let unit = 10_f64.powi(digits);
@@ -90,7 +101,9 @@ impl Export {
     /// For formats of cameras without distortion.
     pub(crate) fn lose_distortion(&mut self, view: &View) {
         if view.is_distorted() {
-            self.lose(view, "the distortion of its lens; --rectified exports the undistorted camera");
+            let windows = way_out(view).map_or(String::new(), |windows| format!("; {windows}"));
+            let what = "the distortion of its lens; --rectified exports the undistorted camera";
+            self.lose(view, format!("{what}{windows}"));
         }
     }
 
@@ -98,6 +111,13 @@ impl Export {
     pub(crate) fn terms(&mut self, view: &View, lenses: &[DistortionModel]) -> Terms {
         let terms = view.terms(lenses);
         let Terms::Fitted(brown, off) = terms else { return terms };
+        if let Some(windows) = way_out(view) {
+            self.lose(
+                view,
+                format!("its lens model, of which k1, k2, k3 show nothing beside the camera; {windows}"),
+            );
+            return Terms::BrownConrady(brown);
+        }
         if off.is_finite() && off <= UNSEEN {
             self.notes.push(format!(
                 "camera {:?}: its lens in the terms of this format is at most {:.3} px off",

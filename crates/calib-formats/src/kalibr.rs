@@ -1,12 +1,90 @@
 //! Kalibr's `camchain.yaml`: lenses. The poses are from camera to camera and know no world.
 //!
-//! Pixels count from the centre of the first one, as in OpenCV.
+//! Pixels count from the centre of the first one, as in OpenCV. Kalibr calls cameras `cam0`, `cam1` and so on, and its
+//! lenses `pinhole-radtan`, `pinhole-equi`, `omni-none` and `ds-none`; the focals of the spheres are `1 + xi` times those in
+//! the middle of the image.
+
+use std::fmt::Write as _;
+
+use calib_core::{Coefficient, Distortion};
 
 use crate::error::{FormatError, quoted};
+use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::given::{Given, Imported, site_and_rest};
 use crate::opencv::distortion;
-use crate::tree::{Node, Syntax};
+use crate::rotation::turned;
+use crate::tree::{Node, Syntax, joined, quote};
+use crate::view::{Terms, View};
+
+pub(crate) fn write(scene: &Scene, export: &mut Export) {
+    let mut text = String::new();
+    let are_placed = scene.views.iter().all(|view| view.is_placed);
+    for (index, view) in scene.views.iter().enumerate() {
+        let lens = lens_of(view, scene, export);
+        let [width, height] = view.size;
+        let _ = write!(
+            text,
+            "cam{index}:\n  camera_model: {}\n  intrinsics: [{}]\n  distortion_model: {}\n  distortion_coeffs: [{}]\n  \
+             resolution: [{width}, {height}]\n  rostopic: {}\n  cam_overlaps: []\n",
+            lens.camera,
+            joined(&lens.intrinsics, ", "),
+            lens.distortion,
+            joined(&lens.terms, ", "),
+            quote(&format!("/{}/image_raw", view.file)),
+        );
+        if let Some(before) = index.checked_sub(1).filter(|_| are_placed) {
+            text += "  T_cn_cnm1:\n";
+            for row in camera_from_camera(view, &scene.views[before]) {
+                let _ = writeln!(text, "  - [{}]", joined(&row, ", "));
+            }
+        }
+        export.notes.push(format!("camera {:?} is cam{index}: Kalibr has no other names", view.id));
+    }
+    export.push(format!("camchain.{}", scene.extension), text);
+}
+
+/// A lens as Kalibr has it.
+struct Written {
+    camera: &'static str,
+    intrinsics: Vec<f64>,
+    distortion: &'static str,
+    terms: Vec<f64>,
+}
+
+fn lens_of(view: &View, scene: &Scene, export: &mut Export) -> Written {
+    let ([fx, fy], [cx, cy]) = (view.focal(), view.centre_from_pixel_centre());
+    let sphere = |camera: &'static str, terms: &[f64], xi: f64| {
+        let intrinsics = [terms, &[(1.0 + xi) * fx, (1.0 + xi) * fy, cx, cy]].concat();
+        Written { camera, intrinsics, distortion: "none", terms: Vec::new() }
+    };
+    match view.distortion() {
+        Some(Distortion::Unified { xi }) => return sphere("omni", &[xi], xi),
+        Some(Distortion::DoubleSphere { xi, alpha }) => return sphere("ds", &[xi, alpha], xi),
+        _ => {}
+    }
+    let (distortion, terms) = match export.terms(view, scene.lenses) {
+        Terms::Fisheye(k) => ("equidistant", k.to_vec()),
+        Terms::None => ("radtan", vec![0.0; 4]),
+        Terms::BrownConrady(brown) | Terms::Fitted(brown, _) => {
+            if brown.k3 != 0.0 {
+                export.lose(view, "the k3 of its distortion: radtan has k1, k2, p1 and p2 alone");
+            }
+            ("radtan", vec![brown.k1, brown.k2, brown.p1, brown.p2])
+        }
+    };
+    Written { camera: "pinhole", intrinsics: vec![fx, fy, cx, cy], distortion, terms }
+}
+
+/// 4 x 4: a camera's coordinates from those of the one before it.
+fn camera_from_camera(view: &View, before: &View) -> [[f64; 4]; 4] {
+    let (now, then) = (view.camera.rotation(), before.camera.rotation());
+    // Rows of `now then'`.
+    let turn = now.map(|row| turned(&then, row));
+    let [t, back] = [view.camera.translation(), turned(&turn, before.camera.translation())];
+    let row = |i: usize| [turn[i][0], turn[i][1], turn[i][2], t[i] - back[i]];
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
@@ -24,26 +102,58 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 }
 
 fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {
-    let model = camera.need(&["camera_model"])?;
-    if model.text()? != "pinhole" {
-        return Err(model.wrong("\"pinhole\", the only camera model that has a place here"));
+    let (model, intrinsics) = (camera.need(&["camera_model"])?, camera.need(&["intrinsics"])?);
+    let (sphere, [fx, fy, cx, cy]) = match model.text()? {
+        "pinhole" => (None, intrinsics.exactly()?),
+        "omni" => {
+            let [xi, k @ ..] = intrinsics.exactly::<5>()?;
+            (Some((xi, Distortion::Unified { xi })), k)
+        }
+        "ds" => {
+            let [xi, alpha, k @ ..] = intrinsics.exactly::<6>()?;
+            (Some((xi, Distortion::DoubleSphere { xi, alpha })), k)
+        }
+        _ => return Err(model.wrong("pinhole, omni or ds, the camera models that have a place here")),
+    };
+    let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
+    let [least, _] = Coefficient::Xi.bounds();
+    if gain - 1.0 < least {
+        return Err(intrinsics.wrong("a xi above -1"));
     }
-    let [fx, fy, cx, cy] = camera.need(&["intrinsics"])?.exactly()?;
-    let mut given = Given::new(name, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+    let mut given = Given::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
     let size = camera.need(&["resolution"])?;
     let sides = size.items()?;
     let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
     given.size = Some([width.side()?, height.side()?]);
-    let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
-    given.distortion = match model {
-        "none" => given.distortion,
-        "radtan" | "equidistant" => {
-            distortion(&camera.need(&["distortion_coeffs"])?, model == "equidistant")?
-        }
-        other => {
-            let place = format!("{}/distortion_model", camera.place());
-            return Err(FormatError::expected(place, quoted(other), "radtan, equidistant or none"));
+    let bent = bent(camera)?;
+    given.distortion = match sphere {
+        None => bent,
+        Some((_, sphere)) if bent == Distortion::None => sphere,
+        Some(_) => {
+            let place = format!("{}/distortion_coeffs", camera.place());
+            let found = format!("a distortion on top of {}", model.text()?);
+            let expected =
+                "none, or zeros: both together have no place here; calibrate it as omni-none or ds-none";
+            return Err(FormatError::expected(place, found, expected));
         }
     };
     Ok(given)
+}
+
+/// What bends besides the camera model.
+fn bent(camera: &Node) -> Result<Distortion, FormatError> {
+    let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
+    match model {
+        "none" => {
+            if let Some(terms) = camera.get("distortion_coeffs") {
+                terms.take();
+            }
+            Ok(Distortion::None)
+        }
+        "radtan" | "equidistant" => distortion(&camera.need(&["distortion_coeffs"])?, model == "equidistant"),
+        other => {
+            let place = format!("{}/distortion_model", camera.place());
+            Err(FormatError::expected(place, quoted(other), "radtan, equidistant or none"))
+        }
+    }
 }

@@ -3,10 +3,15 @@
 //! Camera to world, a camera's axes right, up, back. Pixels count from the corner, as ours: its rays
 //! go through the pixel's index plus a half.
 
+use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
 
+use crate::error::FormatError;
 use crate::export::{Export, Scene};
-use crate::tree::pretty;
+use crate::file::File;
+use crate::given::{Given, Imported, Pose, site_and_rest};
+use crate::rotation::turned;
+use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
@@ -53,4 +58,77 @@ pub(crate) fn world_from_camera(view: &View) -> [[f64; 4]; 4] {
     let centre = <[f64; 3]>::from(view.camera.position);
     let row = |i: usize| [right[i], -down[i], -forward[i], centre[i]];
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let (mut given, mut rest) = (Vec::new(), Vec::new());
+    for file in files {
+        let tree = Syntax::Json.parse(file)?;
+        let root = Node::root(file, &tree);
+        for frame in root.need(&["frames"])?.items()? {
+            given.push(camera(&root, &frame)?);
+        }
+        rest.extend(root.left_over());
+    }
+    let mut imported = site_and_rest(given, rest, &files[0].name)?;
+    imported
+        .notes
+        .push("poses are taken as metres with z up: nerfstudio's are so where they were aligned".into());
+    Ok(imported)
+}
+
+/// A frame; what it does not say itself is said for all.
+fn camera(root: &Node, frame: &Node) -> Result<Given, FormatError> {
+    let of = |key: &str| frame.get(key).or_else(|| root.get(key));
+    let number = |key: &str| of(key).map(|node| node.number()).transpose();
+    let side = |key: &str| of(key).map(|node| node.side()).transpose();
+    let size = side("w")?.zip(side("h")?).map(|(w, h)| [w, h]);
+    let fx = match (number("fl_x")?, number("camera_angle_x")?, size) {
+        (Some(focal), _, _) => focal,
+        (None, Some(angle), Some([width, _])) => 0.5 * f64::from(width) / (0.5 * angle).tan(),
+        _ => return Err(frame.need(&["fl_x"]).map_or_else(|error| error, |node| node.wrong("a focal"))),
+    };
+    let centre = size.map(|size| size.map(|side| 0.5 * f64::from(side)));
+    let or_middle = |key: &str, axis: usize| match (number(key)?, centre) {
+        (Some(at), _) => Ok(at),
+        (None, Some(centre)) => Ok(centre[axis]),
+        (None, None) => frame.need(&[key])?.number(),
+    };
+    let k = [fx, number("fl_y")?.unwrap_or(fx), or_middle("cx", 0)?, or_middle("cy", 1)?];
+    let path = frame.need(&["file_path"])?.text()?;
+    let base = path.rsplit('/').next().unwrap_or_default();
+    let id = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
+    let given = Given::new(id, frame.place(), k);
+    let (pose, distortion) = (pose(&frame.need(&["transform_matrix"])?)?, lens(root, frame)?);
+    Ok(Given { image: Some(path.to_owned()), size, distortion, pose: Some(pose), ..given })
+}
+
+fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
+    let of = |key: &str| frame.get(key).or_else(|| root.get(key));
+    let term = |key: &str| of(key).map_or(Ok(0.0), |node| node.number());
+    let [k1, k2, k3, k4] = [term("k1")?, term("k2")?, term("k3")?, term("k4")?];
+    let [p1, p2] = [term("p1")?, term("p2")?];
+    let model = of("camera_model");
+    let name = model.as_ref().map_or(Ok("OPENCV"), |node| node.text())?;
+    let is_fisheye = name == "OPENCV_FISHEYE" || of("is_fisheye").is_some_and(|node| node.is_true());
+    let radial = ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
+    match model {
+        _ if is_fisheye && [p1, p2] == [0.0; 2] => Ok(Distortion::KannalaBrandt { k: [k1, k2, k3, k4] }),
+        _ if is_fisheye => Err(frame.wrong("a fisheye of k1 to k4: p1 and p2 have no place here")),
+        Some(node) if !radial.contains(&name) => {
+            Err(node.wrong("OPENCV or OPENCV_FISHEYE, the camera models that have a place here"))
+        }
+        _ if k4 != 0.0 => Err(frame.wrong("k1, k2, k3, p1, p2 alone: k4 has no place here")),
+        _ if [k1, k2, k3, p1, p2] == [0.0; 5] => Ok(Distortion::None),
+        _ => Ok(Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })),
+    }
+}
+
+/// World to camera, of the rows of a camera to world that looks along its -z.
+fn pose(matrix: &Node) -> Result<Pose, FormatError> {
+    let numbers = matrix.numbers()?;
+    let (12 | 16) = numbers.len() else { return Err(matrix.wrong("three or four rows of four numbers")) };
+    let column = |sign: f64, j: usize| [0, 1, 2].map(|i| sign * numbers[4 * i + j]);
+    let rotation = [column(1.0, 0), column(-1.0, 1), column(-1.0, 2)];
+    Ok((rotation, turned(&rotation, column(-1.0, 3))))
 }

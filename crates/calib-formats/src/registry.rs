@@ -8,8 +8,8 @@ use crate::file::File;
 use crate::given::Imported;
 use crate::planes::OfPlanes;
 use crate::{
-    blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, opencv,
-    ros, scenescape, sql, svg, table, wildtrack, worldfile,
+    blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, ocamcalib,
+    opencv, ros, scenescape, sql, svg, table, wildtrack, worldfile,
 };
 
 type Write = fn(&Scene, &mut Export);
@@ -30,7 +30,7 @@ pub struct Format {
     pub lacks: &'static str,
     /// What becomes of planes besides the floor.
     pub planes: OfPlanes,
-    /// The lens models it holds as they are; others are fitted by the nearest Brown-Conrady terms, or lost.
+    /// The lens models it holds as they are; others are lost, or fitted by the nearest Brown-Conrady terms.
     pub lenses: &'static [DistortionModel],
     /// Whether its readers take from it where cameras stand, so that one that nobody placed misleads.
     pub holds_place: bool,
@@ -159,7 +159,9 @@ pub const FORMATS: &[Format] = &[
         holds: "lens (Brown-Conrady or fisheye), pose",
         lenses: RADIAL_OR_FISHEYE,
         write: Some(nerfstudio::write),
+        read: Some(nerfstudio::read),
         axes: OPENGL,
+        drops: "points, masks, depths, transforms that were applied",
         ..Format::PLAIN
     },
     Format {
@@ -207,7 +209,13 @@ pub const FORMATS: &[Format] = &[
         extensions: &["json", "csv"],
         holds: "everything but standard deviations",
         lacks: "standard deviations",
-        lenses: &[DistortionModel::BrownConrady, DistortionModel::Division, DistortionModel::KannalaBrandt],
+        lenses: &[
+            DistortionModel::BrownConrady,
+            DistortionModel::Division,
+            DistortionModel::KannalaBrandt,
+            DistortionModel::Unified,
+            DistortionModel::DoubleSphere,
+        ],
         holds_periods: true,
         is_table: true,
         planes: OfPlanes::Written,
@@ -289,17 +297,37 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "kalibr",
-        about: "Kalibr camchain, lenses only",
+        about: "Kalibr camchain: lenses",
         extensions: &["yaml", "yml"],
-        holds: "lens (radtan or equidistant)",
-        lacks: "pose",
-        lenses: RADIAL_OR_FISHEYE,
+        holds: "lens (radtan, equidistant, unified or double sphere)",
+        lacks: "places in the world (poses from camera to camera are written), k3, standard deviations, EFOV, planes besides the floor",
+        lenses: &[
+            DistortionModel::BrownConrady,
+            DistortionModel::KannalaBrandt,
+            DistortionModel::Unified,
+            DistortionModel::DoubleSphere,
+        ],
         holds_place: false,
+        write: Some(kalibr::write),
         read: Some(kalibr::read),
         pixels: CENTRE,
         units: "-",
         axes: "-",
         drops: "poses between the cameras, of the IMU, time shifts",
+        ..Format::PLAIN
+    },
+    Format {
+        name: "ocamcalib",
+        about: "OCamCalib calib_results.txt, Scaramuzza's polynomial",
+        extensions: &["txt"],
+        holds: "lens (as the nearest fisheye, at most 1 px off)",
+        lacks: "pose",
+        holds_place: false,
+        read: Some(ocamcalib::read),
+        pixels: CENTRE,
+        units: "-",
+        axes: "-",
+        drops: "the inverse polynomial",
         ..Format::PLAIN
     },
     Format {

@@ -8,7 +8,7 @@
 
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
 
-use crate::export::{Export, Scene, UNSEEN, rounded_up};
+use crate::export::{Export, Scene, UNSEEN, rounded_up, way_out};
 use crate::tree::digits;
 use crate::view::{View, solved};
 
@@ -34,7 +34,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
             "its distortion, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
         );
         if row.off[0] > UNSEEN {
-            export.lose(row.view, what);
+            let windows = way_out(row.view).map_or(String::new(), |windows| format!("; {windows}"));
+            export.lose(row.view, format!("{what}{windows}"));
         } else if pixels > 0.0 {
             export.notes.push(format!("camera {:?}: {what}", row.view.id));
         }

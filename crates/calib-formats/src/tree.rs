@@ -405,9 +405,8 @@ mod tests {
 
     #[test]
     fn hostile_yaml_is_refused_with_a_word() {
-        let laughs: String = (1..12)
-            .map(|i| format!("a{i}: &a{i} [{}]\n", format!("*a{}, ", i - 1).repeat(9)))
-            .collect();
+        let laughs: String =
+            (1..12).map(|i| format!("a{i}: &a{i} [{}]\n", format!("*a{}, ", i - 1).repeat(9))).collect();
         let indented: String = (0..2000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
         for (text, why) in [
             (format!("a0: &a0 [1]\n{laughs}"), "alias"),

@@ -196,7 +196,7 @@ impl View {
     }
 
     /// The lens for coordinates divided by the camera's focal; `None` where that cannot be.
-    fn distortion(&self) -> Option<Distortion> {
+    pub(crate) fn distortion(&self) -> Option<Distortion> {
         let lens = self.camera.lens;
         lens.distortion.rescaled(self.camera.focal / lens.focal)
     }

@@ -1,6 +1,7 @@
 //! `cargo xtask notices`: the notices of everything that is linked into the programs, made by cargo-about
 //! from the crates' own licence files. They are committed; a test compares them with Cargo.lock.
 
+use std::collections::BTreeSet;
 use std::process::Command;
 
 use anyhow::bail;
@@ -58,39 +59,55 @@ const RULE: &str = "============================================================
 const LINE: &str = "--------------------------------------------------------------------------------";
 /// The last words of the terms of the Apache licence; an appendix says how it is applied, and by whom.
 const END_OF_TERMS: &str = "END OF TERMS AND CONDITIONS";
-/// What the appendix leaves open, unless somebody filled it.
-const UNFILLED: [&str; 2] = ["[yyyy] [name of copyright owner]", "{yyyy} {name of copyright owner}"];
 
-/// The notices with each text once, for all whose copies differ in white space or in an appendix that nobody filled.
+/// A text, whom it is for, and who is named below it.
+struct Notice<'a> {
+    title: &'a str,
+    packages: BTreeSet<&'a str>,
+    text: &'a str,
+    owners: BTreeSet<&'a str>,
+}
+
+/// The notices with each text once, for all whose copies differ in white space or in who is named after its terms.
 fn grouped(notices: &str) -> String {
-    let mut sections = notices.split(&format!("{RULE}\n"));
+    let rule = format!("{RULE}\n");
+    let mut sections = notices.split(&rule);
     let mut whole = sections.next().unwrap_or_default().to_owned();
-    let mut groups: Vec<(String, &str, Vec<&str>, &str)> = Vec::new();
+    let mut groups: Vec<(String, Notice)> = Vec::new();
     for section in sections {
         let Some((head, text)) = section.split_once(&format!("{LINE}\n")) else { continue };
         let (title, packages) = head.split_once('\n').unwrap_or((head, ""));
-        let key = key(text);
-        match groups.iter_mut().find(|(other, own, ..)| *other == key && *own == title) {
-            Some((_, _, all, _)) => all.extend(packages.lines()),
-            None => groups.push((key, title, packages.lines().collect(), text)),
-        }
+        let (text, after) = text.split_once(END_OF_TERMS).unwrap_or((text, ""));
+        let owners = after.lines().map(str::trim).filter(|line| is_owner(line));
+        let key = text.split_whitespace().collect::<Vec<_>>().join(" ").to_lowercase();
+        let group = groups.iter().position(|(other, notice)| *other == key && notice.title == title);
+        let index = group.unwrap_or_else(|| {
+            groups.push((key, Notice { title, packages: BTreeSet::new(), text, owners: BTreeSet::new() }));
+            groups.len() - 1
+        });
+        groups[index].1.packages.extend(packages.lines());
+        groups[index].1.owners.extend(owners);
     }
-    for (_, title, mut packages, text) in groups {
-        packages.sort_unstable();
-        packages.dedup();
-        let text = text.trim_matches('\n');
-        whole.push_str(&format!("{RULE}\n{title}\n{}\n{LINE}\n{text}\n\n", packages.join("\n")));
+    for (_, Notice { title, packages, text, owners }) in groups {
+        let lines = |of: BTreeSet<&str>| of.into_iter().map(|line| format!("{line}\n")).collect::<String>();
+        let text = text.trim_matches('\n').trim_end();
+        let end = if text.contains("TERMS AND CONDITIONS FOR USE") {
+            format!("{END_OF_TERMS}\n\n")
+        } else {
+            String::new()
+        };
+        whole.push_str(&format!(
+            "{RULE}\n{title}\n{}{LINE}\n{text}\n\n{end}{}\n",
+            lines(packages),
+            lines(owners)
+        ));
     }
     whole.trim_end().to_owned() + "\n"
 }
 
-/// What two copies of one text have in common.
-fn key(text: &str) -> String {
-    let is_filled = text.contains(END_OF_TERMS) && !UNFILLED.iter().any(|open| text.contains(open));
-    let (terms, appendix) = text.split_once(END_OF_TERMS).unwrap_or((text, ""));
-    let is_by_somebody = is_filled && appendix.contains("Copyright");
-    let of = if is_by_somebody { text } else { terms };
-    of.split_whitespace().collect::<Vec<_>>().join(" ").to_lowercase()
+/// Whether a line names who holds the rights, and not where the name would be.
+fn is_owner(line: &str) -> bool {
+    line.starts_with("Copyright") && !line.contains(['[', '{', '<'])
 }
 
 #[cfg(test)]
@@ -98,19 +115,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_text_is_there_once_for_all_whose_copies_are_alike() {
+    fn a_text_is_there_once_for_all_and_nobody_who_is_named_is_lost() {
         let notice =
             |package: &str, text: &str| format!("{RULE}\nApache, for\n  {package} 1\n{LINE}\n{text}\n");
-        let of = |owner: &str| format!("the terms\n{END_OF_TERMS}\nAPPENDIX\nCopyright {owner}");
+        let terms = "TERMS AND CONDITIONS FOR USE";
+        let of = |owner: &str| format!("{terms}\n{END_OF_TERMS}\nAPPENDIX\nCopyright {owner}");
         let all = [
-            notice("a", &of("[yyyy] [name of copyright owner]")),
-            notice("b", "The  terms"),
-            notice("c", &of("2020 Somebody")),
-            notice("d", "other terms"),
+            notice("b", &of("[yyyy] [name of copyright owner]")),
+            notice("a", &of("2020 Somebody")),
+            notice("c", &terms.to_lowercase().replace(' ', "  ")),
+            notice("d", "other terms\nCopyright a person"),
         ];
         let once = grouped(&format!("Notices\n\n{}", all.concat()));
-        assert_eq!(once.matches(LINE).count(), 3, "{once}");
-        assert!(once.contains("  a 1\n  b 1\n") && once.contains("2020 Somebody"), "{once}");
+        assert_eq!(once.matches(LINE).count(), 2, "{once}");
+        assert!(once.contains("  a 1\n  b 1\n  c 1\n") && once.contains("Copyright 2020 Somebody"), "{once}");
+        assert!(once.contains("Copyright a person") && !once.contains("[yyyy]"), "{once}");
         assert_eq!(grouped(&once), once);
     }
 }

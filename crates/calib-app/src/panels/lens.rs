@@ -175,6 +175,8 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
             let title = which.title();
             let label = ui.label(RichText::new(title).color(palette.text2));
             let field = DragValue::new(value).speed(0.001).max_decimals(6).update_while_editing(false);
+            let [least, most] = which.bounds();
+            let field = field.range(least..=most);
             changed |= ui.add(field).labelled_by(label.id).changed();
         }
         if let Some(focal) = &mut entry.focal_px {

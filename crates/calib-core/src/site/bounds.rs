@@ -85,7 +85,6 @@ impl Bounds {
     pub(crate) const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
     pub(crate) const SCENE_DEGREES: Self = Self { low: 0.0, high: 45.0, what: "degrees between 0 and 45" };
     pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a share between 0 and 1" };
-    pub(crate) const COEFFICIENT: Self = Self { low: -1e6, high: 1e6, what: "a number between -1e6 and 1e6" };
 
     pub(crate) fn check(self, at: &At, value: f64) -> Checked {
         if value >= self.low && value <= self.high { Ok(()) } else { at.expected(value, self.what) }

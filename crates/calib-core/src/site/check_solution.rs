@@ -89,7 +89,13 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         if !own.contains(&which) {
             return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
         }
-        Bounds::COEFFICIENT.check(&at.key(key), value)?;
+        let [low, high] = which.bounds();
+        let what = match which {
+            Coefficient::Xi => "a number above -1 and up to 1e6",
+            Coefficient::Alpha => "a number between 0 and 1",
+            _ => "a number between -1e6 and 1e6",
+        };
+        Bounds { low, high, what }.check(&at.key(key), value)?;
     }
     optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
     if let Some(fit) = &entry.fit {
@@ -103,6 +109,10 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
             }
         }
     }
+    if !given && !entry.model.row().is_fitted {
+        let found = format!("{} without coefficients", entry.model.row().name);
+        return at.expected(found, "its coefficients: it is given, and not fitted");
+    }
     if given && entry.focal_px.is_none() && focal.is_none() {
         return at.expected(
             "coefficients without a focal",
@@ -110,4 +120,43 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         );
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::camera::Distortion;
+    use crate::site::Site;
+
+    fn site(distortion: &str) -> Result<Site, String> {
+        let text = format!(
+            r#"{{"format": "calib-site", "version": 1, "cameras": [{{"id": "a", "size_px": [640, 480],
+            "lens": {{"distortion": {distortion}}}, "annotations": []}}]}}"#
+        );
+        Site::from_json(&text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn spheres_are_given_with_coefficients_of_a_lens() {
+        let lens = |text: &str| site(text).map(|site| site.cameras[0].lens());
+        let unified = lens(r#"{"model": "unified", "xi": 1.1, "focal_px": 300}"#);
+        assert!(
+            unified
+                .is_ok_and(|lens| lens.distortion == Distortion::Unified { xi: 1.1 } && lens.focal == 300.0)
+        );
+        let double = lens(r#"{"model": "double-sphere", "xi": -0.2, "alpha": 0.6, "focal_px": 300}"#);
+        assert!(
+            double.is_ok_and(|lens| lens.distortion == Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 })
+        );
+        for (text, word) in [
+            (r#"{"model": "unified", "xi": -1.0, "focal_px": 300}"#, "above -1"),
+            (r#"{"model": "double-sphere", "xi": 0.0, "alpha": 1.1, "focal_px": 300}"#, "between 0 and 1"),
+            (r#"{"model": "unified", "xi": 1.0, "alpha": 0.5, "focal_px": 300}"#, "this model has"),
+            (r#"{"model": "unified", "fit": ["xi"]}"#, "not fitted"),
+            (r#"{"model": "double-sphere"}"#, "not fitted"),
+            (r#"{"model": "unified", "xi": 1.0}"#, "focal"),
+        ] {
+            let error = site(text).err().unwrap_or_default();
+            assert!(error.contains(word), "{text}: {error}");
+        }
+    }
 }

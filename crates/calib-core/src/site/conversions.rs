@@ -106,6 +106,8 @@ impl DistortionEntry {
             p1: None,
             p2: None,
             lambda: None,
+            xi: None,
+            alpha: None,
             focal_px: None,
             fit: None,
         }

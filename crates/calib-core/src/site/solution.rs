@@ -49,6 +49,12 @@ document! {
         /// Division.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
+        /// Unified or double sphere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        xi: Option<f64>,
+        /// Double sphere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        alpha: Option<f64>,
         /// Focal that the coefficients refer to, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
@@ -289,6 +295,8 @@ impl DistortionEntry {
             Coefficient::P1 => self.p1,
             Coefficient::P2 => self.p2,
             Coefficient::Lambda => self.lambda,
+            Coefficient::Xi => self.xi,
+            Coefficient::Alpha => self.alpha,
         }
     }
 
@@ -302,6 +310,8 @@ impl DistortionEntry {
             Coefficient::P1 => &mut self.p1,
             Coefficient::P2 => &mut self.p2,
             Coefficient::Lambda => &mut self.lambda,
+            Coefficient::Xi => &mut self.xi,
+            Coefficient::Alpha => &mut self.alpha,
         }
     }
 }

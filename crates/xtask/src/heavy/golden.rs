@@ -34,7 +34,7 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     let entries: Vec<SiteCamera> = (0..CAMERAS).map(|index| entry(index, &mut random)).collect();
     let (mut lines, mut bytes) = (String::new(), Vec::new());
     for (index, entry) in entries.iter().enumerate() {
-        let (stream, height) = (stream(index), [0.0, 0.0, 0.35, -0.2][index % 4]);
+        let (stream, height) = (stream(index), [0.0, 0.0, 0.35, -0.2][index % 6]);
         let (origin, fit) = (stream.origin as u32, stream.fit.map_or(0, |fit| fit as u32 + 1));
         let [width, height_px] = stream.size.unwrap_or_default();
         let [left, top, w, h] = stream.crop.unwrap_or_default();
@@ -66,7 +66,7 @@ fn stream(index: usize) -> Stream {
 fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
     let mut about = |middle: f64, spread: f64| middle + random.random_range(-spread..spread);
     let focal = about(1300.0, 250.0);
-    let distortion = match index % 4 {
+    let distortion = match index % 6 {
         0 => Distortion::None,
         1 => Distortion::Division { lambda: about(-0.1, 0.08) },
         2 => Distortion::BrownConrady(BrownConrady {
@@ -76,6 +76,8 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
             p2: -0.0007,
             k3: -0.01,
         }),
+        4 => Distortion::Unified { xi: 1.1 },
+        5 => Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 },
         _ => calib_core::DistortionModel::KannalaBrandt
             .row()
             .zero

@@ -25,6 +25,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     powers: Some([2, 4, 6, 1, 1]),
     in_order: false,
     is_wide: false,
+    is_fitted: true,
     usual: 2,
     zero: Distortion::BrownConrady(BrownConrady { k1: 0.0, k2: 0.0, k3: 0.0, p1: 0.0, p2: 0.0 }),
 };

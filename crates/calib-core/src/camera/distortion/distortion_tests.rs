@@ -8,7 +8,10 @@ pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
         .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
     let fisheye = [-0.1..0.1_f64, -0.05..0.05_f64, -0.02..0.02_f64, -0.005..0.005_f64]
         .prop_map(|k| Distortion::KannalaBrandt { k });
-    prop_oneof![brown, (-1.0..0.5_f64).prop_map(|lambda| Distortion::Division { lambda }), fisheye]
+    let unified = (-0.5..2.5_f64).prop_map(|xi| Distortion::Unified { xi });
+    let double = (-0.5..1.5_f64, 0.0..1.0_f64).prop_map(|(xi, alpha)| Distortion::DoubleSphere { xi, alpha });
+    let division = (-1.0..0.5_f64).prop_map(|lambda| Distortion::Division { lambda });
+    prop_oneof![brown, division, fisheye, unified, double]
 }
 
 /// Step of differences: half the digits are rounding, the other half truncation.
@@ -52,6 +55,30 @@ fn the_table_is_in_the_order_of_the_models() {
 }
 
 proptest! {
+    #[test]
+    fn no_coefficients_make_a_lens_panic_or_answer_with_what_is_no_number(
+        xi in any::<f64>(), alpha in prop_oneof![any::<f64>(), 0.0..1.0_f64], near in -2.0..2.0_f64,
+        x in prop_oneof![any::<f64>(), -3.0..3.0_f64, Just(0.0)], y in prop_oneof![-3.0..3.0_f64, Just(0.0)],
+        w in prop_oneof![any::<f64>(), -1.0..1.0_f64],
+    ) {
+        prop_assume!(x.is_finite());
+        for xi in [xi, near] {
+            for lens in [Distortion::Unified { xi }, Distortion::DoubleSphere { xi, alpha }] {
+                let is_number = |at: &[f64]| at.iter().all(|value| value.is_finite());
+                prop_assert!(lens.distort([x, y]).is_none_or(|at| is_number(&at)));
+                prop_assert!(lens.undistort([x, y]).is_none_or(|at| is_number(&at)));
+                prop_assert!(lens.ray([x, y]).is_none_or(|at| is_number(&at)));
+                prop_assert!(lens.shown([x, y, w]).is_none_or(|at| is_number(&at)));
+                prop_assert!(lens.max_radius() >= 0.0);
+                let is_double = matches!(lens, Distortion::DoubleSphere { .. });
+                if xi.is_nan() || xi <= -1.0 || is_double && !(0.0..=1.0).contains(&alpha) {
+                    prop_assert!(lens.ray([x, y]).is_none() && lens.shown([x, y, w]).is_none());
+                    prop_assert!(lens.distort([x, y]).is_none() && lens.undistort([x, y]).is_none());
+                }
+            }
+        }
+    }
+
     #[test]
     fn undistorting_a_distorted_point_gives_it_back(
         distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,

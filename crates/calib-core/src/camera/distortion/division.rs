@@ -14,6 +14,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     powers: Some([2, 0, 0, 0, 0]),
     in_order: true,
     is_wide: false,
+    is_fitted: true,
     usual: 1,
     zero: Distortion::Division { lambda: 0.0 },
 };

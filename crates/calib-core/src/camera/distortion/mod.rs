@@ -8,11 +8,16 @@ mod model;
 mod brown_conrady;
 mod brown_inverse;
 mod division;
+mod profile;
 mod kannala_brandt;
+mod double_sphere;
+mod unified;
 
 use crate::camera::distortion::division::Division;
+use crate::camera::distortion::double_sphere::DoubleSphere;
 use crate::camera::distortion::kannala_brandt::KannalaBrandt;
 use crate::camera::distortion::model::Model;
+use crate::camera::distortion::unified::Unified;
 
 pub use brown_conrady::BrownConrady;
 
@@ -37,6 +42,20 @@ pub enum Distortion {
         /// k1 to k4.
         k: [f64; 4],
     },
+    /// Mei's, Kalibr's `omni`: `radius = (1 + xi) sin theta / (xi + cos theta)`, over the focal of the middle of the image,
+    /// which is Mei's gamma over `1 + xi`.
+    Unified {
+        /// How far behind the centre of the sphere the pinhole is; above -1.
+        xi: f64,
+    },
+    /// Kalibr's and Basalt's `ds`: `radius = (1 + xi) sin theta / (alpha d2 + (1 - alpha) (xi + cos theta))` with
+    /// `d2^2 = 1 + 2 xi cos theta + xi^2`, over the focal of the middle of the image, which is theirs over `1 + xi`.
+    DoubleSphere {
+        /// Between the centres of the spheres; above -1.
+        xi: f64,
+        /// Of the second sphere, between 0 and 1.
+        alpha: f64,
+    },
 }
 
 /// Names of the distortion models.
@@ -51,6 +70,10 @@ pub enum DistortionModel {
     Division,
     /// k1 to k4, OpenCV's fisheye.
     KannalaBrandt,
+    /// xi, Mei's unified or omnidirectional model.
+    Unified,
+    /// xi and alpha.
+    DoubleSphere,
 }
 
 /// Names of the distortion coefficients.
@@ -67,6 +90,8 @@ pub enum Coefficient {
     P1,
     P2,
     Lambda,
+    Xi,
+    Alpha,
 }
 
 /// A row of the table of models.
@@ -85,6 +110,8 @@ pub struct ModelRow {
     pub in_order: bool,
     /// Whether it shows rays from beside and behind the camera, too, which no pinhole does.
     pub is_wide: bool,
+    /// Whether it is fitted to lines: else its coefficients are given.
+    pub is_fitted: bool,
     /// How many are fitted, from the first, where it is not said which.
     pub usual: usize,
     /// The model with coefficients of zero.
@@ -92,7 +119,8 @@ pub struct ModelRow {
 }
 
 /// Every model of distortion, in the order of [`DistortionModel`].
-pub const MODELS: [ModelRow; 3] = [brown_conrady::ROW, division::ROW, kannala_brandt::ROW];
+pub const MODELS: [ModelRow; 5] =
+    [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW];
 
 impl DistortionModel {
     /// This model's row in [`MODELS`].
@@ -104,7 +132,8 @@ impl DistortionModel {
 
 impl Coefficient {
     /// All of them, in the order of files.
-    pub const ALL: [Self; 7] = [Self::K1, Self::K2, Self::K3, Self::K4, Self::P1, Self::P2, Self::Lambda];
+    pub const ALL: [Self; 9] =
+        [Self::K1, Self::K2, Self::K3, Self::K4, Self::P1, Self::P2, Self::Lambda, Self::Xi, Self::Alpha];
 
     /// Its name in files.
     #[must_use]
@@ -117,6 +146,8 @@ impl Coefficient {
             Self::P1 => "p1",
             Self::P2 => "p2",
             Self::Lambda => "lambda",
+            Self::Xi => "xi",
+            Self::Alpha => "alpha",
         }
     }
 
@@ -125,8 +156,25 @@ impl Coefficient {
     pub const fn title(self) -> &'static str {
         match self {
             Self::Lambda => "\u{3bb}",
+            Self::Xi => "\u{3be}",
+            Self::Alpha => "\u{3b1}",
             other => other.name(),
         }
+    }
+
+    /// The values with which it is one of a lens, least and most.
+    #[must_use]
+    pub const fn bounds(self) -> [f64; 2] {
+        match self {
+            Self::Xi => [-0.999_999, 1e6],
+            Self::Alpha => [0.0, 1.0],
+            _ => [-1e6, 1e6],
+        }
+    }
+
+    pub(crate) fn holds(self, value: f64) -> bool {
+        let [least, most] = self.bounds();
+        value >= least && value <= most
     }
 }
 
@@ -142,6 +190,8 @@ impl Distortion {
             Self::BrownConrady(_) => Some(DistortionModel::BrownConrady),
             Self::Division { .. } => Some(DistortionModel::Division),
             Self::KannalaBrandt { .. } => Some(DistortionModel::KannalaBrandt),
+            Self::Unified { .. } => Some(DistortionModel::Unified),
+            Self::DoubleSphere { .. } => Some(DistortionModel::DoubleSphere),
         }
     }
 
@@ -153,6 +203,8 @@ impl Distortion {
             Self::BrownConrady(brown) => question(&brown),
             Self::Division { lambda } => question(&Division { lambda }),
             Self::KannalaBrandt { k } => question(&KannalaBrandt { k }),
+            Self::Unified { xi } => question(&Unified { xi }),
+            Self::DoubleSphere { xi, alpha } => question(&DoubleSphere { xi, alpha }),
         })
     }
 
@@ -164,6 +216,8 @@ impl Distortion {
             Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => [k1, k2, k3, p1, p2],
             Self::Division { lambda } => [lambda, 0.0, 0.0, 0.0, 0.0],
             Self::KannalaBrandt { k: [k1, k2, k3, k4] } => [k1, k2, k3, k4, 0.0],
+            Self::Unified { xi } => [xi, 0.0, 0.0, 0.0, 0.0],
+            Self::DoubleSphere { xi, alpha } => [xi, alpha, 0.0, 0.0, 0.0],
         }
     }
 
@@ -175,6 +229,8 @@ impl Distortion {
             Self::BrownConrady(_) => Self::BrownConrady(BrownConrady { k1: a, k2: b, k3: c, p1: d, p2: e }),
             Self::Division { .. } => Self::Division { lambda: a },
             Self::KannalaBrandt { .. } => Self::KannalaBrandt { k: [a, b, c, d] },
+            Self::Unified { .. } => Self::Unified { xi: a },
+            Self::DoubleSphere { .. } => Self::DoubleSphere { xi: a, alpha: b },
         }
     }
 
@@ -188,7 +244,9 @@ impl Distortion {
     #[must_use]
     pub fn is_pinhole(&self) -> bool {
         const POINT: [f64; 2] = [0.5, 0.25];
-        let is_plain = |model: DistortionModel| model.row().zero.distort(POINT) == Some(POINT);
+        // To rounding: the way of a wide lens leads over angles.
+        let is_there = |[x, y]: [f64; 2]| (x - POINT[0]).abs() + (y - POINT[1]).abs() < 1e-12;
+        let is_plain = |model: DistortionModel| model.row().zero.distort(POINT).is_some_and(is_there);
         self.coefficients() == [0.0; Self::MOST] && self.model().is_none_or(is_plain)
     }
 

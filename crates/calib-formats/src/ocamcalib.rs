@@ -1,0 +1,155 @@
+//! `calib_results.txt` of `OCamCalib`, the polynomial of D. Scaramuzza, A. Martinelli, R. Siegwart, "A flexible technique
+//! for accurate omnidirectional camera calibration and structure from motion", 2006.
+//!
+//! A pixel (row, column) less the centre, through the inverse of `[c d; e 1]`, is the point (x, y) at the radius r of a ray
+//! `(x, y, a0 + a1 r + a2 r^2 + ...)`; the camera looks to that side of z
+//! on which a0 is, as a rule below 0. Rows and columns count from the centre
+//! of the first pixel. It becomes the Kannala-Brandt lens nearest to it, which may be off by a pixel at most.
+
+use crate::error::{FormatError, Problem};
+use crate::export::rounded_up;
+use crate::file::File;
+use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
+use crate::given::{Given, Imported, site_and_rest};
+use crate::tree::digits;
+
+/// Most coefficients of a polynomial: what fits the noise of any board has fewer.
+const MOST_TERMS: usize = 32;
+
+/// Rings at which the polynomial is asked.
+const RINGS: usize = 400;
+
+/// A line of numbers, and where it is.
+struct Line {
+    place: String,
+    numbers: Vec<f64>,
+}
+
+impl Line {
+    fn wrong(&self, expected: &str) -> FormatError {
+        FormatError::expected(
+            &self.place,
+            calib_core::counted(self.numbers.len(), "number", "numbers"),
+            expected,
+        )
+    }
+
+    fn exactly<const N: usize>(&self, expected: &str) -> Result<[f64; N], FormatError> {
+        self.numbers.clone().try_into().map_err(|_| self.wrong(expected))
+    }
+
+    /// The coefficients after their count.
+    fn terms(&self) -> Result<&[f64], FormatError> {
+        match &self.numbers[..] {
+            [count, terms @ ..]
+                if *count == terms.len() as f64 && (1..=MOST_TERMS).contains(&terms.len()) =>
+            {
+                Ok(terms)
+            }
+            _ => Err(self.wrong("how many coefficients there are, up to 32, and these")),
+        }
+    }
+}
+
+pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
+    let (mut given, mut notes) = (Vec::new(), Vec::new());
+    for file in files {
+        given.push(lens(file, &mut notes)?);
+    }
+    site_and_rest(given, notes, &files[0].name)
+}
+
+/// The lines that are neither empty nor comments.
+fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
+    let is_said = |text: &str| !text.is_empty() && !text.starts_with('#');
+    let said = file.as_text()?.lines().map(str::trim).enumerate().filter(|(_, text)| is_said(text));
+    let line = |(index, text): (usize, &str)| {
+        let place = format!("{} line {}", file.name, index + 1);
+        let number = |word: &str| word.parse::<f64>().ok().filter(|value| value.abs() <= 1e12);
+        let numbers: Option<Vec<f64>> = text.split_whitespace().take(MOST_TERMS + 2).map(number).collect();
+        let numbers = numbers.ok_or_else(|| {
+            FormatError::expected(&place, crate::error::quoted(text), "numbers between -1e12 and 1e12")
+        })?;
+        Ok(Line { place, numbers })
+    };
+    // More lines than are read make the file another one.
+    said.take(6).map(line).collect()
+}
+
+fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
+    let lines = lines(file)?;
+    let [direct, inverse, centre, affine, size] = &lines[..] else {
+        let found = format!("{} lines of numbers", lines.len());
+        let expected = "five: both polynomials, centre, affine parameters and size of the image";
+        return Err(FormatError::expected(&file.name, found, expected));
+    };
+    inverse.terms()?;
+    let [row, column] = centre.exactly("the row and the column of the centre")?;
+    let [height, width] = size.exactly("the height and the width of the image")?;
+    let most = f64::from(calib_core::MAX_SIDE);
+    if [width, height].iter().any(|side| side.fract() != 0.0 || !(1.0..=most).contains(side)) {
+        let found = format!("{} x {}", digits(width), digits(height));
+        return Err(FormatError::expected(&size.place, found, "a size in whole pixels"));
+    }
+    let [c, d, e] = affine.exactly("the affine parameters c, d, e")?;
+    let scale = 0.5 * (1.0 + c);
+    if !(0.5..=2.0).contains(&scale) {
+        let found = format!("c = {}", digits(c));
+        return Err(FormatError::expected(&affine.place, found, "square pixels, c near 1"));
+    }
+    let far = [row.max(height - row), column.max(width - column)];
+    let samples = rings(direct, far[0].hypot(far[1]), scale)?;
+    let &[theta, rim] = samples.last().ok_or_else(|| FormatError::new(&direct.place, Problem::NoCamera))?;
+    // The farthest from square that anything at the rim is.
+    let skew = (0..90)
+        .map(|i| (f64::from(i) * 2.0).to_radians().sin_cos())
+        .map(|(sin, cos)| ((c - scale) * cos + d * sin).hypot(e * cos + (1.0 - scale) * sin) * rim / scale);
+    let skew = skew.fold(0.0, f64::max);
+    if skew > MOST_OFF {
+        let found = format!("affine parameters that move the rim by {skew:.2} px");
+        let expected = "square pixels: c near 1, d and e near 0; undistort or resample the image first";
+        return Err(FormatError::expected(&affine.place, found, expected));
+    }
+    let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
+    let off = nearest.map_or(f64::INFINITY, |lens| lens.off + skew);
+    let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
+        let found = too_far("a polynomial", off);
+        return Err(FormatError::expected(&direct.place, found, "at most 1 px"));
+    };
+    notes.push(format!(
+        "camera {:?}: its polynomial is taken as Kannala-Brandt terms, which are at most {:.3} px off out to {:.0} degrees \
+         from the axis",
+        file.stem(),
+        rounded_up(off, 3),
+        theta.to_degrees()
+    ));
+    let given = Given::new(file.stem(), &direct.place, [lens.focal, lens.focal, column + 0.5, row + 0.5]);
+    Ok(Given { size: Some([width as u32, height as u32]), distortion: lens.distortion, ..given })
+}
+
+/// Angle from the axis and radius in pixels, from the axis out to the corners, or to where the image of the scene surely
+/// ends: [`WIDEST`], or where the angle grows no more.
+fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
+    let terms = direct.terms()?;
+    let ahead = terms[0].signum();
+    let mut rings: Vec<[f64; 2]> = Vec::new();
+    let mut has_turned = false;
+    for ring in 1..=RINGS {
+        let radius = corner * ring as f64 / RINGS as f64;
+        let depth = ahead * terms.iter().rev().fold(0.0, |sum, term| sum * radius + term);
+        let theta = radius.atan2(depth);
+        if theta > WIDEST {
+            break;
+        }
+        if theta <= rings.last().map_or(0.0, |&[before, _]| before) || !theta.is_finite() {
+            has_turned = true;
+            break;
+        }
+        rings.push([theta, scale * radius]);
+    }
+    if terms[0] == 0.0 || rings.len() < 16 || has_turned && rings.len() < RINGS / 3 {
+        let found = "a polynomial whose rays do not turn outward from the middle of the image on";
+        return Err(FormatError::expected(&direct.place, found, "one of a lens"));
+    }
+    Ok(rings)
+}
