@@ -347,6 +347,15 @@ fn last_radius(distortion: &Distortion) -> f64 {
             };
             model(growing_until(model, right_angle).min(right_angle))
         }
+        Distortion::Unified { xi } => last_radius(&Distortion::DoubleSphere { xi, alpha: 0.0 }),
+        Distortion::DoubleSphere { xi, alpha } => {
+            let right_angle = std::f64::consts::FRAC_PI_2;
+            let model = |t: f64| {
+                let along = xi + t.cos();
+                (1.0 + xi) * t.sin() / (alpha * t.sin().hypot(along) + (1.0 - alpha) * along)
+            };
+            model(growing_until(model, right_angle).min(right_angle))
+        }
     }
 }
 
@@ -373,6 +382,8 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
         at(1100.0, Distortion::BrownConrady(brown(0.3, 0.1, 0.0))),
         at(900.0, Distortion::BrownConrady(brown(-0.2, 0.1, -0.05))),
         at(700.0, Distortion::Division { lambda: 0.4 }),
+        at(600.0, Distortion::Unified { xi: 1.1 }),
+        at(500.0, Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 }),
         at(700.0, Distortion::Division { lambda: -0.6 }),
         // 160 and 200 degrees across, and one that turns before the right angle.
         at(960.0 / 80_f64.to_radians(), Distortion::KannalaBrandt { k: [-0.01, 0.005, -0.002, 0.0003] }),

@@ -218,7 +218,8 @@ impl Tracker {
         let Some(camera) = seen.first().map(|seen| seen.camera) else { return };
         // Of the place of a camera that a hand placed nothing is known: the tracks are on the floor where it put them.
         let known = |value: f64| if value.is_finite() { value } else { 0.0 };
-        let calibration = SMatrix::from(self.cameras[camera].1.covariance.0).map(known);
+        let covariance = self.cameras[camera].1.covariance.0.map(|row| row.map(known));
+        let calibration = SMatrix::from(covariance);
         let mut pairs: Vec<(usize, usize, Innovation)> = Vec::new();
         for (t, track) in self.tracks.iter().enumerate() {
             for (d, seen) in seen.iter().enumerate() {
