@@ -57,7 +57,7 @@ impl Newcomer {
         let to = to(self, from);
         let points: Vec<Pos2> = [from, to].iter().map(|&at| self.desk.screen(Pane::Plan, at)).collect();
         self.desk.drag_screen(&[points[0], points[0].lerp(points[1], 0.5), points[1]], Modifiers::NONE);
-        self.desk.harness.run_steps(3);
+        self.desk.harness.run_steps(12);
     }
 }
 

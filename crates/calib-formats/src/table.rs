@@ -66,7 +66,7 @@ fn row(view: &View) -> Map<String, Value> {
     let focal = view.scale.map(|scale| scale * if names.is_empty() { view.camera.focal } else { lens.focal });
     let mut row = Map::new();
     let mut put = |key: &str, value: Value| row.insert(key.to_owned(), value);
-    put("camera_id", json!(view.id));
+    put(ID, json!(view.id));
     put("valid_from", json!(view.valid_from));
     put("valid_to", json!(view.valid_to));
     put("width", json!(view.size[0]));
@@ -87,12 +87,17 @@ fn row(view: &View) -> Map<String, Value> {
     row
 }
 
-/// Lists become one cell, its numbers with blanks between them.
+/// The column that says whose a row is.
+const ID: &str = "camera_id";
+
+/// Lists become one cell, its numbers with blanks between them; whose a row is comes first.
 fn csv(rows: &[Map<String, Value>]) -> String {
     let Some(first) = rows.first() else { return String::new() };
-    let mut text = first.keys().map(String::as_str).collect::<Vec<_>>().join(",") + "\n";
+    let mut names: Vec<&str> = first.keys().map(String::as_str).collect();
+    names.sort_by_key(|&name| name != ID);
+    let mut text = names.join(",") + "\n";
     for row in rows {
-        let cells: Vec<String> = row.values().map(cell).collect();
+        let cells: Vec<String> = names.iter().map(|&name| cell(&row[name])).collect();
         text += &(cells.join(",") + "\n");
     }
     text

@@ -34,7 +34,7 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     let entries: Vec<SiteCamera> = (0..CAMERAS).map(|index| entry(index, &mut random)).collect();
     let (mut lines, mut bytes) = (String::new(), Vec::new());
     for (index, entry) in entries.iter().enumerate() {
-        let (stream, height) = (stream(index), [0.0, 0.0, 0.35, -0.2][index % 6]);
+        let (stream, height) = (stream(index), [0.0, 0.0, 0.35, -0.2][index % 4]);
         let (origin, fit) = (stream.origin as u32, stream.fit.map_or(0, |fit| fit as u32 + 1));
         let [width, height_px] = stream.size.unwrap_or_default();
         let [left, top, w, h] = stream.crop.unwrap_or_default();
