@@ -129,10 +129,16 @@ impl Mapping {
         Self { view, rect, bend: None }
     }
 
-    /// Where a document point lies once the lens's bend is taken out.
+    /// Where a document point lies once the lens's bend is taken out; far off a window that does not show it.
     #[must_use]
     pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
-        self.bend.and_then(|bend| bend.straight(at.into())).unwrap_or(at)
+        const OFF: [f64; 2] = [-1e6, -1e6];
+        let is_window = self.bend.is_some_and(|bend| bend.size().is_some());
+        self.in_bend(at).unwrap_or(if is_window { OFF } else { at })
+    }
+
+    fn in_bend(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        self.bend.and_then(|bend| bend.straight(at.into()))
     }
 
     /// Where the screen shows a document point.
@@ -142,15 +148,14 @@ impl Mapping {
     }
 
     /// The way on the screen of a line of the document. On a canvas that goes round it leaves at one side rather than cross
-    /// to the other; through a window straight lines of the image are bent.
+    /// to the other; through a window straight lines of the image are bent, and end where it shows nothing.
     #[must_use]
     pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
         let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
             return points.iter().map(|&at| self.screen(at.into())).collect();
         };
         let mut before: Option<[f64; 2]> = None;
-        let flat = fine(points).map(|at| {
-            let mut flat = self.flat(at.into());
+        let flat = fine(points).filter_map(|at| self.in_bend(at.into())).map(|mut flat| {
             if let (Some(round), Some([x, _])) = (bend.round(), before) {
                 flat[0] += round * ((x - flat[0]) / round).round();
             }

@@ -127,15 +127,23 @@ fn pressed(
 }
 
 fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
+    let is_black = mapping.bend.is_some_and(|bend| bend.size().is_some()) && mapping.bent_at(at).is_none();
+    // Where a window shows nothing nothing is begun, and what was begun stays where it was last.
+    let at_px = match phase {
+        Phase::Press if is_black => return,
+        Phase::Drag | Phase::Release if is_black => app.panes.pointed,
+        _ => mapping.document(at),
+    };
+    app.panes.pointed = at_px;
     let (mut still, mut offer) = (None, None);
     if let Pane::Image(camera) = pane {
         let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
-        offer = app.offer(ui.ctx(), camera, mapping.document(at).into(), snap::RADIUS);
+        offer = app.offer(ui.ctx(), camera, at_px.into(), snap::RADIUS);
     }
     let pointer = Pointer {
         pane,
-        at: mapping.document(at),
+        at: at_px,
         phase,
         modifiers: keys::held(modifiers),
         radius: mapping.units(theme::HIT),

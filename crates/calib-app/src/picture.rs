@@ -144,6 +144,13 @@ impl Picture {
 
     /// Paints it where the mapping shows its pixels.
     pub fn paint(&mut self, painter: &Painter, mapping: &Mapping, tint: Color32) {
+        if mapping.bend.is_some_and(|bend| bend.size().is_some()) {
+            // As black as what is outside an image circle.
+            painter.rect_filled(mapping.rect.intersect(painter.clip_rect()), 0.0, Color32::BLACK);
+            // Below its tiles, for what lies across two of them.
+            let size = self.size().map(f64::from);
+            Piece { low: [0.0, 0.0], size, texture: self.overview.id() }.paint(painter, mapping, tint);
+        }
         if tint == Color32::WHITE {
             for piece in self.pieces(painter.ctx()) {
                 piece.paint(painter, mapping, tint);
@@ -197,8 +204,6 @@ impl Piece {
         if !rect.is_positive() {
             return;
         }
-        // As black as what is outside an image circle.
-        painter.rect_filled(rect, 0.0, Color32::BLACK);
         let [columns, rows] = [rect.width(), rect.height()].map(|side| (side / CELL).ceil() as u32);
         let mut mesh = egui::Mesh::with_texture(self.texture);
         let mut is_shown = Vec::new();

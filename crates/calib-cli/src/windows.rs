@@ -130,7 +130,7 @@ pub(crate) fn run(
         (Some(MountArg::Ceiling), _) => Mount::Ceiling,
         (Some(MountArg::Wall), _) => Mount::Wall,
         (None, Some(camera)) => Mount::of_pitch(camera.pitch),
-        (None, None) => Mount::Wall,
+        (None, None) => Mount::Ceiling,
     };
     let (width, height) = image.dimensions();
     let reach = lens_reach(&lens, focal, [f64::from(width), f64::from(height)]);

@@ -66,8 +66,12 @@ fn given(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
         let entry = DistortionEntry::of(&pose.lens, pose.lens.focal)?;
         Some(DistortionEntry { focal_px: Some(pose.lens.focal), fit: None, ..entry })
     });
-    let distortion = distortion.or(own.distortion.clone().filter(|entry| entry.fit.is_none()));
-    Some(LensEntry { like: None, distortion, ..own }).filter(|lens| *lens != LensEntry::default())
+    let distortion = distortion.or(own.distortion.clone().filter(|entry| entry.distortion().is_some()));
+    // That of a fisheye came from its edges.
+    let centre = pose.filter(|pose| pose.lens.distortion.is_wide()).map(|pose| pose.lens.principal_point);
+    let principal_point_px = centre.or(own.principal_point_px);
+    Some(LensEntry { like: None, distortion, principal_point_px, ..own })
+        .filter(|lens| *lens != LensEntry::default())
 }
 
 /// The camera with nothing drawn, its lens given where it is known by now: what a proposal starts from.

@@ -17,6 +17,8 @@ struct Family {
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
     planes: Vec<PlaneEntry>,
+    /// Of each camera whether the site has coordinates without it.
+    measured: Vec<bool>,
     lenses: LensCache,
 }
 
@@ -24,7 +26,8 @@ impl Family {
     fn of(site: &Site, family: &[usize]) -> Self {
         let cameras = family.iter().map(|&index| unsolved(&site.cameras[index])).collect();
         let (plan, planes) = (site.plan.clone(), site.planes.clone());
-        Self { cameras, plan, scene: site.scene, planes, lenses: LensCache::default() }
+        let measured = measured(site, family).collect();
+        Self { cameras, plan, scene: site.scene, planes, measured, lenses: LensCache::default() }
     }
 
     /// Whether this is what these cameras of a site still follow from.
@@ -34,7 +37,12 @@ impl Family {
             && self.plan == site.plan
             && self.scene == site.scene
             && same_planes(&self.planes, &site.planes)
+            && self.measured.iter().copied().eq(measured(site, family))
     }
+}
+
+fn measured<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = bool> + 'a {
+    family.iter().map(|&index| site.is_measured_beside(&site.cameras[index]))
 }
 
 /// A camera's result as a report has it.

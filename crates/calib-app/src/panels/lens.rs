@@ -136,6 +136,9 @@ fn names(app: &mut App, ui: &mut Ui) {
 fn set(app: &mut App, to: From) {
     let focal = app.editor.session().solution().map(|solution| solution.focal_px);
     let current = app.editor.session().solution().and_then(|solution| solution.distortion.clone());
+    let session = app.editor.session();
+    let wide =
+        session.solved.pose(session.camera).map(|pose| pose.lens).filter(|lens| lens.distortion.is_wide());
     let is_sought = to == From::Fisheye;
     let circle = if is_sought { circle::found(app) } else { None };
     app.change_lens("change where the lens comes from", |lens| {
@@ -148,7 +151,10 @@ fn set(app: &mut App, to: From) {
             From::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
             From::Given => {
                 let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
-                Some(DistortionEntry { fit: None, focal_px: focal, ..current.unwrap_or(zero) })
+                // The focal and the principal point of a fisheye came from its edges.
+                lens.principal_point_px = wide.map(|lens| lens.principal_point).or(lens.principal_point_px);
+                let focal_px = wide.map(|lens| lens.focal).or(focal);
+                Some(DistortionEntry { fit: None, focal_px, ..current.unwrap_or(zero) })
             }
             From::Like(id) => {
                 lens.like = Some(id);

@@ -35,6 +35,8 @@ pub struct Panes {
     pub(crate) captured: Option<(Place, Pane)>,
     pub(crate) pressed: Pos2,
     pub(crate) moved: bool,
+    /// The last point of the document that the pointer was at while a button was down.
+    pub(crate) pointed: [f64; 2],
     pub(crate) double: bool,
     /// Whether nothing was in the hand before the last press.
     pub(crate) was_idle: bool,

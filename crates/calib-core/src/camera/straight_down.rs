@@ -45,8 +45,9 @@ impl Camera {
         let covariance = &self.covariance.0;
         let terms = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         let variance: f64 = terms.map(|(a, b)| a.1 * b.1 * covariance[a.0][b.0]).sum();
-        // Of a camera that nothing places its roll alone says nothing of where it is turned.
-        let is_placed = self.covariance.sigma(Covariance::YAW).is_some();
+        // Of a camera that nothing places its roll alone says nothing of where it is turned; a yaw that is held is exact.
+        let of_place = [Covariance::X, Covariance::Y, Covariance::YAW];
+        let is_placed = of_place.into_iter().any(|index| self.covariance.sigma(index).is_some());
         let is_known = is_placed && variance > 0.0 && variance.is_finite();
         Some(StraightDown {
             tilt,

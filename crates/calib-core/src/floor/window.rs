@@ -222,24 +222,28 @@ impl Window {
 /// circle fits its image, to the rim. `focal` is that of the camera, in pixels.
 #[must_use]
 pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    let sides = [[0.0, cv], [width, cv], [cu, 0.0], [cu, height]];
+    sides.into_iter().filter_map(|side| reach_toward(lens, focal, side)).fold(0.0, f64::max)
+}
+
+/// The angle from the optical axis, in radians, that is seen at a pixel, or before it where the image ends; `None` where
+/// nothing is.
+fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
     /// Halvings on the way to a side before which the image ends: far below a pixel.
     const STEPS: u32 = 20;
     let Pixel { u: cu, v: cv } = lens.principal_point;
-    let sides = [[0.0, cv], [width, cv], [cu, 0.0], [cu, height]];
-    let seen = |[u, v]: [f64; 2]| {
-        let angle = |share: f64| {
-            let [x, y, z] = lens.bearing(Pixel::new(cu + share * (u - cu), cv + share * (v - cv)))?;
-            Some(angle_from_axis(hypot(x, y) / focal, z))
-        };
-        angle(1.0).or_else(|| {
-            let halved = |(share, last): (f64, Option<f64>), step: u32| {
-                let next = share + 0.5_f64.powi(step as i32);
-                angle(next).map_or((share, last), |angle| (next, Some(angle)))
-            };
-            (1..=STEPS).fold((0.0, None), halved).1
-        })
+    let angle = |share: f64| {
+        let [x, y, z] = lens.bearing(Pixel::new(cu + share * (u - cu), cv + share * (v - cv)))?;
+        Some(angle_from_axis(hypot(x, y) / focal, z))
     };
-    sides.into_iter().filter_map(seen).fold(0.0, f64::max)
+    angle(1.0).or_else(|| {
+        let halved = |(share, last): (f64, Option<f64>), step: u32| {
+            let next = share + 0.5_f64.powi(step as i32);
+            angle(next).map_or((share, last), |angle| (next, Some(angle)))
+        };
+        (1..=STEPS).fold((0.0, None), halved).1
+    })
 }
 
 /// The horizontal field of view of an image, in radians: without the bend of its lens, but of a fisheye with it, as far as it
@@ -247,7 +251,8 @@ pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
 #[must_use]
 pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
     if lens.distortion.is_wide() {
-        2.0 * lens_reach(lens, focal, size)
+        let [left, right] = [0.0, size[0]].map(|u| reach_toward(lens, focal, [u, lens.principal_point.v]));
+        left.unwrap_or(0.0) + right.unwrap_or(0.0)
     } else {
         2.0 * (0.5 * size[0] / focal).atan()
     }

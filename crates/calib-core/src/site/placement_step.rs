@@ -59,16 +59,23 @@ impl Site {
     /// could be off from.
     pub(crate) fn is_placed_by_hand(&self, entry: &SiteCamera, camera: &Camera, stage: Stage) -> bool {
         let is_by_hand = entry.placement.as_ref().is_some_and(|placement| !placement.fixed);
+        is_by_hand
+            && stage == Stage::Placed
+            && !entry.open_place(camera).is_empty()
+            && self.is_measured_beside(entry)
+    }
+
+    /// Whether the site has coordinates that a camera did not make itself: by its plan, a known place, or another camera
+    /// that stands in it.
+    #[must_use]
+    pub fn is_measured_beside(&self, entry: &SiteCamera) -> bool {
         let stands = |other: &SiteCamera| {
             other.placement.is_some() || !other.control_points.is_empty() || other.is_given()
         };
-        let is_measured = || {
-            self.plan.is_some()
-                || self.georeference().is_some()
-                || self.marks.iter().any(|mark| mark.fixed && !mark.off)
-                || self.cameras.iter().any(|other| other.id != entry.id && stands(other))
-        };
-        is_by_hand && stage == Stage::Placed && !entry.open_place(camera).is_empty() && is_measured()
+        self.plan.is_some()
+            || self.georeference().is_some()
+            || self.marks.iter().any(|mark| mark.fixed && !mark.off)
+            || self.cameras.iter().any(|other| other.id != entry.id && stands(other))
     }
 
     pub(crate) fn add_control_residuals(

@@ -224,7 +224,11 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
     };
     let shifted = |by: f64| move |known: Known| Known { value: known.value + by.to_degrees(), ..known };
     let entry = old.lens.clone().unwrap_or_default();
-    let is_fitted = refits && entry.distortion.as_ref().is_none_or(|distortion| distortion.fit.is_some());
+    let is_sought =
+        |distortion: &DistortionEntry| distortion.fit.is_some() || distortion.distortion().is_none();
+    let is_fitted = refits && entry.distortion.as_ref().is_none_or(is_sought);
+    // That of a fisheye came from its edges.
+    let centre = (!is_fitted && camera.lens.distortion.is_wide()).then_some(camera.lens.principal_point);
     let held = || {
         let of = DistortionEntry::of(&camera.lens, camera.focal)?;
         Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })
@@ -236,7 +240,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
         distortion: if is_fitted { entry.distortion } else { held() },
         // A focal that is zoomed is its own.
         like: entry.like.filter(|_| turn.zoom == 0.0),
-        principal_point_px: entry.principal_point_px,
+        principal_point_px: centre.or(entry.principal_point_px),
         image_circle_px: entry.image_circle_px,
     };
     (lens != LensEntry::default()).then_some(lens)

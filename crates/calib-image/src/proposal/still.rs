@@ -227,7 +227,8 @@ impl Still {
     /// The still of a camera: its lens is known where its distortion is given.
     #[must_use]
     pub fn of_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
-        let is_known = camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+        let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
+        let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
             principal_point: Some(camera.principal_point()),
             lens: is_known.then(|| camera.lens()),
