@@ -266,6 +266,34 @@ fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_sa
 }
 
 #[test]
+fn cameras_of_one_lens_share_its_edges_though_their_image_circles_lie_apart() {
+    const SHIFT: [f64; 2] = [14.0, -9.0];
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let (_, mut site) = drawn_room(&mut random, 180.0, 0.6);
+    let circle = |[u, v]: [f64; 2]| Some(ImageCircle { u: 960.0 + u, v: 960.0 + v, radius: 930.0 });
+    let own = site.cameras[0].lens.get_or_insert_default();
+    own.image_circle_px = circle([0.0; 2]);
+    let mut other = SiteCamera { id: "aisle".into(), ..site.cameras[0].clone() };
+    for point in other.annotations.iter_mut().flat_map(|drawn| drawn.segments.iter_mut().flatten().flatten()) {
+        *point = Pixel::new(point.u + SHIFT[0], point.v + SHIFT[1]);
+    }
+    let like = Some("ceiling".into());
+    other.lens = Some(LensEntry { like, image_circle_px: circle(SHIFT), ..LensEntry::default() });
+    let lens_of = |site: &Site, index: usize| {
+        let report = site.calibrate(&Options::default());
+        let camera = report.cameras[index].1.as_ref().unwrap().camera().unwrap();
+        (camera.lens, camera.covariance.sigma(Covariance::LENS).unwrap())
+    };
+    let (_, alone) = lens_of(&site, 0);
+    site.cameras.push(other);
+    let (lens, together) = lens_of(&site, 0);
+    let (its, _) = lens_of(&site, 1);
+    assert!(together < 0.85 * alone, "k1 is known to {together}, alone to {alone}");
+    let [a, b] = [lens, its].map(|lens| <[f64; 2]>::from(lens.principal_point));
+    assert!((0..2).all(|k| (b[k] - a[k] - SHIFT[k]).abs() < 1e-6), "{a:?} {b:?}");
+}
+
+#[test]
 fn a_fisheye_is_told_by_its_edges_and_no_other_lens_is_taken_for_one() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let model = |site: &Site| {

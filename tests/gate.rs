@@ -573,3 +573,35 @@ fn cameras_that_were_solved_together_err_together() {
     let itself = site.floor_covariance_between([(id, pixel), (id, pixel)]).unwrap();
     assert!((itself[0][0] - own(id, pixel)[0][0]).abs() < 1e-12, "of one camera it is its own covariance");
 }
+
+#[test]
+fn of_a_place_that_a_hand_gave_nothing_is_claimed_until_its_numbers_are_held() {
+    let mut site = calib_demo::demo_site().site;
+    (site.links, site.marks) = (Vec::new(), Vec::new());
+    let solved = site.calibrate(&Options::default()).write_into(&site);
+    for entry in &mut site.cameras {
+        entry.control_points.clear();
+        let camera = solved.camera(&entry.id).unwrap().camera().unwrap();
+        let scale = Some(camera.position.z / 3.0);
+        let (move_m, turn_deg) = (camera.position.on_floor(), camera.yaw.to_degrees());
+        entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, ..PlacementEntry::default() });
+    }
+    let claims = |site: &Site| {
+        let solved = site.calibrate(&Options::default()).write_into(site);
+        let of = |entry: &SiteCamera| {
+            let solution = entry.solution.as_ref().unwrap();
+            let is_said = solution.warnings.iter().any(|warning| warning.code == Code::PlacedByHand);
+            let pixel = Pixel::new(960.0, 900.0);
+            let itself = solved.floor_covariance_between([(&entry.id, pixel), (&entry.id, pixel)]);
+            (is_said, itself.is_some())
+        };
+        solved.cameras.iter().map(of).collect::<Vec<_>>()
+    };
+    assert!(claims(&site).iter().all(|said| *said == (true, false)), "{:?}", claims(&site));
+    for entry in &mut site.cameras {
+        let placement = entry.placement.as_mut().unwrap();
+        placement.held = HeldEntry { x: true, y: true, turn: true };
+        entry.height_m.get_or_insert(Known::fixed(placement.scale.unwrap() * 3.0));
+    }
+    assert!(claims(&site).iter().all(|said| *said == (false, true)), "{:?}", claims(&site));
+}

@@ -106,6 +106,8 @@ fn windows_that_cannot_be_are_refused_before_anything_is_written() {
     }
     run(&["--size", "64x64", "-o", "a.png"]).expect_code(2);
     run(&["--look=0,0,90", "--crop", "all-valid", "-o", "a.png"]).expect_code(2);
+    let round = run(&["--crop", "all-valid", "-o", "a.png"]).expect_code(2);
+    assert!(round.stderr.contains("no flat image") && round.stderr.contains("--look"), "{}", round.stderr);
     run(&["--quadrants", "-o", "-"]).expect_code(2);
     scratch.write("b.json", "mine");
     run(&["--look=30,0,60", "-o", "b.png"]).expect_code(1);

@@ -63,7 +63,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     };
     let (width, height) = image.dimensions();
     let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be mapped");
-    let map = Undistortion::new(&lens, width as usize, height as usize, crop).ok_or_else(too_small)?;
+    let made = |crop| Undistortion::new(&lens, width as usize, height as usize, crop);
+    let is_round = made(crop).is_none() && made(Crop::SameFocal).is_some();
+    if is_round {
+        return Err(Stop::Usage(format!(
+            "camera \"{}\": no flat image holds all that its lens shows. Leave --crop out, or take --look, --quadrants or \
+             --panorama",
+            entry.id
+        )));
+    }
+    let map = made(crop).ok_or_else(too_small)?;
     let bytes = map.apply(image.as_raw()).ok_or_else(too_small)?;
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     args.output.write_image(&straight)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use calib_core::{Camera, Distortion, Lens, Look, Mount, Pixel, Plane, SiteCamera, Window, lens_reach};
+use calib_core::{Camera, Distortion, Lens, Look, Mount, Pixel, Plane, SiteCamera, Stage, Window, lens_reach};
 use calib_formats::remap_npy;
 use calib_report::lens_of;
 use clap::ValueEnum;
@@ -80,7 +80,7 @@ impl WindowArgs {
             [("--mount", self.mount.is_some()), ("--size", self.size.is_some()), ("--remap", self.remap)];
         match alone.into_iter().find(|(_, is_given)| *is_given && !self.is_asked()) {
             Some((name, _)) => {
-                Err(Stop::Usage(format!("{name} is of windows: --look, --quadrants or --panorama")))
+                Err(Stop::Usage(format!("{name} needs --look, --quadrants or --panorama beside it")))
             }
             None => Ok(()),
         }
@@ -227,7 +227,10 @@ impl Seen<'_> {
     /// The window as a camera: its numbers, under the names that the table of `calib export` has for them.
     fn numbers(&self, image: &RgbImage) -> serde_json::Value {
         let window = self.window;
-        let pinhole = self.camera.and_then(|camera| window.camera(camera));
+        // Of a camera that nothing places the world is its own.
+        let is_placed = self.entry.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
+        let placed = self.camera.filter(|_| is_placed);
+        let pinhole = placed.and_then(|camera| window.camera(camera));
         let mut numbers = json!({
             "format": "calib-window", "version": 1, "units": "m, px", "pixel_origin": "corner",
             "camera_id": self.entry.id,

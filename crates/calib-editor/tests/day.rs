@@ -3,10 +3,10 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Camera, FloorPoint, Kind, Pixel, Placement, Site, Stage};
+use calib_core::{Camera, FloorPoint, Kind, Known, Pixel, Placement, PlacementEntry, Site, Stage};
 use calib_editor::command::{Cameras, Gesture, Group, Lines, Nudge, Selection};
 use calib_editor::{
-    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlanHandle, Pointer,
+    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlaceNumber, PlanHandle, Pointer,
     TOOLS, command, parse, plan_handles, refined, steps,
 };
 
@@ -300,6 +300,23 @@ fn an_empty_site_takes_every_command() {
     for command in commands {
         editor.apply(command);
         assert_eq!(editor.session().history.depth(), 0);
+    }
+}
+
+#[test]
+fn what_was_measured_of_a_height_outlasts_the_locks_of_the_place() {
+    let measured = Known::prior(3.1, 0.1);
+    for number in [PlaceNumber::X, PlaceNumber::Height] {
+        let mut operator = drawn();
+        let mut site = operator.site().clone();
+        let placement = PlacementEntry { fixed: true, scale: Some(1.0), ..PlacementEntry::default() };
+        (site.cameras[0].placement, site.cameras[0].height_m) = (Some(placement), Some(measured));
+        operator.0.apply(Action::Open(Box::new(Opened { site, images: Images::default(), path: None, is_unsaved: false })));
+        operator.0.apply(Action::HoldNumber(number));
+        let entry = &operator.site().cameras[0];
+        assert_eq!(entry.height_m, Some(measured));
+        let released = entry.placement.as_ref().unwrap();
+        assert!(!released.fixed && released.held.x == (number != PlaceNumber::X) && released.held.turn);
     }
 }
 

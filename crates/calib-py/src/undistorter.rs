@@ -31,7 +31,11 @@ impl Undistorter {
         let crop = named(py, Some(camera.id()), "view", view, Crop::of_name, expected)?;
         let made = py.detach(|| camera.view().straight_view(crop));
         let straight = made.map_err(|why| {
-            let field = if why == NoStraightView::Stretched { "fit" } else { "size" };
+            let field = match why {
+                NoStraightView::Stretched => "fit",
+                NoStraightView::Round => "view",
+                NoStraightView::Size => "size",
+            };
             refused(py, Some(camera.id()), field, why)
         })?;
         Ok(Self { camera, view: view.to_owned(), straight })

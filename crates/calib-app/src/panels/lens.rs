@@ -48,7 +48,10 @@ impl From {
             Self::Edges => "from straight edges".into(),
             Self::Fitted(which) => {
                 let names: Vec<&str> = which.iter().map(|which| which.title()).collect();
-                format!("fit {}", names.join(" and "))
+                match &names[..] {
+                    [first @ .., last] if !first.is_empty() => format!("fit {} and {last}", first.join(", ")),
+                    names => format!("fit {}", names.concat()),
+                }
             }
             Self::Fisheye => "fisheye".into(),
             Self::Given => "given".into(),

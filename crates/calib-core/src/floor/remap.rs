@@ -94,14 +94,15 @@ impl Channels {
 impl Undistortion {
     /// The undistorted image of a lens for raw images of `width` x `height` pixels; it has their size.
     ///
-    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
+    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more; and for crops after the image's sides
+    /// where no flat image holds one of them, as round an image circle.
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
         if width < 2 || height < 2 || bytes >= BLANK as usize {
             return None;
         }
-        let (scale, offset) = view(lens, [width as f64, height as f64], crop);
+        let (scale, offset) = view(lens, [width as f64, height as f64], crop)?;
         let most = lens.distortion.max_radius().powi(2);
         Some(Self { lens: *lens, width, height, scale, offset, most })
     }
@@ -338,9 +339,9 @@ fn rounded(x: f32, most: f32) -> i32 {
 }
 
 /// Scale and offset of the new image: undistorted = offset + scale * new.
-fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> (f64, [f64; 2]) {
+fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64; 2])> {
     if crop == Crop::SameFocal {
-        return (1.0, [0.0, 0.0]);
+        return Some((1.0, [0.0, 0.0]));
     }
     const EDGE: usize = 64;
     let edge = |from: [f64; 2], to: [f64; 2]| {
@@ -366,10 +367,8 @@ fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> (f64, [f64; 2]) {
     };
     let ratios = [(x1 - x0) / width, (y1 - y0) / height];
     let scale = if crop == Crop::AllValid { ratios[0].min(ratios[1]) } else { ratios[0].max(ratios[1]) };
-    if !(scale.is_finite() && scale > 0.0) {
-        return (1.0, [0.0, 0.0]);
-    }
-    (scale, [0.5 * (x0 + x1) - 0.5 * scale * width, 0.5 * (y0 + y1) - 0.5 * scale * height])
+    let offset = [0.5 * (x0 + x1) - 0.5 * scale * width, 0.5 * (y0 + y1) - 0.5 * scale * height];
+    (scale.is_finite() && scale > 0.0).then_some((scale, offset))
 }
 
 #[cfg(test)]

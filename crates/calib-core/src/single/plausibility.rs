@@ -12,16 +12,19 @@ use crate::floor::{default_efov, efov_on_floor};
 const ROLL: f64 = std::f64::consts::FRAC_PI_6;
 /// What a camera costs that shows no floor where its field of view is: six sigmas.
 const NO_FLOOR: f64 = 36.0;
+/// The cosine of 60 degrees of pitch, beyond which a roll means less and less.
+const STEEP: f64 = 0.5;
 /// By how much one camera must be less plausible than another to be ruled out: four sigmas, for both are
-/// weak beliefs. Up to 50 degrees of roll the camera turned by 180 degrees is ruled out.
+/// weak beliefs. Up to 50 degrees of roll and 60 of pitch the camera turned by 180 degrees is ruled out.
 pub(crate) const BEYOND_BELIEF: f64 = 16.0;
 
-/// Minus twice the log of how plausible a camera is, of roll and floor alone. Where a camera looks along the vertical, roll
-/// and yaw trade places, and nothing hangs on its side.
+/// Minus twice the log of how plausible a camera is, of roll and floor alone. Where a camera looks along the vertical,
+/// roll and yaw trade places, and nothing hangs on its side.
 pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     let half = std::f64::consts::PI;
     let roll = (camera.roll + half).rem_euclid(2.0 * half) - half;
-    (roll * camera.pitch.cos() / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
+    let meaning = (camera.pitch.cos() / STEEP).clamp(0.0, 1.0);
+    (roll * meaning / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
 }
 
 /// The share of the corners of the drawn field of view that lie on no floor; without one, 1 if no floor is near, or, of a

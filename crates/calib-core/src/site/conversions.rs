@@ -187,7 +187,7 @@ impl SiteCamera {
         let known = entry.and_then(|entry| entry.focal_px).map(|focal| focal.value);
         let across = self.image_circle().map_or(width.min(height), |circle| 2.0 * circle.radius);
         let focal = known.unwrap_or(across / std::f64::consts::PI);
-        Lens { focal, distortion: row.zero, ..lens }
+        Lens { focal, distortion: row.zero, image_circle: self.image_circle(), ..lens }
     }
 
     /// The parameters that are fixed, with their values.

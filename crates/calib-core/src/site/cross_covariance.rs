@@ -128,7 +128,8 @@ impl Site {
     /// show nothing in common: of them the file does not have it.
     #[must_use]
     pub fn floor_covariance_between(&self, [a, b]: [(&str, Pixel); 2]) -> Option<[[f64; 2]; 2]> {
-        let cameras = [self.camera(a.0)?.camera()?, self.camera(b.0)?.camera()?];
+        let for_use = |id: &str| self.camera_for_use(self.camera(id)?);
+        let cameras = [for_use(a.0)?, for_use(b.0)?];
         let [here, there] = [cameras[0].floor_jacobian(a.1)?, cameras[1].floor_jacobian(b.1)?];
         if !cameras.iter().all(|camera| camera.covariance.is_known()) {
             return None;

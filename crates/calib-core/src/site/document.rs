@@ -155,7 +155,7 @@ document! {
         /// Pitch, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<Known>,
-        /// Principal point; the image centre if absent.
+        /// Principal point; if absent the middle of the image circle, or else of the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<Pixel>,
         /// The disc in which a fisheye shows the scene: its middle and its radius, in pixels.

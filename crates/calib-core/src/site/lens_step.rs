@@ -1,6 +1,6 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
-use crate::camera::{Coefficient, Distortion, Lens};
+use crate::camera::{Coefficient, Distortion, Lens, Pixel};
 use crate::outcome::Finding;
 use crate::single::{
     Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
@@ -40,15 +40,18 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
     Some(Fitted { model: entry.model, which })
 }
 
+/// The principal point that is given.
+fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
+    entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
+}
+
 impl Site {
     /// The lens of a camera: its own, or that of the camera it is like.
     pub(crate) fn lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
         let owner = like.unwrap_or(entry);
         let mut lens_estimate = self.own_lens_estimate(owner, lenses);
-        if like.is_some() || !lens_estimate.has_own_centre(entry) {
-            lens_estimate.lens.principal_point = entry.principal_point();
-        }
+        lens_estimate.lens.principal_point = lens_estimate.centre_on(owner, entry);
         if like.is_some() {
             lens_estimate.fit = None;
         }
@@ -81,7 +84,7 @@ impl Site {
         let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
         let options = LensOptions {
             principal_point: entry.principal_point(),
-            centre_is_held: entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some()),
+            centre_is_held: given_centre(entry).is_some(),
             size: entry.size(),
             circle: entry.image_circle(),
             // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
@@ -110,11 +113,19 @@ impl Site {
         let is_like = |other: &&SiteCamera| {
             other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
                 && other.size_px == owner.size_px
-                && other.principal_point() == owner.principal_point()
+                && given_centre(other) == given_centre(owner)
+        };
+        // Image circles of one lens lie a little apart in the images of two cameras.
+        let shifted = |other: &SiteCamera| {
+            let [own, its] = [owner, other].map(SiteCamera::principal_point);
+            let by = [own.u - its.u, own.v - its.v];
+            let shift = move |at: Pixel| Pixel::new(at.u + by[0], at.v + by[1]);
+            let edges = edges(&other.annotations).into_iter();
+            edges.map(move |edge| Edge { points: edge.points.into_iter().map(shift).collect(), ..edge })
         };
         // Edges of other cameras belong to no annotation of the owner: their index is out of range.
         let beyond = Source { annotation: usize::MAX, segment: 0 };
-        let shared = self.cameras.iter().filter(is_like).flat_map(|other| edges(&other.annotations));
+        let shared = self.cameras.iter().filter(is_like).flat_map(shifted);
         edges(&owner.annotations)
             .into_iter()
             .chain(shared.map(|edge| Edge { source: beyond, ..edge }))
@@ -125,13 +136,23 @@ impl Site {
 impl LensEstimate {
     /// Whether the principal point was fitted with the lens of a camera.
     fn has_own_centre(&self, entry: &SiteCamera) -> bool {
-        let is_given = entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some());
-        self.lens.distortion.is_wide() && self.fit.is_some() && !is_given
+        self.lens.distortion.is_wide() && self.fit.is_some() && given_centre(entry).is_none()
     }
 
-    /// The same lens on another camera.
-    pub(crate) fn shared_by(&self, entry: &SiteCamera) -> Self {
-        let lens = Lens { principal_point: entry.principal_point(), ..self.lens };
+    /// The principal point of a camera that has the lens of `owner`, or is it: where its entry has it, and as far from
+    /// there as the fit found it.
+    fn centre_on(&self, owner: &SiteCamera, entry: &SiteCamera) -> Pixel {
+        let [own, its] = [owner, entry].map(SiteCamera::principal_point);
+        if !self.has_own_centre(owner) {
+            return its;
+        }
+        let Pixel { u, v } = self.lens.principal_point;
+        Pixel::new(u + (its.u - own.u), v + (its.v - own.v))
+    }
+
+    /// The lens of `owner` on another camera.
+    pub(crate) fn shared_by(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
+        let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
         let mut lens_estimate = Self { lens, fit: None, straightness: Vec::new() };
         lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
         lens_estimate

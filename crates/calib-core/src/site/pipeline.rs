@@ -215,8 +215,10 @@ impl Site {
         result.solution.yaw_deg = Some(camera.yaw.to_degrees());
         result.solution.image_circle_px = entry.image_circle();
         result.solution.stage = stage;
+        // What is beyond the image circle is no floor.
+        let shown = Camera { lens: Lens { image_circle: entry.image_circle(), ..camera.lens }, ..camera };
         if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
-            placed_uncertainty(entry, &camera, &mut result);
+            placed_uncertainty(entry, &shown, &mut result);
         }
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
         result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
@@ -225,8 +227,7 @@ impl Site {
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.findings.extend(height_findings(entry, &camera, &result.findings));
-        let lens = Lens { image_circle: entry.image_circle(), ..camera.lens };
-        let camera = Camera { lens, ..camera };
+        let camera = shown;
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_found_anew(finding.code()));
         result.findings.extend(entry.findings_at(&camera));

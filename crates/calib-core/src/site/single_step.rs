@@ -83,9 +83,10 @@ impl Site {
     ) -> Result<SingleFit, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
         let owner = like.and_then(|id| lenses.owners.get(id));
-        let mut lens_estimate = match (better, owner) {
+        let owned = like.and_then(|id| self.first_of(id));
+        let mut lens_estimate = match (better, owner.zip(owned)) {
             (Some((lens_estimate, _)), _) => lens_estimate.clone(),
-            (None, Some(Ok(owner))) => owner.lens_estimate.shared_by(entry),
+            (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
             _ => self.lens_estimate(entry, lenses.known),
         };
         let lens = better.map(|(_, lens)| lens);

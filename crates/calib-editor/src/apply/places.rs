@@ -75,17 +75,22 @@ impl Editor {
         let Some(placement) = &mut entry.placement else { return };
         // To a millimetre: more is not known of any.
         let height = (1e3 * STAGE_1_HEIGHT * now.scale).round() / 1e3;
-        if std::mem::take(&mut placement.fixed) {
+        let was_whole = std::mem::take(&mut placement.fixed);
+        if was_whole {
             placement.held = HeldEntry { x: true, y: true, turn: true };
-            entry.height_m = Some(Known::fixed(height));
+        }
+        if was_whole && number != PlaceNumber::Height {
+            // What was measured is not written over.
+            entry.height_m.get_or_insert(Known::fixed(height));
         }
         let (is_held, name) = match number {
             PlaceNumber::X => (toggled(&mut placement.held.x), "x"),
             PlaceNumber::Y => (toggled(&mut placement.held.y), "y"),
             PlaceNumber::Turn => (toggled(&mut placement.held.turn), "the turn"),
             PlaceNumber::Height => {
-                let is_held = !entry.height_m.is_some_and(|height| height.fixed);
-                entry.height_m = is_held.then(|| Known::fixed(height));
+                let is_held = !was_whole && !entry.height_m.is_some_and(|height| height.fixed);
+                let measured = entry.height_m.filter(|height| !height.fixed);
+                entry.height_m = if is_held { Some(Known::fixed(height)) } else { measured };
                 (is_held, "the height")
             }
         };
