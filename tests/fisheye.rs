@@ -274,7 +274,8 @@ fn cameras_of_one_lens_share_its_edges_though_their_image_circles_lie_apart() {
     let own = site.cameras[0].lens.get_or_insert_default();
     own.image_circle_px = circle([0.0; 2]);
     let mut other = SiteCamera { id: "aisle".into(), ..site.cameras[0].clone() };
-    for point in other.annotations.iter_mut().flat_map(|drawn| drawn.segments.iter_mut().flatten().flatten()) {
+    for point in other.annotations.iter_mut().flat_map(|drawn| drawn.segments.iter_mut().flatten().flatten())
+    {
         *point = Pixel::new(point.u + SHIFT[0], point.v + SHIFT[1]);
     }
     let like = Some("ceiling".into());

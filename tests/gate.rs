@@ -2,7 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Annotation, Code, Kind, Known, Options, Pixel, SceneEntry, Site, SiteCamera, Solution};
+use calib_core::{
+    Annotation, Code, HeldEntry, Kind, Known, Options, Pixel, PlacementEntry, SceneEntry, Site, SiteCamera,
+    Solution,
+};
 use calib_demo::random::{Drawn, RandomScene};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
@@ -584,7 +587,8 @@ fn of_a_place_that_a_hand_gave_nothing_is_claimed_until_its_numbers_are_held() {
         let camera = solved.camera(&entry.id).unwrap().camera().unwrap();
         let scale = Some(camera.position.z / 3.0);
         let (move_m, turn_deg) = (camera.position.on_floor(), camera.yaw.to_degrees());
-        entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, ..PlacementEntry::default() });
+        let (fixed, held) = (false, HeldEntry::default());
+        entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, fixed, held });
     }
     let claims = |site: &Site| {
         let solved = site.calibrate(&Options::default()).write_into(site);

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use calib_core::{Camera, Distortion, Lens, Look, Mount, Pixel, Plane, SiteCamera, Stage, Window, lens_reach};
+use calib_core::{
+    Camera, Distortion, Lens, Look, Mount, Pixel, Plane, SiteCamera, Stage, Window, lens_reach,
+};
 use calib_formats::remap_npy;
 use calib_report::lens_of;
 use clap::ValueEnum;

@@ -3,11 +3,11 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Camera, FloorPoint, Kind, Known, Pixel, Placement, PlacementEntry, Site, Stage};
+use calib_core::{Camera, FloorPoint, HeldEntry, Kind, Known, Pixel, Placement, PlacementEntry, Site, Stage};
 use calib_editor::command::{Cameras, Gesture, Group, Lines, Nudge, Selection};
 use calib_editor::{
-    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlaceNumber, PlanHandle, Pointer,
-    TOOLS, command, parse, plan_handles, refined, steps,
+    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlaceNumber, PlanHandle,
+    Pointer, TOOLS, command, parse, plan_handles, refined, steps,
 };
 
 /// The operator: what the hands do.
@@ -309,9 +309,21 @@ fn what_was_measured_of_a_height_outlasts_the_locks_of_the_place() {
     for number in [PlaceNumber::X, PlaceNumber::Height] {
         let mut operator = drawn();
         let mut site = operator.site().clone();
-        let placement = PlacementEntry { fixed: true, scale: Some(1.0), ..PlacementEntry::default() };
+        let held = HeldEntry::default();
+        let placement = PlacementEntry {
+            move_m: FloorPoint::new(1.0, 2.0),
+            turn_deg: 3.0,
+            scale: Some(1.0),
+            fixed: true,
+            held,
+        };
         (site.cameras[0].placement, site.cameras[0].height_m) = (Some(placement), Some(measured));
-        operator.0.apply(Action::Open(Box::new(Opened { site, images: Images::default(), path: None, is_unsaved: false })));
+        operator.0.apply(Action::Open(Box::new(Opened {
+            site,
+            images: Images::default(),
+            path: None,
+            is_unsaved: false,
+        })));
         operator.0.apply(Action::HoldNumber(number));
         let entry = &operator.site().cameras[0];
         assert_eq!(entry.height_m, Some(measured));

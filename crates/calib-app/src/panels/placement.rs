@@ -131,7 +131,8 @@ fn field(
                 (None, _) => "Hold it in a joint solve; the others stay free",
             };
             // Straight down a held yaw holds nothing: roll trades places with it.
-            let clicked = (title != TOP || is_held.is_some()) && lock(ui, &title.to_lowercase(), is_held, tip);
+            let clicked =
+                (title != TOP || is_held.is_some()) && lock(ui, &title.to_lowercase(), is_held, tip);
             let (sure, why) = match sigma {
                 Some(sigma) => (number(sigma, digits(sigma)), "One sigma"),
                 None if is_held == Some(true) => ("0".into(), "Held: as it was given"),

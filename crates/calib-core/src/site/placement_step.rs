@@ -60,7 +60,8 @@ impl Site {
     pub(crate) fn is_placed_by_hand(&self, entry: &SiteCamera, camera: &Camera, stage: Stage) -> bool {
         let is_by_hand = entry.placement.as_ref().is_some_and(|placement| !placement.fixed);
         // Where lines contradict each other nothing is known of any number, wherever the place came from.
-        let is_by_points = entry.control_points.iter().any(|point| !point.off) && !camera.covariance.is_known();
+        let is_by_points =
+            entry.control_points.iter().any(|point| !point.off) && !camera.covariance.is_known();
         is_by_hand
             && !is_by_points
             && stage == Stage::Placed
