@@ -48,14 +48,15 @@ function matrices(camera: Calib.Camera): void {
   const straight = camera.undistort(raw.u, raw.v);
   if (!Number.isNaN(straight.u[0])) near([straight.u[0], straight.v[0]], [u / w, v / w], 1e-6);
   // The pixel's part of the covariance by the derivatives, numerically; the calibration's by the Jacobian.
-  const [a, b] = [Float64Array.of(camera.size[0] / 2), Float64Array.of(camera.size[1] - 1)];
+  const [a, b] = [Float64Array.of(camera.size[0] / 2), Float64Array.of(0.9 * camera.size[1])];
   const jacobian = camera.floorJacobian(a, b);
   assert.equal(jacobian.length, 28);
   const rows = [Array.from(jacobian.subarray(0, 14)), Array.from(jacobian.subarray(14))];
   const transposed = rows[0].map((_, k) => rows.map((row) => row[k]));
   const both = product(product(rows, camera.covariance), transposed);
   const { calibration } = camera.floorCovariance(a, b);
-  near(both.flat().map((value, i) => value / calibration[i]), [1, 1, 1, 1], 1e-6);
+  if (camera.covariance.flat().every(Number.isFinite)) near(both.flat().map((value, i) => value / calibration[i]), [1, 1, 1, 1], 1e-6);
+  else assert.ok(calibration.every(Number.isNaN), "of a place that a hand gave nothing is known");
   assert.equal(camera.scaleKnown, true);
   const box = Float64Array.of(a[0] - 20, b[0] - 300, a[0] + 20, b[0]);
   assert.deepEqual(camera.boxesCovariance(box, "xyxy", 1.5), camera.floorCovariance(a, b, 1.5));
@@ -69,12 +70,12 @@ function stream(camera: Calib.Camera): void {
   near([half.focalPx, half.cameraMatrix[0][2]], [camera.focalPx / 2, camera.principalPointPx[0] / 2 - 0.5], 1e-9);
   const [still, small] = [camera.toFloor(Float64Array.of(800), Float64Array.of(900)), half.toFloor(Float64Array.of(399.5), Float64Array.of(449.5))];
   near([...small.x, ...small.y], [...still.x, ...still.y], 1e-9);
-  const stretched = camera.withStream({ streamSize: [300, 300], fit: "stretch" });
+  const stretched = camera.withStream({ streamSize: [300, 290], fit: "stretch" });
   assert.equal(stretched.fit, "stretch");
   assert.throws(() => stretched.focalPx, /no one focal/);
   assert.throws(() => stretched.undistorter(), /no one focal/);
   assert.throws(() => camera.withStream({ at: "now" } as Calib.StreamOptions), /origin, streamSize/);
-  assert.throws(() => camera.withStream({ streamSize: [100, 100] }), new RegExp(camera.id));
+  assert.throws(() => camera.withStream({ streamSize: [100, 130] }), new RegExp(camera.id));
   assert.throws(() => camera.withStream({ streamSize: ["x", 640, 480] as unknown as [number, number] }), /whole pixels/);
 }
 
