@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle, Options, Site, SiteCamera};
 use calib_image::{Group, Proposal, Still, Verdict, image_circle, line_segments};
-use calib_report::{few, is_fitted, overlay};
+use calib_report::{few, is_fitted, overlay, straight_down};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -203,7 +203,9 @@ fn text(site: &Site, proposed: &[Proposed]) -> String {
         let _ = write!(out, "{:width$}  {:7} {strokes:>7}", camera.id, proposal.verdict.name());
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
-            let (roll, pitch) = (angle(solution.roll_deg), angle(solution.pitch_deg));
+            // Straight down roll is a part of where the image's top heads.
+            let roll = solution.roll_deg.filter(|_| straight_down(solution).is_none());
+            let (roll, pitch) = (angle(roll), angle(solution.pitch_deg));
             let _ =
                 write!(out, " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %", solution.focal_px, 100.0 * sigma);
         }

@@ -8,6 +8,7 @@ use calib_draw::{
 
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
+use crate::words::straight_down;
 
 /// Everything known of a camera, drawn on its image; beneath it, if wanted, the grid that shows the lens.
 #[must_use]
@@ -143,7 +144,9 @@ fn summary(entry: &SiteCamera) -> String {
         return "   only its lens is known".into();
     };
     let hfov = view_angle(&solution.lens(), solution.focal_px, entry.size()).to_degrees();
-    let mut text = format!("   pitch {pitch:.1}\u{b0}  roll {roll:.1}\u{b0}  view {hfov:.0}\u{b0}");
+    let is_down = straight_down(solution).is_some();
+    let roll = if is_down { String::new() } else { format!("  roll {roll:.1}\u{b0}") };
+    let mut text = format!("   pitch {pitch:.1}\u{b0}{roll}  view {hfov:.0}\u{b0}");
     if let Some(position) = solution.position_m {
         text.push_str(&format!("  height {:.2} m", position.z));
     }

@@ -236,9 +236,11 @@ fn select_model<'a>(
         }
         let Some((values, _)) = next.solve(&best.values) else { continue };
         let Some(score) = next.evidence(&values) else { continue };
-        let shared = shared_gain(&best, &next, &values) / (next.sigma * next.sigma);
+        let noise = noise_variance(&next, &values, redundancy - count as i64);
+        let shared = shared_gain(&best, &next, &values) / noise;
         let is_shared = shared > count as f64 * (redundancy as f64).ln();
-        if score < lowest && (is_shared || shared > -AGAINST && score < lowest - STRONG) {
+        let is_strong = lowest - score > STRONG * noise / (next.sigma * next.sigma);
+        if score < lowest && (is_shared || shared > -AGAINST && is_strong) {
             lowest = score;
             best = FittedModel::of(next, values);
             continue;
@@ -250,6 +252,13 @@ fn select_model<'a>(
         }
     }
     best
+}
+
+/// The variance of a drawn coordinate, in pixels squared: as was said, or as the edges show it under a model where the hand
+/// is less sure. Models are compared in units of it (overdispersion, Burnham and Anderson 2002, section 2.5).
+fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
+    let cost: f64 = problem.costs(values).zip(&problem.times).map(|(cost, times)| cost / times).sum();
+    (cost / dof.max(1) as f64).max(problem.sigma * problem.sigma)
 }
 
 /// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is
