@@ -114,7 +114,7 @@ fn errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; 3]> {
 
 #[test]
 fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
-    const TRIALS: usize = 1000;
+    const TRIALS: usize = 100;
     for (field, pitch) in [(100.0, 0.5), (140.0, 0.7), (180.0, 0.3), (180.0, 1.2), (190.0, 0.9), (190.0, 1.5)]
     {
         let mut random = ChaCha8Rng::seed_from_u64(7);
@@ -142,7 +142,7 @@ fn vertical(camera: &Camera) -> [f64; 2] {
 
 #[test]
 fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_trade_places() {
-    const TRIALS: usize = 1000;
+    const TRIALS: usize = 100;
     const STEP: f64 = 1e-6;
     for off in [0.0, 0.0005, 0.002, 0.01] {
         let mut random = ChaCha8Rng::seed_from_u64(23);
@@ -226,12 +226,16 @@ const ESTIMATED: [usize; 7] = [
     Covariance::CENTRE + 1,
 ];
 
-/// Errors of all of it, in sigmas.
-fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> [f64; ESTIMATED.len()] {
+/// Errors of all of it, in sigmas; `None` where nothing is claimed.
+fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; ESTIMATED.len()]> {
     let (camera, site) = drawn_room(random, field, pitch);
     let report = site.calibrate(&Options::default());
     let solution = report.cameras[0].1.as_ref().unwrap();
     let found = solution.camera().unwrap();
+    if !found.covariance.is_known() {
+        println!("nothing is claimed: {:?}", solution.warnings);
+        return None;
+    }
     assert_eq!(found.focal, found.lens.focal, "{:?}", solution.warnings);
     let turn = (found.roll - camera.roll + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU);
     let [k, truth] = [found, camera].map(|camera| camera.lens.distortion.coefficients());
@@ -245,7 +249,7 @@ fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> [f64; ESTIMA
         c.u - centre.u,
         c.v - centre.v,
     ];
-    std::array::from_fn(|i| off[i] / found.covariance.sigma(ESTIMATED[i]).unwrap())
+    Some(std::array::from_fn(|i| off[i] / found.covariance.sigma(ESTIMATED[i]).unwrap()))
 }
 
 #[test]
@@ -253,11 +257,14 @@ fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_sa
     const TRIALS: usize = 100;
     for (field, pitch) in [(120.0, 0.5), (180.0, 0.4), (180.0, 1.2), (190.0, 1.5)] {
         let mut random = ChaCha8Rng::seed_from_u64(11);
-        let all: Vec<[f64; 7]> = (0..TRIALS).map(|_| joint_errors(&mut random, field, pitch)).collect();
-        let over = |k: usize, most: f64| all.iter().filter(|of| of[k].abs() < most).count() as f64;
+        let all: Vec<[f64; 7]> =
+            (0..TRIALS).filter_map(|_| joint_errors(&mut random, field, pitch)).collect();
+        assert!(all.len() > TRIALS - 2, "{} of {TRIALS} claim anything", all.len());
+        let share = |of: f64| of / all.len() as f64;
         let rms: [f64; 7] =
-            std::array::from_fn(|k| (all.iter().map(|of| of[k] * of[k]).sum::<f64>() / TRIALS as f64).sqrt());
-        let held: [f64; 7] = std::array::from_fn(|k| over(k, 1.96) / TRIALS as f64);
+            std::array::from_fn(|k| share(all.iter().map(|of| of[k] * of[k]).sum::<f64>()).sqrt());
+        let held: [f64; 7] =
+            std::array::from_fn(|k| share(all.iter().filter(|of| of[k].abs() < 1.96).count() as f64));
         println!("{field} degrees, pitch {pitch}: rms {rms:.2?}, 95 % hold {held:.3?}");
         // Of so many trials a root mean square has a standard deviation of 7 %, a share one of 2.2 %.
         assert!(rms.iter().all(|rms| (0.78..1.22).contains(rms)), "{rms:?}");
