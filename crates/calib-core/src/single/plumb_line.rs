@@ -219,14 +219,13 @@ impl<'a> FittedModel<'a> {
 }
 
 /// Of the nested models the one of the largest evidence: that the edges support, too, when the one whose cost it
-/// lowers most is left out, or do not contradict while that one speaks very strongly (Kass and Raftery 1995).
+/// lowers most is left out, or do not contradict very strongly while that one speaks very strongly (Kass and Raftery
+/// 1995).
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
     problem: &dyn Fn(Fitted) -> LensProblem<'a>,
 ) -> FittedModel<'a> {
-    /// By how many variances the cost of the other edges may rise.
-    const AGAINST: f64 = 4.0;
     let mut lowest = undistorted.problem.evidence(&[]).unwrap_or(f64::INFINITY);
     let mut best = undistorted;
     for count in MODEL_SIZES {
@@ -240,7 +239,7 @@ fn select_model<'a>(
         let shared = shared_gain(&best, &next, &values) / noise;
         let is_shared = shared > count as f64 * (redundancy as f64).ln();
         let is_strong = lowest - score > STRONG * noise / (next.sigma * next.sigma);
-        if score < lowest && (is_shared || shared > -AGAINST && is_strong) {
+        if score < lowest && (is_shared || shared > -STRONG && is_strong) {
             lowest = score;
             best = FittedModel::of(next, values);
             continue;
