@@ -64,14 +64,15 @@ fn points_to_pixels(distortion: Distortion) -> f64 {
     1e9 * all / COUNT as f64
 }
 
-/// Nanoseconds a pixel: how sure its point of the floor is, with the lens and all of the camera uncertain.
+/// Nanoseconds a pixel: how sure its point of the floor is, with all uncertain but the principal point, which is fitted of
+/// fisheyes alone.
 fn floor_covariances(distortion: Distortion) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     let count = COUNT / 10;
     let u: Vec<f64> = (0..count).map(|_| random.random_range(0.0..1920.0)).collect();
     let v: Vec<f64> = (0..count).map(|_| random.random_range(400.0..1080.0)).collect();
     let mut camera = camera(distortion);
-    for i in 0..Covariance::SIZE {
+    for i in 0..Covariance::CENTRE {
         camera.covariance.0[i][i] = 1e-4;
     }
     let mut of = vec![FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }; count];
