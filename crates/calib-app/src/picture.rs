@@ -200,6 +200,8 @@ impl Piece {
     fn paint_window(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         /// Side of a cell, in points.
         const CELL: f32 = 12.0;
+        /// How often a cell is halved through which the rim goes: to less than a point.
+        const FINER: u32 = 4;
         let rect = mapping.rect.intersect(painter.clip_rect());
         if !rect.is_positive() {
             return;
@@ -211,26 +213,61 @@ impl Piece {
             for column in 0..=columns {
                 let share = Vec2::new(column as f32 / columns as f32, row as f32 / rows as f32);
                 let pos = rect.min + share * rect.size();
-                let uv = mapping
-                    .bent_at(pos)
-                    .map(|at| [(at.u - self.low[0]) / self.size[0], (at.v - self.low[1]) / self.size[1]]);
-                let inside = uv.filter(|uv| uv.iter().all(|part| (0.0..=1.0).contains(part)));
-                is_shown.push(inside.is_some());
-                let [s, t] = inside.unwrap_or_default().map(|part| part as f32);
-                mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::new(s, t), color: tint });
+                let uv = self.uv(mapping, pos);
+                is_shown.push(uv.is_some());
+                mesh.vertices.push(egui::epaint::Vertex { pos, uv: uv.unwrap_or_default(), color: tint });
             }
         }
         for row in 0..rows {
             for column in 0..columns {
                 let first = row * (columns + 1) + column;
                 let corners = [first, first + 1, first + columns + 1, first + columns + 2];
-                if corners.iter().all(|&corner| is_shown[corner as usize]) {
+                let shown = corners.iter().filter(|&&corner| is_shown[corner as usize]).count();
+                if shown == corners.len() {
                     mesh.add_triangle(corners[0], corners[1], corners[2]);
                     mesh.add_triangle(corners[1], corners[3], corners[2]);
+                } else if shown > 0 {
+                    let [low, high] =
+                        [corners[0], corners[3]].map(|corner| mesh.vertices[corner as usize].pos);
+                    self.add_finer(&mut mesh, mapping, (Rect::from_min_max(low, high), tint), FINER);
                 }
             }
         }
         painter.add(egui::Shape::mesh(mesh));
+    }
+
+    /// The quarters of a cell through which the rim of what is shown goes, and theirs.
+    fn add_finer(
+        &self,
+        mesh: &mut egui::Mesh,
+        mapping: &Mapping,
+        (cell, tint): (Rect, Color32),
+        halvings: u32,
+    ) {
+        let middle = cell.center();
+        for low in [cell.min, Pos2::new(middle.x, cell.top()), Pos2::new(cell.left(), middle.y), middle] {
+            let quarter = Rect::from_min_size(low, 0.5 * cell.size());
+            let corners =
+                [quarter.left_top(), quarter.right_top(), quarter.left_bottom(), quarter.right_bottom()];
+            let shown = corners
+                .map(|pos| Some(egui::epaint::Vertex { pos, uv: self.uv(mapping, pos)?, color: tint }));
+            if let [Some(a), Some(b), Some(c), Some(d)] = shown {
+                let first = mesh.vertices.len() as u32;
+                mesh.vertices.extend([a, b, c, d]);
+                mesh.add_triangle(first, first + 1, first + 2);
+                mesh.add_triangle(first + 1, first + 3, first + 2);
+            } else if halvings > 1 && shown.iter().any(Option::is_some) {
+                self.add_finer(mesh, mapping, (quarter, tint), halvings - 1);
+            }
+        }
+    }
+
+    /// What of its texture a window shows at a point of the screen.
+    fn uv(&self, mapping: &Mapping, pos: Pos2) -> Option<Pos2> {
+        let at = mapping.bent_at(pos)?;
+        let uv = [(at.u - self.low[0]) / self.size[0], (at.v - self.low[1]) / self.size[1]];
+        let is_own = uv.iter().all(|part| (0.0..=1.0).contains(part));
+        is_own.then(|| Pos2::new(uv[0] as f32, uv[1] as f32))
     }
 }
 

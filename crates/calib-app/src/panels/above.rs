@@ -62,6 +62,23 @@ fn facing_up(pose: &Camera) -> Camera {
     camera
 }
 
+/// The floor round the foot of a camera, as far as its image shows it.
+fn around(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
+    /// In heights of the camera.
+    const RADIUS: f64 = 4.0;
+    const POINTS: u32 = 48;
+    let radius = RADIUS * camera.position.z.abs();
+    let is_seen = |at: &FloorPoint| {
+        let shown = camera.world_to_pixel(at.at_height(0.0));
+        shown.is_some_and(|at| (0.0..=w).contains(&at.u) && (0.0..=h).contains(&at.v))
+    };
+    let at = |index: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(POINTS)).sin_cos();
+        FloorPoint::new(radius * cos, radius * sin)
+    };
+    (0..POINTS).map(at).filter(is_seen).collect()
+}
+
 /// Paints the floor into a rectangle; the step of its grid, in metres.
 pub fn paint(
     painter: &Painter,
@@ -78,6 +95,8 @@ pub fn paint(
     let on_floor = |pixel| camera.pixel_to_floor(pixel, 0.0);
     let corners = corners_of(entry);
     let field: Vec<FloorPoint> = corners.iter().filter_map(|&pixel| on_floor(pixel)).filter(near).collect();
+    // The corners of a fisheye's image show nothing.
+    let field = if field.len() < 3 { around(&camera, entry.size()) } else { field };
     let range = |of: fn(&FloorPoint) -> f64| {
         let values = || field.iter().map(of);
         [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]

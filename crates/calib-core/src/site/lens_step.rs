@@ -168,7 +168,7 @@ impl LensEstimate {
     }
 
     /// What the operator should know of the lens.
-    pub(crate) fn findings(&self, annotations: &[Annotation]) -> Vec<Finding> {
+    pub(crate) fn findings(&self, entry: &SiteCamera) -> Vec<Finding> {
         /// Pixels by which the undistorted corner may be uncertain.
         const MOST: f64 = 10.0;
         /// Least number of edges, each uninformative by itself, that may determine a lens together.
@@ -176,8 +176,10 @@ impl LensEstimate {
         let Some(fit) = &self.fit else {
             return self.unfitted().into_iter().collect();
         };
-        let is_own =
-            |source: &Source| annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge);
+        let is_round = fit.lens.distortion.is_wide() || entry.image_circle().is_some();
+        let is_own = |source: &Source| {
+            entry.annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge)
+        };
         let uninformative: Vec<(Source, f64)> =
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
         let [_, _, corner] = fit.map_error;
@@ -192,7 +194,7 @@ impl LensEstimate {
             });
         }
         if corner > MOST {
-            findings.push(Finding::UncertainCorners { px: corner, is_round: fit.lens.distortion.is_wide() });
+            findings.push(Finding::UncertainCorners { px: corner, is_round });
         }
         if is_misfit(fit.chi2, fit.dof) {
             let [px_without_lens, px] = fit.straightness;

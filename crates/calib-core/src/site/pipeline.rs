@@ -223,7 +223,7 @@ impl Site {
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
         result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
         result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
-        result.findings.extend(first.lens_estimate.findings(&entry.annotations));
+        result.findings.extend(first.lens_estimate.findings(entry));
         result.findings.extend(invalid_segments(&first.constraints));
         result.findings.extend(check_lens(entry, &camera));
         result.findings.extend(height_findings(entry, &camera, &result.findings));
@@ -267,10 +267,10 @@ fn rewrite(
     let off = residuals_when_off(entry, camera, planes);
     solution.residuals = residual_entries(joined.residuals.iter().copied().chain(off), outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    // The other cameras may determine a focal that stage 1 does not.
+    // The other cameras may determine a focal that stage 1 does not, and so may the straight edges of a fisheye.
     let focal_is_determined =
         camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
-    if joined.is_connected && focal_is_determined {
+    if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
         findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
     if joined.is_connected && joined.is_misfit {

@@ -308,7 +308,7 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
         &[],
     );
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    let findings = lens_estimate.findings(&entry.annotations);
+    let findings = lens_estimate.findings(entry);
     CameraResult { findings, ..CameraResult::new(solution) }
 }
 

@@ -40,7 +40,14 @@ impl Editor {
             .unwrap_or_default();
         let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
+        let new = site.cameras.len() - 1;
         self.session.commit(format!("add {id}"));
+        // Of several the first is looked at; what is in the hand stays there.
+        let is_begun =
+            self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());
+        if is_begun && self.tool().is_idle() {
+            self.session.choose(new);
+        }
     }
 
     pub(super) fn replace_still(&mut self, of: Period, still: NewStill) {
