@@ -4,7 +4,10 @@ use std::path::Path;
 
 use calib_core::counted;
 use calib_editor::{Images, Source};
-use egui::{Align, Button, Color32, Layout, RichText, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
+use egui::{
+    Align, Align2, Button, Color32, Layout, Rect, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui,
+    Vec2, WidgetInfo,
+};
 
 use crate::autosave::Found;
 use crate::command::Command;
@@ -16,10 +19,20 @@ use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
 
-/// How wide rows of sites are, in points.
-const ROW: f32 = 560.0;
+/// How wide the card is, in points, where there is room; what lies on it keeps this far from its edges.
+const CARD: f32 = 696.0;
+const MARGIN: f32 = 24.0;
+/// How far the card begins above the middle of the window.
+const RISE: f32 = 240.0;
+/// The column of what to begin with, and the height of both columns; `web/page.css` has them, too.
+const LEFT: f32 = 320.0;
+const COLUMNS: f32 = 304.0;
+/// A step with its picture.
+const STEP: Vec2 = Vec2::new(312.0, 96.0);
 
-const TITLE: &str = "Calibrate cameras from their still images";
+const TITLE: &str = "Calibrate cameras from one still each";
+const BELOW: &str =
+    "Draw along edges that you see; get metres on the floor for every pixel, with their \u{b1}.";
 
 /// What is done, in three pictures.
 const STEPS: [(Picture, &str, &str); 3] = [
@@ -29,56 +42,43 @@ const STEPS: [(Picture, &str, &str); 3] = [
 ];
 
 /// What to begin with.
-const CHOICES: [(&str, Command); 4] = [
-    ("Open the demonstration site", Command::Demo),
-    ("Take the tour: five steps, ten minutes", Command::Tour),
-    ("Open a site\u{2026}", Command::Open),
-    ("Add images\u{2026}", Command::AddImages),
+const CHOICES: [(&str, Command, &str); 4] = [
+    ("Add images\u{2026}", Command::AddImages, "one of each camera"),
+    ("Open a site\u{2026}", Command::Open, "with its images"),
+    ("Open the demonstration site", Command::Demo, "six cameras"),
+    ("Take the tour", Command::Tour, "five steps, ten minutes"),
 ];
 
-const HINTS: [&str; 2] =
-    ["Or drop images, a folder, or a site file here.", "Images never leave this machine."];
+const HINT: &str = "Or drop images, a folder, or a site file here.";
+const KEPT: [&str; 2] = ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 
 /// The start page; `web/index.html` shows the same picture until the program is there.
 pub fn show(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let mut chosen = None;
-    let mut recover = None;
+    let (mut chosen, mut recover) = (None, None);
+    let window = ui.max_rect().shrink(16.0);
+    let corners = [window.left_top(), window.right_top(), window.right_bottom(), window.left_bottom()];
+    let outline: Vec<_> = corners.into_iter().chain([window.left_top()]).collect();
+    ui.painter().extend(egui::Shape::dashed_line(&outline, Stroke::new(1.5, palette.line), 9.0, 6.0));
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        ui.vertical_centered(|ui| {
-            ui.set_max_width(ui.available_width().min(720.0) - 24.0);
-            ui.add_space((0.5 * ui.available_height() - 350.0).max(12.0));
-            let card = Card::begin(ui);
-            ui.label(RichText::new(TITLE).font(theme::medium(22.0)));
-            ui.add_space(4.0);
-            ui.add_space(8.0);
-            if ui.ctx().content_rect().width() > super::NARROW {
-                pictures(ui);
-                ui.add_space(12.0);
-            }
-            recover = found(app, ui);
-            for (text, command) in CHOICES {
-                let is_first = command == Command::Demo;
-                let fill = if is_first { palette.accent } else { palette.raised };
-                let colour = if is_first { palette.bg } else { palette.text };
-                let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
-                if ui.add(Button::new(label).fill(fill).min_size(Vec2::new(320.0, 40.0))).clicked() {
-                    chosen = Some(command);
-                }
-                ui.add_space(4.0);
-            }
-            recent(app, ui);
-            kept(app, ui);
-            ui.add_space(12.0);
-            for hint in HINTS {
-                ui.label(RichText::new(hint).color(palette.text3));
-            }
-            if let Some(error) = app.editor.error() {
-                ui.add_space(12.0);
-                ui.label(RichText::new(error).color(palette.bad));
-            }
-            card.end(ui);
-        })
+        let width = (ui.available_width() - 2.0 * MARGIN).min(CARD);
+        ui.add_space((0.5 * ui.available_height() - RISE).max(2.0 * MARGIN));
+        let corner = egui::pos2(ui.max_rect().center().x - 0.5 * width, ui.cursor().top());
+        let card = ui.painter().add(egui::Shape::Noop);
+        let inner = Rect::from_min_size(corner, Vec2::new(width, f32::MAX.sqrt())).shrink(MARGIN);
+        let content = ui.scope_builder(egui::UiBuilder::new().max_rect(inner), |ui| {
+            (chosen, recover) = content(app, ui);
+        });
+        let rect = content.response.rect.expand(MARGIN).with_min_x(corner.x).with_max_x(corner.x + width);
+        let shape = egui::epaint::RectShape::new(
+            rect,
+            12.0,
+            palette.panel,
+            Stroke::new(1.0, palette.line),
+            StrokeKind::Inside,
+        );
+        ui.painter().set(card, shape);
+        ui.add_space(2.0 * MARGIN);
     });
     if let Some((index, goes_on)) = recover {
         app.decide(index, goes_on);
@@ -88,27 +88,76 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The card that everything lies on: painted below it once its end is known.
-struct Card {
-    shape: egui::layers::ShapeIdx,
-    top: f32,
+/// What lies on the card: what was chosen to begin with, and of work that a crash left whether to go on with it.
+fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)>) {
+    let palette = theme::palette(ui.ctx());
+    let is_narrow = ui.ctx().content_rect().width() <= super::NARROW;
+    ui.spacing_mut().item_spacing = Vec2::ZERO;
+    let line = |ui: &mut Ui, height: f32, text: RichText| {
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
+        let layout = Layout::left_to_right(Align::Center);
+        let mut row = ui.new_child(egui::UiBuilder::new().max_rect(rect).layout(layout));
+        row.add(egui::Label::new(text).extend());
+    };
+    let size = if is_narrow { 16.0 } else { 22.0 };
+    line(ui, 28.0, RichText::new(TITLE).font(theme::medium(size)));
+    if !is_narrow {
+        line(ui, 22.0, RichText::new(BELOW).color(palette.text2));
+    }
+    ui.add_space(16.0);
+    let (columns, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), COLUMNS), Sense::hover());
+    let left = if is_narrow { columns } else { columns.with_max_x(columns.left() + LEFT) };
+    let chosen = choices(&mut ui.new_child(egui::UiBuilder::new().max_rect(left)));
+    if !is_narrow {
+        let right = columns.with_min_x(columns.right() - STEP.x);
+        pictures(&mut ui.new_child(egui::UiBuilder::new().max_rect(right)));
+    }
+    ui.spacing_mut().item_spacing = Vec2::new(8.0, 4.0);
+    if let Some(error) = app.editor.error() {
+        ui.add_space(12.0);
+        ui.label(RichText::new(error).color(palette.bad));
+    }
+    let recover = found(app, ui);
+    recent(app, ui);
+    kept(app, ui);
+    (chosen, recover)
 }
 
-impl Card {
-    const MARGIN: f32 = 24.0;
-
-    fn begin(ui: &mut Ui) -> Self {
-        let card = Self { shape: ui.painter().add(egui::Shape::Noop), top: ui.cursor().top() };
-        ui.add_space(Self::MARGIN);
-        card
+/// What to begin with, each a button of the whole column.
+fn choices(ui: &mut Ui) -> Option<Command> {
+    let palette = theme::palette(ui.ctx());
+    let mut chosen = None;
+    let width = ui.available_width();
+    for (index, (text, command, more)) in CHOICES.into_iter().enumerate() {
+        let (fill, colour, faint) = if index == 0 {
+            (palette.accent, palette.bg, palette.bg)
+        } else {
+            (palette.raised, palette.text, palette.text2)
+        };
+        let label = RichText::new(text).font(theme::medium(13.0)).color(colour);
+        let more = RichText::new(more).font(theme::regular(12.0)).color(faint);
+        let button = Button::new(label).right_text(more).fill(fill).min_size(Vec2::new(width, 40.0));
+        let response = ui.scope(|ui| {
+            ui.spacing_mut().button_padding.x = 14.0;
+            ui.add(button)
+        });
+        response.inner.widget_info(|| WidgetInfo::labeled(Role::Button, true, text));
+        if response.inner.clicked() {
+            chosen = Some(command);
+        }
+        ui.add_space(8.0);
     }
-
-    fn end(self, ui: &mut Ui) {
-        ui.add_space(Self::MARGIN);
-        let rect = ui.max_rect().with_min_y(self.top).with_max_y(ui.min_rect().bottom());
-        let fill = theme::palette(ui.ctx()).panel;
-        ui.painter().set(self.shape, egui::Shape::rect_filled(rect, 12.0, fill));
-    }
+    ui.add_space(4.0);
+    let (hint, _) = ui.allocate_exact_size(Vec2::new(width, 28.0), Sense::hover());
+    ui.painter().text(hint.left_center(), Align2::LEFT_CENTER, HINT, theme::regular(12.0), palette.text3);
+    ui.add_space(24.0);
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 56.0), Sense::hover());
+    ui.painter().rect_filled(rect, 6.0, palette.accent_bg);
+    let [first, second] = [20.0, 37.0].map(|y| rect.left_top() + Vec2::new(14.0, y));
+    let [bold, plain] = [theme::medium(12.0), theme::regular(12.0)];
+    ui.painter().text(first, Align2::LEFT_CENTER, KEPT[0], bold, palette.text);
+    ui.painter().text(second, Align2::LEFT_CENTER, KEPT[1], plain, palette.text2);
+    chosen
 }
 
 /// Work that a crash left behind: which was chosen, and whether to go on with it.
@@ -121,7 +170,8 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
         let words = told(found);
         let fill = theme::palette(ui.ctx()).accent_bg;
-        let width = ui.available_width().min(ROW);
+        let width = ui.available_width();
+        ui.add_space(12.0);
         ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
             egui::Frame::NONE.fill(fill).corner_radius(8).inner_margin(12).show(ui, |ui| {
                 ui.set_width(width - 24.0);
@@ -133,7 +183,6 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
                 });
             });
         });
-        ui.add_space(8.0);
     }
     recover
 }
@@ -179,7 +228,7 @@ fn recent(app: &mut App, ui: &mut Ui) {
     let list: Vec<Recent> = app.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
     ui.add_space(12.0);
-    ui.allocate_ui(Vec2::new(ui.available_width().min(ROW), 0.0), |ui| {
+    ui.allocate_ui(Vec2::new(ui.available_width(), 0.0), |ui| {
         super::heading(ui, "Recent sites", "");
         for recent in list {
             recent_row(app, ui, &recent, now);
@@ -207,36 +256,35 @@ fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     });
 }
 
+/// The three steps, each with its picture.
 fn pictures(ui: &mut Ui) {
-    const WIDTH: f32 = 190.0;
     let palette = theme::palette(ui.ctx());
-    ui.horizontal(|ui| {
-        ui.add_space(
-            (0.5 * (ui.available_width() - 3.0 * WIDTH - 2.0 * ui.spacing().item_spacing.x)).max(0.0),
-        );
-        for (picture, title, text) in STEPS {
-            ui.allocate_ui_with_layout(Vec2::new(WIDTH, 160.0), Layout::top_down(Align::Min), |ui| {
-                egui::Frame::NONE.fill(palette.bg).corner_radius(8).inner_margin(10).show(ui, |ui| {
-                    ui.set_width(WIDTH - 20.0);
-                    let (rect, _) = ui.allocate_exact_size(SIZE, Sense::hover());
-                    paint(ui.painter(), picture, rect.min);
-                    ui.label(RichText::new(title).font(theme::medium(13.0)));
-                    ui.label(RichText::new(text).small().color(palette.text2));
-                });
-            });
-        }
-    });
+    for (picture, title, text) in STEPS {
+        let (rect, _) = ui.allocate_exact_size(STEP, Sense::hover());
+        ui.painter().rect_filled(rect, 8.0, palette.bg);
+        paint(ui.painter(), picture, rect.left_top() + Vec2::new(8.0, 6.0));
+        let at = rect.left_top() + Vec2::new(SIZE.x + 20.0, 10.0);
+        let words = Rect::from_min_max(at, rect.max - Vec2::new(8.0, 4.0));
+        // It takes no more room than the step.
+        let mut told = ui.new_child(egui::UiBuilder::new().max_rect(words));
+        told.label(RichText::new(title).font(theme::medium(13.0)));
+        told.add_space(3.0);
+        told.label(RichText::new(text).small().color(palette.text2));
+        ui.add_space(8.0);
+    }
 }
 
 /// The sites that the shelf keeps, each a row.
 fn kept(app: &mut App, ui: &mut Ui) {
+    /// Four rows.
+    const SHOWN: f32 = 232.0;
     let entries = app.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
     if entries.is_empty() {
         return;
     }
     let palette = theme::palette(ui.ctx());
     ui.add_space(12.0);
-    let width = ui.available_width().min(ROW);
+    let width = ui.available_width();
     ui.allocate_ui(Vec2::new(width, 0.0), |ui| {
         let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
         super::heading(
@@ -244,7 +292,7 @@ fn kept(app: &mut App, ui: &mut Ui) {
             "Recent sites in this browser",
             &format!("{}, {}", counted(entries.len(), "site", "sites"), size(bytes)),
         );
-        ScrollArea::vertical().max_height(232.0).show(ui, |ui| {
+        ScrollArea::vertical().max_height(SHOWN).min_scrolled_height(SHOWN).show(ui, |ui| {
             for entry in &entries {
                 ui.horizontal(|ui| {
                     thumbnail(app, ui, still_of(entry));
@@ -268,14 +316,6 @@ fn still_of(entry: &Entry) -> Option<(String, Source)> {
 fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
-    let open =
-        ui.add(Button::new(RichText::new(name).font(theme::medium(12.0))).min_size(Vec2::new(120.0, 28.0)));
-    open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Go on with {name}")));
-    if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
-        shelf.open(&entry.id);
-    }
-    let words = format!("{}, {}, {}", cameras(entry.cameras), entry.when, size(entry.bytes));
-    ui.label(RichText::new(words).color(palette.text2));
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         // What is removed is gone: the second press means it.
         let id = ui.scope_id().with(("remove", &entry.id));
@@ -289,6 +329,17 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
         } else if button.clicked() {
             ui.data_mut(|data| data.insert_temp(id, true));
         }
+        ui.with_layout(Layout::top_down(Align::Min), |ui| {
+            ui.add_space(4.0);
+            let title = Button::new(RichText::new(name).font(theme::medium(13.0))).truncate();
+            let open = ui.add(title.min_size(Vec2::new(120.0, 26.0)));
+            open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Go on with {name}")));
+            if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
+                shelf.open(&entry.id);
+            }
+            let words = format!("{}, {}, {}", cameras(entry.cameras), entry.when, size(entry.bytes));
+            ui.add(egui::Label::new(RichText::new(words).color(palette.text2)).truncate());
+        });
     });
 }
 
@@ -314,12 +365,16 @@ mod tests {
         let mut at = 0;
         let picture = |picture: Picture| crate::panels::step_pictures::svg(picture);
         for (picture, title) in STEPS.map(|(drawn, title, _)| (picture(drawn), title)) {
-            assert!(page.contains(&format!("{picture}<h2>{title}</h2>")), "{title} should be\n{picture}");
+            assert!(
+                page.contains(&format!("{picture}<div><h2>{title}</h2>")),
+                "{title} should be\n{picture}"
+            );
         }
-        let words = std::iter::once(TITLE)
-            .chain(STEPS.into_iter().flat_map(|(_, title, text)| [title, text]))
-            .chain(CHOICES.into_iter().map(|(text, _)| text))
-            .chain(HINTS);
+        let words = [TITLE, BELOW]
+            .into_iter()
+            .chain(CHOICES.into_iter().flat_map(|(text, _, more)| [text, more]))
+            .chain(std::iter::once(HINT).chain(KEPT))
+            .chain(STEPS.into_iter().flat_map(|(_, title, text)| [title, text]));
         for words in words {
             let found = page[at..].find(&format!(">{words}<"));
             at += found.unwrap_or_else(|| panic!("{words:?} is not on the page, or not in its place"));
