@@ -304,6 +304,31 @@ fn an_empty_site_takes_every_command() {
 }
 
 #[test]
+fn a_link_is_taken_up_where_it_is_drawn_and_two_of_one_thing_become_one() {
+    let mut operator = drawn();
+    operator.take("Link");
+    let there = [900.0, 800.0];
+    let seen = |operator: &Operator| -> Vec<usize> {
+        operator.site().links.iter().map(|link| link.seen.len()).collect()
+    };
+    operator.click(Pane::Image(1), there);
+    operator.0.apply(Action::Gesture(Gesture::Accept));
+    // Begun anew, and then shown to be the thing that was clicked before.
+    operator.click(Pane::Image(0), [300.0, 600.0]);
+    operator.click(Pane::Image(1), [there[0] + 3.0, there[1]]);
+    assert_eq!(seen(&operator), [2], "a click on what is drawn makes no second link");
+    let link = &operator.site().links[0];
+    assert_eq!(link.seen.iter().map(|seen| seen.px.unwrap().u).collect::<Vec<_>>(), [900.0, 300.0]);
+    operator.undo();
+    assert_eq!(seen(&operator), [1, 1]);
+    // Two that one camera shows are two things.
+    operator.0.apply(Action::Gesture(Gesture::Accept));
+    operator.click(Pane::Image(1), [100.0, 900.0]);
+    operator.click(Pane::Image(1), there);
+    assert_eq!(operator.site().links.len(), 3);
+}
+
+#[test]
 fn what_was_measured_of_a_height_outlasts_the_locks_of_the_place() {
     let measured = Known::prior(3.1, 0.1);
     for number in [PlaceNumber::X, PlaceNumber::Height] {

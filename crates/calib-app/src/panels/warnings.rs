@@ -28,7 +28,11 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             ui.data_mut(|data| data.insert_temp(is_open, shows_all));
         }
     }
-    if warnings.is_empty() && app.editor.session().solution().is_some() {
+    let shared = set_aside(app);
+    for (warning, part) in &shared {
+        card(ui, warning, |ui| on_part(ui, *part, &mut wish));
+    }
+    if warnings.is_empty() && shared.is_empty() && app.editor.session().solution().is_some() {
         let palette = theme::palette(ui.ctx());
         ui.horizontal(|ui| {
             icons::inline(ui, Icon::Check, palette.ok);
@@ -38,6 +42,35 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     if let Some(deed) = wish {
         grant(app, deed);
     }
+}
+
+/// What was set aside of what the camera in hand shares with others, with where it shows it.
+fn set_aside(app: &App) -> Vec<(Warning, Part)> {
+    let session = app.editor.session();
+    let (Some(report), Some(entry)) = (session.solved.joint_report(), session.entry()) else {
+        return Vec::new();
+    };
+    let here = |warning: &Warning| {
+        let Subject::Link(link) = site_subject(&session.site, report, warning)? else { return None };
+        let seen = session.site.links.get(link)?.seen.iter().position(|seen| seen.camera == entry.id)?;
+        Some((warning.clone(), Part::Link { link, seen, point: 0 }))
+    };
+    let outliers = report.site.warnings.iter().filter(|warning| warning.code == Code::Outlier);
+    outliers.filter_map(here).collect()
+}
+
+/// What can be done about something that was set aside.
+fn on_part(ui: &mut Ui, part: Part, wish: &mut Option<Deed>) {
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Show").clicked() {
+            *wish = Some(Deed::Show(Place::Part(part)));
+        }
+        for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
+            if ui.button(text).clicked() {
+                *wish = Some(Deed::OnPart(command, part));
+            }
+        }
+    });
 }
 
 /// The gravest first.
@@ -136,18 +169,14 @@ enum Deed {
 
 fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     let place = place_of(app, warning);
+    if let (Code::Outlier, Place::Part(part)) = (warning.code, place) {
+        return on_part(ui, part, wish);
+    }
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").clicked() {
             *wish = Some(Deed::Show(place));
         }
         match (warning.code, place) {
-            (Code::Outlier, Place::Part(part)) => {
-                for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
-                    if ui.button(text).clicked() {
-                        *wish = Some(Deed::OnPart(command, part));
-                    }
-                }
-            }
             (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
                 if app.is_enabled(Command::TakeSuggestion) =>
             {

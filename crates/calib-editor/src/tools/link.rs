@@ -42,6 +42,29 @@ fn selected(session: &Session) -> Option<usize> {
 }
 
 impl Linking {
+    /// A link that is clicked waits for more views, and what waited for this one becomes a part of it.
+    fn take_up(&mut self, session: &mut Session, drawn: usize, begun: Option<usize>) {
+        let free = edit::free_id(&session.site, 'L');
+        let links = &mut session.site.links;
+        let is_named = links[drawn].id.is_some();
+        let name = links[drawn].id.get_or_insert(free).clone();
+        let waited = begun.and_then(|index| links.get(index)).cloned();
+        let is_apart = |link: &Link| {
+            let shown = |seen: &LinkSeen| links[drawn].seen.iter().any(|own| own.camera == seen.camera);
+            link.kind == LinkKind::Point && !link.seen.iter().any(shown)
+        };
+        if let (Some(index), Some(link)) = (begun, waited.filter(is_apart)) {
+            links[drawn].seen.extend(link.seen);
+            links.remove(index);
+            let joined = link.id.unwrap_or_default();
+            session.commit(format!("join {joined} and {name}"));
+        } else if !is_named {
+            session.commit(format!("name {name}"));
+        }
+        session.selection.retain(|part| !matches!(part, Part::Link { .. }));
+        self.waiting = Some(name);
+    }
+
     /// What is selected waits from now on: another camera is chosen without it.
     fn take_selected(&mut self, session: &Session) {
         let link = selected(session).and_then(|index| session.site.links.get(index));
@@ -58,6 +81,9 @@ impl Linking {
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);
         session.choose(camera);
+        if let Some(drawn) = drawn_at(session, &id, pointer).filter(|drawn| begun != Some(*drawn)) {
+            return self.take_up(session, drawn, begun);
+        }
         let free = edit::free_id(&session.site, 'L');
         let begun = begun.and_then(|index| session.site.links.get_mut(index));
         let open = begun.filter(|link| {
@@ -78,6 +104,16 @@ impl Linking {
         session.commit(format!("link {name} in {id}"));
         self.waiting = Some(name);
     }
+}
+
+/// The point that a click is on in this camera, by its link.
+fn drawn_at(session: &Session, camera: &str, pointer: &Pointer) -> Option<usize> {
+    let at = Pixel::from(pointer.at);
+    let is_there = |seen: &LinkSeen| {
+        seen.camera == camera && seen.px.is_some_and(|px| px.distance(at) <= pointer.radius)
+    };
+    let is_drawn = |link: &Link| link.kind == LinkKind::Point && link.seen.iter().any(is_there);
+    (!pointer.moved).then(|| session.site.links.iter().position(is_drawn)).flatten()
 }
 
 impl Tool for Linking {

@@ -160,10 +160,10 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::EfovAboveHorizon { .. } => "Draw the far edge of the EFOV lower, where the floor can be told.",
         F::DistortionNotInvertible => "Draw straight edges nearer to the corners, or fit fewer coefficients.",
         F::ControlPointOutlier { .. } => {
-            "Check its coordinates and its pixel; \"keep\" has it used all the same."
+            "Check its coordinates and its pixel, or use it anyway (\"keep\") if it is right."
         }
         F::ElementOutlier { .. } => {
-            "Check that every camera shows the same thing there; \"keep\" has it used all the same."
+            "Check that every camera shows the same thing there, or use it anyway (\"keep\") if it is right."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link two points with a camera that is tied, or give control points.",
