@@ -6,7 +6,7 @@ use egui::{Color32, RichText, Slider, TextEdit, Ui};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
-use crate::panels::{heading, section};
+use crate::panels::{digits, heading, number, section};
 use crate::state::{App, Mode, Showing};
 use crate::theme::{self, Palette};
 
@@ -76,6 +76,12 @@ fn sentence(became: Became) -> String {
     format!("{first}{}.", letters.as_str())
 }
 
+/// An angle and its sigma in degrees, with the digits that the sigma supports.
+fn degrees(angle: f64, sigma: f64) -> [String; 2] {
+    let digits = digits(sigma.to_degrees());
+    [angle, sigma].map(|value| number(value.to_degrees(), digits))
+}
+
 /// How it moved, each with its sigma, and of how much that is told.
 fn numbers(newer: &Newer) -> Vec<String> {
     let found = &newer.comparison;
@@ -88,11 +94,15 @@ fn numbers(newer: &Newer) -> Vec<String> {
     let by_axis = found.movement(&newer.pose);
     let axis = |name: &str, index: usize| {
         let (value, sigma) = by_axis[index];
-        format!("{name} {:+.3}\u{b0} \u{b1} {:.3}", value.to_degrees(), sigma.to_degrees())
+        let sign = if value < 0.0 { "\u{2212}" } else { "+" };
+        let [size, sigma] = degrees(value.abs(), sigma);
+        format!("{name} {sign}{size}\u{b0} \u{b1} {sigma}")
     };
+    let [turned, turned_sigma] = degrees(angle, angle_sigma);
+    let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, digits(zoom_sigma)));
     vec![
-        format!("turned {:.3}\u{b0} \u{b1} {:.3}", angle.to_degrees(), angle_sigma.to_degrees()),
-        format!("zoom {zoom:.5} \u{b1} {zoom_sigma:.5}"),
+        format!("turned {turned}\u{b0} \u{b1} {turned_sigma}"),
+        format!("zoom {zoom} \u{b1} {zoom_sigma}"),
         axis("yaw", 0),
         axis("pitch", 1),
         axis("roll", 2),

@@ -80,8 +80,8 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
         Command::Field,
         Command::Prism,
         Command::Guide,
-        Command::Straighten,
-        if app.is_fisheye(camera) { Command::NextWindow } else { Command::ColourByResidual },
+        if app.is_fisheye(camera) { Command::NextWindow } else { Command::Straighten },
+        Command::ColourByResidual,
     ];
     let above = rect.with_max_y(rect.top() + HEADER);
     pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);

@@ -107,6 +107,8 @@ pub enum Finding {
         px: f64,
         /// It is the rim of a fisheye's image.
         is_round: bool,
+        /// Whether edges reach as far as the image shows anything.
+        is_reached: bool,
     },
     /// Straight edges under a fixed lens: their residuals are reported, they estimate nothing.
     UnusedEdges {

@@ -1,6 +1,6 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
-use crate::camera::{Coefficient, Distortion, Lens, Pixel};
+use crate::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
 use crate::outcome::Finding;
 use crate::single::{
     Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
@@ -43,6 +43,18 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
 /// The principal point that is given.
 fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
+}
+
+/// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
+fn reaches_rim(entry: &SiteCamera) -> bool {
+    /// Of the radius of the image circle.
+    const FAR: f64 = 0.9;
+    let [w, h] = entry.size();
+    let whole = ImageCircle { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) };
+    let circle = entry.image_circle().unwrap_or(whole);
+    let drawn = edges(&entry.annotations);
+    let mut points = drawn.iter().flat_map(|edge| &edge.points);
+    points.any(|point| point.distance(circle.centre()) > FAR * circle.radius)
 }
 
 impl Site {
@@ -194,7 +206,8 @@ impl LensEstimate {
             });
         }
         if corner > MOST {
-            findings.push(Finding::UncertainCorners { px: corner, is_round });
+            let is_reached = is_round && reaches_rim(entry);
+            findings.push(Finding::UncertainCorners { px: corner, is_round, is_reached });
         }
         if is_misfit(fit.chi2, fit.dof) {
             let [px_without_lens, px] = fit.straightness;

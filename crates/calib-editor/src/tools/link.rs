@@ -48,6 +48,7 @@ impl Linking {
         let links = &mut session.site.links;
         let is_named = links[drawn].id.is_some();
         let name = links[drawn].id.get_or_insert(free).clone();
+        let begun = begun.filter(|index| *index != drawn);
         let waited = begun.and_then(|index| links.get(index)).cloned();
         let is_apart = |link: &Link| {
             let shown = |seen: &LinkSeen| links[drawn].seen.iter().any(|own| own.camera == seen.camera);
@@ -81,7 +82,7 @@ impl Linking {
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);
         session.choose(camera);
-        if let Some(drawn) = drawn_at(session, &id, pointer).filter(|drawn| begun != Some(*drawn)) {
+        if let Some(drawn) = drawn_at(session, &id, pointer) {
             return self.take_up(session, drawn, begun);
         }
         let free = edit::free_id(&session.site, 'L');

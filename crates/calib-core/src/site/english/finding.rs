@@ -44,7 +44,7 @@ impl English<'_> {
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
             F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
-            F::UncertainCorners { px, is_round } => corners(*px, *is_round),
+            F::UncertainCorners { px, is_round, .. } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
                 self.unused_edges(*first, *count, *is_undistorted, *px)
             }
@@ -119,6 +119,17 @@ const TIE_OR_HOLD: &str =
 
 const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
 
+/// What tells the corners of an image, or the rim of a round one.
+const fn farther_edges(is_round: bool, is_reached: bool) -> &'static str {
+    match (is_round, is_reached) {
+        (true, true) => {
+            "Edges reach the rim already: draw verticals and floor lines, or link points with another camera."
+        }
+        (true, false) => "Draw straight edges that reach out to the rim.",
+        (false, _) => "Draw straight edges that reach into the corners.",
+    }
+}
+
 /// Advice that is the same whatever the numbers.
 const fn fixed_advice(finding: &Finding) -> &'static str {
     use Finding as F;
@@ -139,8 +150,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
         F::BentEdges { .. } => "Look for a point off its edge, then for an edge that is bent in space.",
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
-        F::UncertainCorners { is_round: true, .. } => "Draw straight edges that reach out to the rim.",
-        F::UncertainCorners { .. } => "Draw straight edges that reach into the corners.",
+        F::UncertainCorners { is_round, is_reached, .. } => farther_edges(*is_round, *is_reached),
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
         F::UnusedKind { .. } => "Switch it off, or use a method that does.",
         F::TooFewSegments { .. } => "Draw the missing segments.",

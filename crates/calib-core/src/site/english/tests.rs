@@ -88,7 +88,7 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::JointMisfit { chi2: 90.0, dof: 4 }, Subject::Site),
         (F::BentEdges { px: 4.0, px_without_lens: 5.0 }, Subject::Lens),
         (F::UninformativeEdges { edges: vec![LINE], drawn: 3, bend_px: 0.2 }, Subject::Line(LINE)),
-        (F::UncertainCorners { px: f64::INFINITY, is_round: false }, Subject::Lens),
+        (F::UncertainCorners { px: f64::INFINITY, is_round: false, is_reached: false }, Subject::Lens),
         (F::UnusedEdges { first: 0, count: 1, is_undistorted: true, px: 0.4 }, Subject::Annotation(0)),
         (F::UnusedKind { annotation, by }, Subject::Annotation(0)),
         (F::TooFewSegments { annotation, by, drawn: 1, least: 2 }, Subject::Annotation(0)),
