@@ -125,7 +125,9 @@ impl App {
     /// Keeps every finished gesture where a crash does not reach it.
     pub(crate) fn remember(&mut self) {
         let generation = self.editor.session().generation;
-        if self.kept == generation {
+        // What was kept before its still was decoded is kept again with its picture.
+        let is_due = self.shelf.is_some() && self.thumbnail.is_due(&self.pictures);
+        if self.kept == generation && !is_due {
             return;
         }
         self.kept = generation;

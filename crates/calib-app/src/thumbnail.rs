@@ -16,17 +16,27 @@ const SIZE: [u32; 2] = [168, 104];
 pub(crate) struct Thumbnail {
     /// What the site calls the still, and the small one as a `data:` URI.
     made: Option<(String, String)>,
+    /// The still whose pixels were not there yet.
+    awaited: Option<String>,
 }
 
 impl Thumbnail {
     /// Makes it, if that is another still than before and its pixels are there.
     pub(crate) fn renew(&mut self, site: &Site, pictures: &Pictures) {
+        self.awaited = None;
         let Some(name) = first(site).filter(|name| self.made.as_ref().is_none_or(|(made, _)| made != name))
         else {
             return;
         };
-        let small = pictures.ready(name).and_then(|picture| small(&picture.image));
+        let picture = pictures.ready(name);
+        self.awaited = picture.is_none().then(|| name.to_owned());
+        let small = picture.and_then(|picture| small(&picture.image));
         self.made = small.map(|small| (name.to_owned(), small)).or(self.made.take());
+    }
+
+    /// Whether the pixels have arrived that were not there when it was to be made.
+    pub(crate) fn is_due(&self, pictures: &Pictures) -> bool {
+        self.awaited.as_ref().is_some_and(|name| pictures.ready(name).is_some())
     }
 
     /// That of a site.

@@ -20,6 +20,9 @@ pub fn show(app: &mut App, ui: &mut Ui) {
             _ if app.editor.session().site.cameras.is_empty() => {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
+            _ if app.layers.hidden && app.editor.tool().is_idle() => {
+                "What lies on the image is hidden.  H: show it".into()
+            }
             _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
