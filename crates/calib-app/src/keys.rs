@@ -43,6 +43,7 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
             let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
             let matches = |row: &command::Row| {
                 row.keys.is_some_and(|keys| fits(shortcut(row.command, keys), *key, *modifiers))
+                    || row.command == Command::Redo && fits(OTHER_REDO, *key, *modifiers)
             };
             let Some(row) = command::all().find(matches) else { return true };
             if !(is_others && *key == egui::Key::Escape) {
@@ -54,6 +55,9 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
     });
     found
 }
+
+/// What many hands know for redo, besides its own key.
+const OTHER_REDO: KeyboardShortcut = KeyboardShortcut::new(egui::Modifiers::COMMAND, egui::Key::Y);
 
 fn fits(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> bool {
     use egui::Key;

@@ -1,6 +1,7 @@
 //! A newer still on the canvas of its camera: beside the old one by a line that wipes, or both by turns.
 
-use egui::{Color32, Painter};
+use calib_editor::Pane;
+use egui::{Color32, CursorIcon, Painter, Rect, Role, Sense, Ui, WidgetInfo};
 
 use crate::canvas::Mapping;
 use crate::overlay::right_of;
@@ -35,6 +36,27 @@ pub(crate) fn paint(
         line(painter, &ends.map(|end| egui::pos2(split, end.y)), Pen::new(on_image::WHITE, 1.5));
     }
     Some(split)
+}
+
+/// The line that wipes is dragged by itself while nothing is in the hand.
+pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (width, split): (f64, f32)) {
+    /// How far beside it a press still takes it, in points.
+    const BESIDE: f32 = 6.0;
+    let is_free =
+        app.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
+    let strip = Rect::everything_right_of(split - BESIDE).with_max_x(split + BESIDE).intersect(mapping.rect);
+    let strip = Some(strip).filter(|strip| is_free && strip.is_positive());
+    app.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
+    let Some(strip) = strip else { return };
+    let response = ui.interact(strip, ui.scope_id().with("wipe"), Sense::drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the stills"));
+    if let Some(to) = response.interact_pointer_pos() {
+        let [u, _] = mapping.document(to);
+        app.glance.share = (u / width).clamp(0.0, 1.0) as f32;
+    }
+    if response.hovered() || response.dragged() {
+        ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+    }
 }
 
 fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f32 {

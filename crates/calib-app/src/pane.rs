@@ -222,6 +222,10 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
     cursor(app, ui, pane, &mapping);
     if place == Place::Main {
+        app.panes.wipe = None;
+        if let Some(split) = split {
+            newer::slide(app, ui, camera, &mapping, (size[0], split));
+        }
         minimap::show(app, ui, camera, &mapping, size);
     }
     if let Some((held, at)) = app.editor.tool().held()

@@ -310,6 +310,21 @@ fn linking() -> (Desk, WorldPoint) {
 }
 
 #[test]
+fn what_was_undone_comes_back_by_either_key() {
+    let mut desk = Desk::new(demo());
+    let before = desk.site().clone();
+    desk.app().act(Action::Name("Yard".into()));
+    let after = desk.site().clone();
+    assert_ne!(before, after);
+    for (modifiers, key) in [(Modifiers::COMMAND, Key::Y), (Modifiers::COMMAND | Modifiers::SHIFT, Key::Z)] {
+        desk.keys(Modifiers::COMMAND, Key::Z);
+        assert_eq!(*desk.site(), before);
+        desk.keys(modifiers, key);
+        assert_eq!(*desk.site(), after);
+    }
+}
+
+#[test]
 fn links_go_from_view_to_view() {
     let (mut desk, there) = linking();
     for camera in [0, 2] {

@@ -10,7 +10,7 @@ use calib_app::choice::Chosen;
 use calib_app::command::Command;
 use calib_app::state::Showing;
 use calib_core::{Camera, Covariance, Method, Options, Site, SiteCamera};
-use calib_editor::{Action, Images, OnNewer};
+use calib_editor::{Action, Images, OnNewer, Pane};
 use calib_image::Became;
 use calib_tests::Scratch;
 use desk::Desk;
@@ -69,6 +69,8 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
         desk.harness.run_steps(2);
     }
     let before = desk.site().clone();
+    wiped(&mut desk);
+    assert_eq!(*desk.site(), before);
     desk.keys(Modifiers::SHIFT, Key::R);
     assert_eq!(*desk.site(), before, "its name says no time: since when it stands so is asked for");
     assert!(!desk.app().is_comparing());
@@ -103,6 +105,17 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     desk.redo();
     assert_eq!(*desk.site(), after);
     kept_until_it_is_drawn_on_again(&mut desk);
+}
+
+/// The line between the stills goes where it is dragged.
+fn wiped(desk: &mut Desk) {
+    desk.harness.get_by_label("Wipe").click();
+    desk.harness.run_steps(2);
+    let [w, h] = desk.site().cameras[0].size();
+    let from = w * f64::from(desk.app().glance.share);
+    let [from, to] = [from, 0.25 * w].map(|u| desk.screen(Pane::Image(0), [u, 0.4 * h]));
+    desk.drag_screen(&[from, from.lerp(to, 0.5), to], Modifiers::NONE);
+    assert!((desk.app().glance.share - 0.25).abs() < 0.01, "{:?}", desk.app().glance);
 }
 
 /// The old period keeps its solution whatever is done to the other, and is solved again once it is drawn on.

@@ -43,6 +43,8 @@ pub struct Panes {
     pub(crate) last_press: Option<(f64, Pos2)>,
     /// The pane over which the whole image lies small, and where.
     pub(crate) minimap: Option<((Place, Pane), Rect)>,
+    /// The pane over which a line wipes between two stills, and the strip in which it is taken.
+    pub(crate) wipe: Option<((Place, Pane), Rect)>,
     /// The pane that was used last: zoom keys mean it.
     pub active: Option<(Place, Pane)>,
     /// Where every pane was shown last, for zoom keys and tests.
@@ -80,7 +82,8 @@ impl Panes {
 
     /// Whether something lies over a pane there.
     pub(crate) fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
-        self.minimap.is_some_and(|(own, rect)| own == key && rect.contains(at))
+        let over = [self.minimap, self.wipe];
+        over.into_iter().flatten().any(|(own, rect)| own == key && rect.contains(at))
     }
 
     /// Where a pane shows its document.
