@@ -142,7 +142,7 @@ mod tests {
         fn derivatives_of_the_slope_of_a_fisheye_are_those_of_differences(
             k in [-0.03..0.1_f64, -0.002..0.01_f64], focal in 500.0..900.0_f64, at in [0.0..1920.0_f64, 0.0..1920.0_f64],
         ) {
-            const STEPS: [f64; Lens::PARAMETERS] = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3];
+            const STEPS: [f64; Lens::PARAMETERS] = [1e-8, 1e-8, 1e-8, 1e-8, 1e-6, 1e-3, 1e-3];
             let distortion = Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] };
             let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, distortion, image_circle: None };
             let at = Pixel::from(at);

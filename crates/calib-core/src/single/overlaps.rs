@@ -330,9 +330,10 @@ mod tests {
             prop_assert!(times(&pieces)[1] > 1.999, "the whole counts against a piece");
         }
 
+        // Between nine points the arc of the least radius rises by 0.9 px: more is drawn with more points.
         #[test]
         fn a_bent_edge_is_one_wherever_its_points_are_set(
-            radius in 1500.0..6000.0_f64, counts in proptest::collection::vec(9..40_usize, 1..12),
+            radius in 1800.0..6000.0_f64, counts in proptest::collection::vec(9..40_usize, 1..12),
         ) {
             let at = |s: f64| [radius * (s * 900.0 / radius).sin(), radius * (s * 900.0 / radius).cos()];
             let drawn: Vec<Vec<[f64; 2]>> = counts.iter().map(|&count| {
