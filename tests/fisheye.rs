@@ -114,7 +114,7 @@ fn errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; 3]> {
 
 #[test]
 fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
-    const TRIALS: usize = 100;
+    const TRIALS: usize = 1000;
     for (field, pitch) in [(100.0, 0.5), (140.0, 0.7), (180.0, 0.3), (180.0, 1.2), (190.0, 0.9), (190.0, 1.5)]
     {
         let mut random = ChaCha8Rng::seed_from_u64(7);
@@ -142,7 +142,7 @@ fn vertical(camera: &Camera) -> [f64; 2] {
 
 #[test]
 fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_trade_places() {
-    const TRIALS: usize = 100;
+    const TRIALS: usize = 1000;
     const STEP: f64 = 1e-6;
     for off in [0.0, 0.0005, 0.002, 0.01] {
         let mut random = ChaCha8Rng::seed_from_u64(23);
