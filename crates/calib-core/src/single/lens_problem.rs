@@ -66,6 +66,11 @@ impl LensProblem<'_> {
         self.edges.iter().map(move |edge| edge_cost([&lens, &start], edge))
     }
 
+    /// The sum over all edges, each counted once however often it is drawn.
+    pub(super) fn cost(&self, values: &[f64]) -> f64 {
+        self.costs(values).zip(&self.times).map(|(cost, times)| cost / times).sum()
+    }
+
     /// What is believed of the coefficients, in sigmas.
     fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
         let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
@@ -140,7 +145,7 @@ impl LensProblem<'_> {
     /// The image of a fisheye ends in its circle, of whose radius half the longer side is a guess.
     pub(super) fn places(&self) -> [Pixel; 3] {
         let [w, h] = self.size;
-        let whole = ImageCircle { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) };
+        let whole = ImageCircle::around(self.size);
         let circle = if self.fitted.is_wide() { self.circle.unwrap_or(whole) } else { whole };
         let (right, down) = (f64::from(u8::from(w > h)), f64::from(u8::from(w <= h)));
         let edge = Pixel { u: circle.u + right * circle.radius, v: circle.v + down * circle.radius };

@@ -213,7 +213,7 @@ impl<'a> FittedModel<'a> {
     }
 
     fn of(problem: LensProblem<'a>, values: Vec<f64>) -> Self {
-        let cost = problem.costs(&values).zip(&problem.times).map(|(cost, times)| cost / times).sum();
+        let cost = problem.cost(&values);
         Self { problem, values, cost, rejected: None }
     }
 }
@@ -256,8 +256,7 @@ fn select_model<'a>(
 /// The variance of a drawn coordinate, in pixels squared: as was said, or as the edges show it under a model where the hand
 /// is less sure. Models are compared in units of it (overdispersion, Burnham and Anderson 2002, section 2.5).
 fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
-    let cost: f64 = problem.costs(values).zip(&problem.times).map(|(cost, times)| cost / times).sum();
-    (cost / dof.max(1) as f64).max(problem.sigma * problem.sigma)
+    (problem.cost(values) / dof.max(1) as f64).max(problem.sigma * problem.sigma)
 }
 
 /// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is

@@ -3,7 +3,7 @@
 use crate::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
 use crate::outcome::Finding;
 use crate::single::{
-    Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, straightness_rms,
+    Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, outermost, straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -49,12 +49,10 @@ fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
 fn reaches_rim(entry: &SiteCamera) -> bool {
     /// Of the radius of the image circle.
     const FAR: f64 = 0.9;
-    let [w, h] = entry.size();
-    let whole = ImageCircle { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) };
-    let circle = entry.image_circle().unwrap_or(whole);
+    let circle = entry.image_circle().unwrap_or_else(|| ImageCircle::around(entry.size()));
     let drawn = edges(&entry.annotations);
-    let mut points = drawn.iter().flat_map(|edge| &edge.points);
-    points.any(|point| point.distance(circle.centre()) > FAR * circle.radius)
+    let farthest = outermost(drawn.iter().flat_map(|edge| &edge.points), circle.centre());
+    farthest.is_some_and(|point| point.distance(circle.centre()) > FAR * circle.radius)
 }
 
 impl Site {
