@@ -5,8 +5,8 @@ use std::path::Path;
 use calib_core::counted;
 use calib_editor::{Images, Source};
 use egui::{
-    Align, Align2, Button, Color32, Layout, Rect, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui,
-    Vec2, WidgetInfo,
+    Align, Button, Color32, Layout, Rect, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2,
+    WidgetInfo,
 };
 
 use crate::autosave::Found;
@@ -93,12 +93,6 @@ fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)
     let palette = theme::palette(ui.ctx());
     let is_narrow = ui.ctx().content_rect().width() <= super::NARROW;
     ui.spacing_mut().item_spacing = Vec2::ZERO;
-    let line = |ui: &mut Ui, height: f32, text: RichText| {
-        let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
-        let layout = Layout::left_to_right(Align::Center);
-        let mut row = ui.new_child(egui::UiBuilder::new().max_rect(rect).layout(layout));
-        row.add(egui::Label::new(text).extend());
-    };
     let size = if is_narrow { 16.0 } else { 22.0 };
     line(ui, 28.0, RichText::new(TITLE).font(theme::medium(size)));
     if !is_narrow {
@@ -121,6 +115,14 @@ fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)
     recent(app, ui);
     kept(app, ui);
     (chosen, recover)
+}
+
+/// A line of words in a row of this height, whatever the font.
+fn line(ui: &mut Ui, height: f32, text: RichText) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
+    let layout = Layout::left_to_right(Align::Center);
+    let mut row = ui.new_child(egui::UiBuilder::new().max_rect(rect).layout(layout));
+    row.add(egui::Label::new(text).extend());
 }
 
 /// What to begin with, each a button of the whole column.
@@ -148,15 +150,13 @@ fn choices(ui: &mut Ui) -> Option<Command> {
         ui.add_space(8.0);
     }
     ui.add_space(4.0);
-    let (hint, _) = ui.allocate_exact_size(Vec2::new(width, 28.0), Sense::hover());
-    ui.painter().text(hint.left_center(), Align2::LEFT_CENTER, HINT, theme::regular(12.0), palette.text3);
+    line(ui, 28.0, RichText::new(HINT).color(palette.text3));
     ui.add_space(24.0);
     let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 56.0), Sense::hover());
     ui.painter().rect_filled(rect, 6.0, palette.accent_bg);
-    let [first, second] = [20.0, 37.0].map(|y| rect.left_top() + Vec2::new(14.0, y));
-    let [bold, plain] = [theme::medium(12.0), theme::regular(12.0)];
-    ui.painter().text(first, Align2::LEFT_CENTER, KEPT[0], bold, palette.text);
-    ui.painter().text(second, Align2::LEFT_CENTER, KEPT[1], plain, palette.text2);
+    let mut told = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(14.0, 11.5))));
+    line(&mut told, 17.0, RichText::new(KEPT[0]).font(theme::medium(12.0)));
+    line(&mut told, 17.0, RichText::new(KEPT[1]).color(palette.text2));
     chosen
 }
 
