@@ -119,13 +119,13 @@ impl<'a> SpanningTree<'a> {
     fn from_known(cameras: &'a [BundleCamera<'a>], landmarks: &'a [Landmark]) -> Self {
         let mut poses: Vec<Camera> = cameras.iter().map(|camera| camera.camera).collect();
         let mut has_pose = vec![false; cameras.len()];
+        let known: Vec<&Landmark> = landmarks.iter().filter(|l| !l.off && is_known(l)).collect();
         for (view, camera) in cameras.iter().enumerate() {
             if camera.initial_pose == InitialPose::Fixed {
                 has_pose[view] = true;
                 continue;
             }
-            let known = landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark));
-            let points = control_points(view, known.map(|landmark| (landmark, landmark.place)));
+            let points = control_points(view, known.iter().map(|landmark| (*landmark, landmark.place)));
             if let Some(pose) = from_control_points(&camera.camera, &points, camera.fixed_height()) {
                 poses[view] = pose;
                 has_pose[view] = true;

@@ -32,6 +32,8 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) plane_blocks: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
+    /// Whether it starts where almost the same problem converged.
+    pub(crate) is_resumed: bool,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
@@ -62,6 +64,7 @@ impl<'a> BundleProblem<'a> {
             planes,
             plane_blocks,
             tilt,
+            is_resumed: false,
             observed: Vec::new(),
         };
         let undistort = |landmark: &Landmark| -> Vec<Option<ObservedPixel>> {
@@ -194,13 +197,13 @@ impl<'a> BundleProblem<'a> {
         state: &[f64],
         mut sink: impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
-        let cameras: Vec<Camera> = (0..self.views.len()).map(|view| self.camera(state, view)).collect();
-        for (view, camera) in cameras.iter().enumerate() {
+        let posed = |view: usize| PosedCamera::new(self.camera(state, view));
+        let poses: Vec<PosedCamera> = (0..self.views.len()).map(posed).collect();
+        for (view, PosedCamera { camera, .. }) in poses.iter().enumerate() {
             self.each_annotation(state, view, camera, &mut sink)?;
             self.each_edge(view, camera, &mut sink)?;
         }
         self.each_plane_prior(state, &mut sink);
-        let poses: Vec<PosedCamera> = cameras.into_iter().map(PosedCamera::new).collect();
         for landmark in (0..self.landmarks.len()).filter(|&landmark| !self.landmarks[landmark].off) {
             let place = self.place(state, landmark);
             self.each_observation(state, landmark, &place, &poses, &mut sink)?;
@@ -383,6 +386,10 @@ pub(crate) fn listed<const N: usize>(
 impl LeastSquares for BundleProblem<'_> {
     type State = Vec<f64>;
     type Normal = NormalEquations;
+
+    fn first_damping(&self) -> f64 {
+        if self.is_resumed { 1e-7 } else { 1e-4 }
+    }
 
     fn linearize(&self, state: &Vec<f64>) -> Option<(f64, NormalEquations)> {
         let normal = self.normal(state)?;

@@ -203,7 +203,10 @@ impl Refinement<'_> {
             let weak: Option<Prior> = view.stage_1.priors.weak_log_focal.filter(|_| *with);
             view.stage_1.priors.weak_log_focal = weak;
         }
-        BundleProblem::new(views, (landmarks, distances, self.copies.clone()), self.planes.clone())
+        let shared = (landmarks, distances, self.copies.clone());
+        let mut problem = BundleProblem::new(views, shared, self.planes.clone());
+        problem.is_resumed = from.is_some();
+        problem
     }
 
     /// The candidate without which the rest has the least chi-square score, with the minimum there.

@@ -1,10 +1,11 @@
 //! Normal equations in parameter blocks: which blocks there are, which of them residuals couple, and the
 //! sums of products of Jacobians.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 use crate::optimize::dense_block::add_outer;
-use crate::optimize::sparse_cholesky::SparseStructure;
+use crate::optimize::sparse_cholesky::{Entry, SparseStructure};
 
 /// Parameter blocks, which of them are eliminated, and which have residuals in common.
 #[derive(Clone, Debug)]
@@ -16,9 +17,6 @@ pub(crate) struct BlockStructure {
     /// Kept blocks in the order of the reduced system.
     pub(crate) kept: Vec<usize>,
     pub(crate) eliminated: Vec<Eliminated>,
-    /// Pairs of kept blocks that are coupled, the first not behind the second.
-    pub(crate) pairs: Vec<[usize; 2]>,
-    pub(crate) pair_of: HashMap<[usize; 2], usize>,
     /// Of the reduced system.
     pub(crate) sparse: SparseStructure,
 }
@@ -36,8 +34,12 @@ pub(crate) struct Eliminated {
     pub(crate) block: usize,
     /// Kept blocks that it has residuals in common with, ascending.
     pub(crate) neighbours: Vec<usize>,
-    /// The pair of every two neighbours, the first not behind the second, in this order.
-    pub(crate) pairs: Vec<usize>,
+    /// Where in the reduced system every two neighbours are, the first not behind the second, in this order.
+    pub(crate) entries: Vec<Entry>,
+    /// First value of its own matrix among those of all.
+    pub(crate) own: usize,
+    /// First value of its matrix with each of its neighbours among those of all, and the end of the last.
+    pub(crate) cross: Vec<usize>,
 }
 
 /// Derivatives of one residual by the parameters of a block.
@@ -52,12 +54,12 @@ pub(crate) struct JacobianBlock<'a> {
 pub(crate) struct NormalEquations {
     pub(crate) cost: f64,
     pub(crate) gradient: Vec<f64>,
-    /// Of every pair of kept blocks, row by row.
-    pub(crate) kept: Vec<Vec<f64>>,
-    /// Of every eliminated block with itself.
-    pub(crate) own: Vec<Vec<f64>>,
-    /// Of every eliminated block (rows) with each of its neighbours.
-    pub(crate) cross: Vec<Vec<Vec<f64>>>,
+    /// Of the kept blocks, in the layout of the reduced system.
+    pub(crate) kept: Vec<f64>,
+    /// Of every eliminated block with itself, row by row.
+    pub(crate) own: Vec<f64>,
+    /// Of every eliminated block (rows) with each of its neighbours, row by row.
+    pub(crate) cross: Vec<f64>,
 }
 
 impl BlockStructure {
@@ -70,20 +72,23 @@ impl BlockStructure {
         }
         let (roles, kept, rest) = roles(keep);
         let (neighbours, pairs) = coupling(&roles, [kept.len(), rest.len()], coupled);
-        let pair_of: HashMap<[usize; 2], usize> =
-            pairs.iter().copied().enumerate().map(|(index, pair)| (pair, index)).collect();
-        let eliminated = rest
-            .iter()
-            .zip(&neighbours)
-            .map(|(&block, near)| Eliminated {
-                block,
-                neighbours: near.iter().copied().collect(),
-                pairs: pairs_among(near).filter_map(|pair| pair_of.get(&pair).copied()).collect(),
-            })
-            .collect();
-        let kept_sizes = kept.iter().map(|&block| sizes[block]).collect();
-        let sparse = SparseStructure::new(kept_sizes, pairs.iter().map(|&[a, b]| (a, b)));
-        Self { sizes, offsets, roles, kept, eliminated, pairs, pair_of, sparse }
+        let kept_sizes: Vec<usize> = kept.iter().map(|&block| sizes[block]).collect();
+        let sparse = SparseStructure::new(&kept_sizes, pairs.into_iter());
+        let (mut own, mut cross) = (0, 0);
+        let eliminated = rest.iter().zip(&neighbours).map(|(&block, near)| {
+            let height = sizes[block];
+            let neighbours: Vec<usize> = near.iter().copied().collect();
+            let mut crosses = vec![cross];
+            crosses.extend(neighbours.iter().map(|&neighbour| {
+                cross += height * kept_sizes[neighbour];
+                cross
+            }));
+            own += height * height;
+            let entries = pairs_among(near).filter_map(|pair| sparse.entry(pair)).collect();
+            Eliminated { block, neighbours, entries, own: own - height * height, cross: crosses }
+        });
+        let eliminated = eliminated.collect();
+        Self { sizes, offsets, roles, kept, eliminated, sparse }
     }
 
     /// Number of parameters.
@@ -93,17 +98,14 @@ impl BlockStructure {
 
     /// Normal equations of no residuals.
     pub(crate) fn normal(&self) -> NormalEquations {
-        let kept_size = |i: usize| self.sizes[self.kept[i]];
-        let cross = |out: &Eliminated| -> Vec<Vec<f64>> {
-            let near = out.neighbours.iter();
-            near.map(|&neighbour| vec![0.0; self.sizes[out.block] * kept_size(neighbour)]).collect()
-        };
+        let last = self.eliminated.last();
+        let end = |out: &Eliminated| out.own + self.sizes[out.block].pow(2);
         NormalEquations {
             cost: 0.0,
             gradient: vec![0.0; self.unknowns()],
-            kept: self.pairs.iter().map(|&[a, b]| vec![0.0; kept_size(a) * kept_size(b)]).collect(),
-            own: self.eliminated.iter().map(|out| vec![0.0; self.sizes[out.block].pow(2)]).collect(),
-            cross: self.eliminated.iter().map(cross).collect(),
+            kept: self.sparse.zeros(),
+            own: vec![0.0; last.map_or(0, end)],
+            cross: vec![0.0; last.and_then(|out| out.cross.last().copied()).unwrap_or(0)],
         }
     }
 
@@ -126,26 +128,40 @@ impl BlockStructure {
     fn add_product(&self, normal: &mut NormalEquations, a: &JacobianBlock, b: &JacobianBlock) {
         match (self.roles[a.block], self.roles[b.block]) {
             (Role::Kept(i), Role::Kept(j)) => {
-                let (pair, rows, columns) = if i <= j { ([i, j], a.by, b.by) } else { ([j, i], b.by, a.by) };
-                if let Some(&at) = self.pair_of.get(&pair) {
-                    add_outer(&mut normal.kept[at], rows, columns);
+                if let Some(entry) = self.sparse.entry([i, j]) {
+                    entry.add_outer(&mut normal.kept, 1.0, a.by, b.by);
                 }
             }
-            (Role::Eliminated(e), Role::Eliminated(_)) => add_outer(&mut normal.own[e], a.by, b.by),
+            (Role::Eliminated(e), Role::Eliminated(_)) => {
+                add_outer(&mut normal.own[self.own(&self.eliminated[e])], a.by, b.by);
+            }
             (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], a.by, b.by),
             (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], b.by, a.by),
         }
     }
 
     fn add_cross(&self, normal: &mut NormalEquations, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
-        if let Some(at) = self.eliminated[e].neighbours.iter().position(|&neighbour| neighbour == i) {
-            add_outer(&mut normal.cross[e][at], rows, columns);
+        let out = &self.eliminated[e];
+        if let Some(at) = out.neighbours.iter().position(|&neighbour| neighbour == i) {
+            add_outer(&mut normal.cross[out.cross(at)], rows, columns);
         }
+    }
+
+    /// Where the own matrix of an eliminated block is.
+    pub(crate) fn own(&self, out: &Eliminated) -> Range<usize> {
+        out.own..out.own + self.sizes[out.block].pow(2)
     }
 
     /// The values of a block in a vector over all parameters.
     pub(crate) fn of<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
         &values[self.offsets[block]..][..self.sizes[block]]
+    }
+}
+
+impl Eliminated {
+    /// Where the matrix with one of its neighbours is.
+    pub(crate) fn cross(&self, neighbour: usize) -> Range<usize> {
+        self.cross[neighbour]..self.cross[neighbour + 1]
     }
 }
 

@@ -74,16 +74,3 @@ pub(crate) fn product(a: &[f64], b: &[f64], size: usize) -> Vec<f64> {
     }
     found
 }
-
-/// Subtracts `A' B` of two matrices of `height` rows.
-#[inline]
-pub(crate) fn subtract_transposed_product(from: &mut [f64], a: &[f64], b: &[f64], height: usize) {
-    let (rows, columns) = (a.len() / height, b.len() / height);
-    for (row, b) in a.chunks_exact(rows).zip(b.chunks_exact(columns)) {
-        for (values, factor) in from.chunks_exact_mut(columns).zip(row) {
-            for (value, b) in values.iter_mut().zip(b) {
-                *value -= factor * b;
-            }
-        }
-    }
-}

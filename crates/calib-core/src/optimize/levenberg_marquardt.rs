@@ -13,7 +13,8 @@
 //!
 //! of the true decrease to that of the linear model, an accepted step multiplies `lambda` by
 //! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Nielsen's floor is 1/3;
-//! here it is 1/10, for the starts are near, and the last steps become Gauss-Newton's sooner.
+//! here it is 1/100: where the linear model was right, the next steps are Gauss-Newton's soon, and they have to
+//! be, for what holds a hall of cameras to one scale is a millionth of what holds a camera to the next.
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
 
@@ -23,6 +24,11 @@ pub(crate) trait LeastSquares {
     type State: Clone;
     /// The normal equations at a state.
     type Normal;
+
+    /// Damping of the first step. Starts are near: a small share of the diagonal leaves it almost Gauss-Newton's.
+    fn first_damping(&self) -> f64 {
+        1e-4
+    }
 
     /// Cost (sum of squares) and normal equations; `None` where the model is impossible.
     fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
@@ -62,8 +68,7 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// `None` when the start is impossible.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
-        // Starts are near: a small share of the diagonal leaves the first step almost Gauss-Newton's.
-        Some(Self { state: start, cost, normal, damping: 1e-4, growth: 2.0 })
+        Some(Self { state: start, cost, normal, damping: problem.first_damping(), growth: 2.0 })
     }
 
     /// Makes one accepted step; how the run ended, where it did.
@@ -73,29 +78,28 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         /// Least step in radians and log units, far below the accuracy that pixels give.
         const STEP_TOLERANCE: f64 = 1e-11;
         const MAX_DAMPING: f64 = 1e12;
+        /// Least factor of the damping after a step.
+        const FLOOR: f64 = 1e-2;
         while self.damping < MAX_DAMPING {
-            let stepped = problem.step(&self.state, &self.normal, self.damping);
-            let tried = stepped.and_then(|(next, predicted, size)| {
+            if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
                 if size < STEP_TOLERANCE {
-                    return Some(Err(Termination::Converged));
+                    return Some(Termination::Converged);
                 }
-                let (cost, normal) = problem.linearize(&next)?;
-                (cost < self.cost).then_some(Ok((next, predicted, cost, normal)))
-            });
-            match tried {
-                Some(Err(ending)) => return Some(ending),
-                Some(Ok((next, predicted, cost, normal))) => {
-                    let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
-                    let done = self.cost - cost <= COST_TOLERANCE * self.cost;
-                    self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(0.1);
-                    (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
-                    return done.then_some(Termination::Converged);
-                }
-                None => {
-                    self.damping *= self.growth;
-                    self.growth *= 2.0;
+                match problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
+                    Some((cost, normal)) => {
+                        let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
+                        let done = self.cost - cost <= COST_TOLERANCE * self.cost;
+                        self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
+                        (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
+                        return done.then_some(Termination::Converged);
+                    }
+                    // What is promised is lost in rounding.
+                    None if predicted <= COST_TOLERANCE * self.cost => break,
+                    None => {}
                 }
             }
+            self.damping *= self.growth;
+            self.growth *= 2.0;
         }
         Some(Termination::NoDecrease)
     }

@@ -37,80 +37,63 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
-use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse, subtract_transposed_product};
+use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse};
 use crate::optimize::sparse_cholesky::SelectedInverse;
 
 /// The system of the kept blocks.
 struct Reduced {
-    /// Of every pair of kept blocks, row by row.
-    blocks: Vec<Vec<f64>>,
+    /// The matrix, in the layout of its factor.
+    values: Vec<f64>,
     right: Vec<f64>,
-    /// Inverse of the own matrix of every eliminated block.
-    inverses: Vec<Vec<f64>>,
+    /// Inverse of the own matrix of every eliminated block, in the layout of these.
+    inverses: Vec<f64>,
 }
 
 impl BlockStructure {
     /// The reduced system; `damping` multiplies the diagonal.
     fn reduced(&self, normal: &NormalEquations, damping: f64) -> Reduced {
-        let mut blocks = normal.kept.clone();
-        for (&[a, b], block) in self.pairs.iter().zip(&mut blocks) {
-            if a == b {
-                damp_diagonal(block, damping);
-            }
+        let mut values = normal.kept.clone();
+        for block in 0..self.kept.len() {
+            self.sparse.diagonal(block).for_each(|at| values[at] *= 1.0 + damping);
         }
         let right: Vec<f64> =
             self.kept.iter().flat_map(|&b| self.of(&normal.gradient, b).iter().map(|g| -g)).collect();
-        let mut reduced = Reduced { blocks, right, inverses: Vec::with_capacity(self.eliminated.len()) };
+        let mut reduced = Reduced { values, right, inverses: normal.own.clone() };
         let starts = self.starts();
-        for (e, out) in self.eliminated.iter().enumerate() {
-            let mut own = normal.own[e].clone();
-            damp_diagonal(&mut own, damping);
-            reduced.inverses.push(pseudo_inverse(&own, self.sizes[out.block]));
-            self.eliminate(normal, [e, out.block], out, &starts, &mut reduced);
+        for out in &self.eliminated {
+            let own = &mut reduced.inverses[self.own(out)];
+            damp_diagonal(own, damping);
+            own.copy_from_slice(&pseudo_inverse(own, self.sizes[out.block]));
+            self.eliminate(normal, out, &starts, &mut reduced);
         }
         reduced
     }
 
-    /// The blocks as the values of the sparse matrix.
-    fn values(&self, blocks: &[Vec<f64>]) -> Vec<f64> {
-        let mut values = self.sparse.zeros();
-        for (&pair, block) in self.pairs.iter().zip(blocks) {
-            self.sparse.add(&mut values, pair, block, 1.0);
-        }
-        values
-    }
-
     /// Subtracts `C' D^-1 C` of one eliminated block from the matrix and adds `C' D^-1` times its gradient
     /// to the right-hand side.
-    fn eliminate(
-        &self,
-        normal: &NormalEquations,
-        [e, block]: [usize; 2],
-        out: &Eliminated,
-        starts: &[usize],
-        reduced: &mut Reduced,
-    ) {
-        let size = self.sizes[block];
-        let gradient = self.of(&normal.gradient, block);
-        let mut pairs = out.pairs.iter();
+    fn eliminate(&self, normal: &NormalEquations, out: &Eliminated, starts: &[usize], reduced: &mut Reduced) {
+        let size = self.sizes[out.block];
+        let gradient = self.of(&normal.gradient, out.block);
+        let mut entries = out.entries.iter();
         for (k, &a) in out.neighbours.iter().enumerate() {
-            let weighed = product(&reduced.inverses[e], &normal.cross[e][k], size);
+            let weighed = product(&reduced.inverses[self.own(out)], &normal.cross[out.cross(k)], size);
             let width = self.sizes[self.kept[a]];
             for j in 0..width {
                 let sum: f64 = (0..size).map(|i| weighed[i * width + j] * gradient[i]).sum();
                 reduced.right[starts[a] + j] += sum;
             }
-            for other in &normal.cross[e][k..] {
-                let Some(&pair) = pairs.next() else { continue };
-                subtract_transposed_product(&mut reduced.blocks[pair], &weighed, other, size);
+            for (other, entry) in (k..out.neighbours.len()).zip(&mut entries) {
+                let other = &normal.cross[out.cross(other)];
+                let rows = weighed.chunks_exact(width).zip(other.chunks_exact(other.len() / size));
+                rows.for_each(|(a, b)| entry.add_outer(&mut reduced.values, -1.0, a, b));
             }
         }
     }
 
     /// The step in every parameter and the decrease of the cost that the linear model predicts.
     pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
-        let Reduced { blocks, right, inverses } = self.reduced(normal, damping);
-        let solution = self.sparse.factor(&self.values(&blocks))?.solve(&right);
+        let Reduced { values, right, inverses } = self.reduced(normal, damping);
+        let solution = self.sparse.factor(values)?.solve(&right);
         let mut step = vec![0.0; self.unknowns()];
         let mut at = 0;
         for &block in &self.kept {
@@ -118,8 +101,8 @@ impl BlockStructure {
             step[self.offsets[block]..][..size].copy_from_slice(&solution[at..at + size]);
             at += size;
         }
-        for (e, out) in self.eliminated.iter().enumerate() {
-            let solved = self.back_substituted(normal, e, &inverses[e], &step);
+        for out in &self.eliminated {
+            let solved = self.back_substituted(normal, out, &inverses[self.own(out)], &step);
             step[self.offsets[out.block]..][..solved.len()].copy_from_slice(&solved);
         }
         // d' (lambda D d - J'r), the decrease of the linear model.
@@ -133,14 +116,13 @@ impl BlockStructure {
     fn back_substituted(
         &self,
         normal: &NormalEquations,
-        e: usize,
+        out: &Eliminated,
         inverse: &[f64],
         step: &[f64],
     ) -> Vec<f64> {
-        let out = &self.eliminated[e];
         let mut right: Vec<f64> = self.of(&normal.gradient, out.block).iter().map(|g| -g).collect();
-        for (&neighbour, cross) in out.neighbours.iter().zip(&normal.cross[e]) {
-            let moved = self.of(step, self.kept[neighbour]);
+        for (k, &neighbour) in out.neighbours.iter().enumerate() {
+            let (moved, cross) = (self.of(step, self.kept[neighbour]), &normal.cross[out.cross(k)]);
             for (value, row) in right.iter_mut().zip(cross.chunks_exact(moved.len())) {
                 *value -= row.iter().zip(moved).map(|(c, m)| c * m).sum::<f64>();
             }
@@ -153,12 +135,15 @@ impl BlockStructure {
         let mut diagonal = vec![0.0; self.unknowns()];
         for block in 0..self.sizes.len() {
             let size = self.sizes[block];
-            let own = match self.roles[block] {
-                Role::Kept(i) => self.pair_of.get(&[i, i]).map(|&at| &normal.kept[at]),
-                Role::Eliminated(e) => Some(&normal.own[e]),
-            };
-            for i in 0..size {
-                diagonal[self.offsets[block] + i] = own.map_or(0.0, |own| own[i * size + i]);
+            let to = &mut diagonal[self.offsets[block]..][..size];
+            match self.roles[block] {
+                Role::Kept(i) => {
+                    to.iter_mut().zip(self.sparse.diagonal(i)).for_each(|(to, at)| *to = normal.kept[at]);
+                }
+                Role::Eliminated(e) => {
+                    let own = normal.own[self.own(&self.eliminated[e])].iter().step_by(size + 1);
+                    to.iter_mut().zip(own).for_each(|(to, own)| *to = *own);
+                }
             }
         }
         diagonal
@@ -170,7 +155,7 @@ impl BlockStructure {
     /// what the residuals do not determine has a large variance, not an infinite one.
     pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
         let (values, inverses) = self.regular(&normal, regularization);
-        let inverse = self.sparse.factor(&values)?.inverse();
+        let inverse = self.sparse.factor(values)?.inverse();
         Some(BlockCovariance { normal, inverses, inverse })
     }
 
@@ -183,7 +168,7 @@ impl BlockStructure {
         wanted: &[usize],
     ) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
         let (values, _) = self.regular(normal, regularization);
-        let factor = self.sparse.factor(&values)?;
+        let factor = self.sparse.factor(values)?;
         let starts = self.starts();
         let place = |&block: &usize| match self.roles[block] {
             Role::Kept(i) => Some((block, starts[i], self.sizes[block])),
@@ -207,16 +192,12 @@ impl BlockStructure {
     }
 
     /// The values of the regularised matrix, and `D^-1` of every eliminated block.
-    fn regular(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let Reduced { mut blocks, inverses, .. } = self.reduced(normal, 0.0);
-        for (i, &block) in self.kept.iter().enumerate() {
-            let size = self.sizes[block];
-            let Some(&at) = self.pair_of.get(&[i, i]) else { continue };
-            for k in (0..size).map(|k| k * size + k) {
-                blocks[at][k] += (regularization * normal.kept[at][k]).max(1e-18);
-            }
+    fn regular(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<f64>) {
+        let Reduced { mut values, inverses, .. } = self.reduced(normal, 0.0);
+        for at in (0..self.kept.len()).flat_map(|block| self.sparse.diagonal(block)) {
+            values[at] += (regularization * normal.kept[at]).max(1e-18);
         }
-        (self.values(&blocks), inverses)
+        (values, inverses)
     }
 
     /// First row of every kept block in the reduced system.
@@ -234,7 +215,7 @@ impl BlockStructure {
 pub(crate) struct BlockCovariance {
     normal: NormalEquations,
     /// `D^-1` of every eliminated block.
-    inverses: Vec<Vec<f64>>,
+    inverses: Vec<f64>,
     /// `Z`.
     inverse: SelectedInverse,
 }
@@ -260,7 +241,7 @@ impl BlockCovariance {
         let out = &blocks.eliminated[e];
         let size = blocks.sizes[out.block];
         let gain = self.gain(blocks, e);
-        let mut found = DMatrix::from_row_slice(size, size, &self.inverses[e]);
+        let mut found = DMatrix::from_row_slice(size, size, &self.inverses[blocks.own(out)]);
         let mut at = 0;
         for &neighbour in &out.neighbours {
             let columns = self.neighbours_with(blocks, e, neighbour);
@@ -273,12 +254,14 @@ impl BlockCovariance {
 
     /// `G = D^-1 C` over all neighbours of an eliminated block.
     fn gain(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
-        let size = blocks.sizes[blocks.eliminated[e].block];
-        let own = DMatrix::from_row_slice(size, size, &self.inverses[e]);
-        let width = self.normal.cross[e].iter().map(|cross| cross.len() / size).sum();
+        let out = &blocks.eliminated[e];
+        let size = blocks.sizes[out.block];
+        let own = DMatrix::from_row_slice(size, size, &self.inverses[blocks.own(out)]);
+        let width = out.neighbours.iter().map(|&neighbour| blocks.sizes[blocks.kept[neighbour]]).sum();
         let mut all = DMatrix::zeros(size, width);
         let mut at = 0;
-        for cross in &self.normal.cross[e] {
+        for k in 0..out.neighbours.len() {
+            let cross = &self.normal.cross[out.cross(k)];
             let part = DMatrix::from_row_slice(size, cross.len() / size, cross);
             all.columns_mut(at, part.ncols()).copy_from(&part);
             at += part.ncols();

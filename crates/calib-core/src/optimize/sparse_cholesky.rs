@@ -1,125 +1,297 @@
 //! A sparse symmetric positive definite system in blocks: its solution, and the blocks of its inverse.
 //!
-//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996), and
-//! `nalgebra-sparse` factors the matrix, `S = L L'`.
+//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996). Matrix,
+//! factor and inverse have one layout: for every block column j, in this order, a panel of the rows where the
+//! factor has entries, column by column, the block of the diagonal first. Below the diagonal these are the rows of
+//! the matrix and of every column whose first block below its own is j (Davis 2006, "Direct Methods for Sparse
+//! Linear Systems", section 4.1).
 //!
-//! Of the inverse `Z = S^-1` only the entries where L has some are computed, the selected inverse (Takahashi,
-//! Fagan and Chen 1973; Erisman and Tinney 1975). `S Z = I` is `L' Z = L^-1`, and L^-1 is lower triangular
-//! with `1 / L_jj` on its diagonal; so, for i >= j, row j of `L' Z` reads
+//! The factor, `S = L L'`, is computed in place, panel by panel: that of column j becomes
+//! `[L_jj; S_Rj L_jj'^-1]`, and `L_Rj L_Rj'` is subtracted from the panels of its rows R. Unlike a factorisation
+//! entry by entry, this works on dense panels of some hundred numbers at a time (a supernodal factorisation whose
+//! supernodes are the cameras; Ng and Peyton 1993, "Block Sparse Cholesky Algorithms on Advanced Uniprocessor
+//! Computers").
 //!
-//! `L_jj Z_ij + sum_{k > j} L_kj Z_ik = (i = j ? 1 / L_jj : 0)`,
+//! Of the inverse `Z = S^-1` only the blocks where L has some are computed, the selected inverse (Takahashi, Fagan
+//! and Chen 1973; Erisman and Tinney 1975). `S Z = I` is `Z L = L'^-1`, and L'^-1 is upper triangular; its column
+//! j, with the rows R below the diagonal, reads
 //!
-//! and the columns of Z follow from the last to the first:
+//! - `Z_RR L_Rj + Z_Rj L_jj = 0`,
+//! - `Z_jR L_Rj + Z_jj L_jj = L_jj'^-1`,
 //!
-//! - `Z_ij = -sum_{k > j} L_kj Z_ik / L_jj` for i > j,
-//! - `Z_jj = (1 / L_jj - sum_{k > j} L_kj Z_kj) / L_jj`.
-//!
-//! Both i and k run over the rows of column j of L, and any two rows i >= k > j of a column are an entry of L
-//! themselves (elimination of j fills it in): whatever a sum asks for is there. The cost grows with the
-//! factor, not with the square of the size. The covariance of coupled cameras lies within the pattern, for
-//! that of S does.
+//! so that the panels of Z follow from the last to the first. Any two rows of a column are an entry of L
+//! themselves (elimination of j fills it in): whatever `Z_RR` asks for is there. The cost grows with the factor,
+//! not with the square of the size. The covariance of coupled cameras lies within the pattern, for that of S does.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
 use nalgebra::DMatrix;
-use nalgebra_sparse::factorization::{CscCholesky, CscSymbolicCholesky};
-use nalgebra_sparse::pattern::SparsityPattern;
 
-/// The pattern of a matrix of blocks, columns in the order of the factor, rows in every column ascending.
+use crate::camera::dispatch;
+
+/// The pattern of the factor of a matrix of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseStructure {
-    sizes: Vec<usize>,
-    /// First row of every block in the order of the factor.
-    starts: Vec<usize>,
-    /// First value of every column.
-    columns: Vec<usize>,
-    /// Of the rows of the first block, the number of entries above them in the columns of the second.
-    row_offsets: HashMap<(usize, usize), usize>,
-    symbolic: CscSymbolicCholesky,
+    /// Of every block, its place in the order of the factor.
+    places: Vec<usize>,
+    /// In the order of the factor.
+    columns: Vec<BlockColumn>,
+}
+
+/// Where the factor has entries in the columns of one block.
+#[derive(Clone, Debug)]
+struct BlockColumn {
+    /// First unknown in the order of the factor.
+    start: usize,
+    width: usize,
+    /// First value of its panel.
+    offset: usize,
+    /// Places of the blocks of its rows, ascending; itself first.
+    rows: Vec<usize>,
+    /// First row of each in the panel, and the height of the panel.
+    tops: Vec<usize>,
+}
+
+/// Where in the values the block of two blocks is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    offset: usize,
+    /// From one column of the panel to the next.
+    stride: usize,
+    /// Whether the second block is the column.
+    is_transposed: bool,
 }
 
 /// The factor L of one matrix.
 #[derive(Debug)]
 pub(crate) struct CholeskyFactor<'a> {
     sparse: &'a SparseStructure,
-    cholesky: CscCholesky<f64>,
+    values: Vec<f64>,
 }
 
 /// The inverse where the factor has entries.
 #[derive(Debug)]
 pub(crate) struct SelectedInverse {
-    sizes: Vec<usize>,
-    starts: Vec<usize>,
-    pattern: SparsityPattern,
+    sparse: SparseStructure,
     values: Vec<f64>,
+}
+
+impl Entry {
+    /// Where the value of a row of the first block and a column of the second is.
+    #[inline]
+    fn at(self, row: usize, column: usize) -> usize {
+        let (across, down) = if self.is_transposed { (column, row) } else { (row, column) };
+        self.offset + across * self.stride + down
+    }
+
+    /// Adds `factor` times the product of a column of the first block and a row of the second.
+    #[inline]
+    pub(crate) fn add_outer(self, values: &mut [f64], factor: f64, first: &[f64], second: &[f64]) {
+        let (across, down) = if self.is_transposed { (second, first) } else { (first, second) };
+        for (column, a) in values[self.offset..].chunks_mut(self.stride).zip(across) {
+            let factor = factor * a;
+            for (value, b) in column.iter_mut().zip(down) {
+                *value += factor * b;
+            }
+        }
+    }
 }
 
 impl SparseStructure {
     /// The structure of a matrix of blocks of these sizes that couples these pairs of blocks.
-    pub(crate) fn new(sizes: Vec<usize>, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
-        let count = sizes.len();
-        let mut neighbours: Vec<BTreeSet<usize>> = (0..count).map(|block| BTreeSet::from([block])).collect();
-        for (a, b) in pairs {
+    pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Self {
+        let mut neighbours: Vec<BTreeSet<usize>> =
+            (0..sizes.len()).map(|block| BTreeSet::from([block])).collect();
+        for [a, b] in pairs {
             neighbours[a].insert(b);
             neighbours[b].insert(a);
         }
         let order = order(&neighbours);
-        let mut rank = vec![0; count];
-        let mut starts = vec![0; count];
-        let mut total = 0;
+        let mut places = vec![0; sizes.len()];
+        order.iter().enumerate().for_each(|(place, &block)| places[block] = place);
+        let mut below: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); sizes.len()];
+        let mut columns: Vec<BlockColumn> = Vec::with_capacity(sizes.len());
+        let (mut start, mut offset) = (0, 0);
         for (place, &block) in order.iter().enumerate() {
-            rank[block] = place;
-            starts[block] = total;
-            total += sizes[block];
-        }
-        let mut row_offsets = HashMap::new();
-        let (mut columns, mut rows) = (vec![0], Vec::new());
-        for &block in &order {
-            let mut coupled: Vec<usize> = neighbours[block].iter().copied().collect();
-            coupled.sort_by_key(|&other| rank[other]);
-            let mut height = 0;
-            for &other in &coupled {
-                row_offsets.insert((other, block), height);
-                height += sizes[other];
+            let mut own = std::mem::take(&mut below[place]);
+            own.extend(neighbours[block].iter().map(|&other| places[other]).filter(|&other| other > place));
+            let rows: Vec<usize> = std::iter::once(place).chain(own.iter().copied()).collect();
+            if let Some(parent) = own.pop_first() {
+                below[parent].append(&mut own);
             }
-            for _ in 0..sizes[block] {
-                rows.extend(coupled.iter().flat_map(|&o| starts[o]..starts[o] + sizes[o]));
-                columns.push(rows.len());
-            }
+            let mut tops = vec![0];
+            tops.extend(rows.iter().scan(0, |height, &row| {
+                *height += sizes[order[row]];
+                Some(*height)
+            }));
+            let width = sizes[block];
+            let column = BlockColumn { start, width, offset, rows, tops };
+            start += width;
+            offset += width * column.height();
+            columns.push(column);
         }
-        // Offsets ascend and every column's rows do, by construction.
-        let pattern = SparsityPattern::try_from_offsets_and_indices(total, total, columns.clone(), rows)
-            .unwrap_or_else(|_| SparsityPattern::zeros(total, total));
-        Self { sizes, starts, columns, row_offsets, symbolic: CscSymbolicCholesky::factor(pattern) }
+        Self { places, columns }
     }
 
     /// Room for the values of a matrix.
     pub(crate) fn zeros(&self) -> Vec<f64> {
-        vec![0.0; self.columns.last().copied().unwrap_or(0)]
+        vec![0.0; self.columns.last().map_or(0, |column| column.offset + column.width * column.height())]
     }
 
-    /// Adds `factor` times a block, row by row, and its transpose on the other side of the diagonal.
-    pub(crate) fn add(&self, values: &mut [f64], [a, b]: [usize; 2], block: &[f64], factor: f64) {
-        let width = self.sizes[b];
-        let (Some(&above), Some(&left)) = (self.row_offsets.get(&(a, b)), self.row_offsets.get(&(b, a)))
-        else {
-            return;
-        };
-        for (i, row) in block.chunks_exact(width).enumerate() {
-            for (j, value) in row.iter().enumerate() {
-                values[self.columns[self.starts[b] + j] + above + i] += factor * value;
-                if a != b {
-                    values[self.columns[self.starts[a] + i] + left + j] += factor * value;
+    /// Where the block of two blocks is, if they are coupled.
+    pub(crate) fn entry(&self, [a, b]: [usize; 2]) -> Option<Entry> {
+        let (first, second) = (self.places[a], self.places[b]);
+        let column = &self.columns[first.min(second)];
+        let row = column.rows.binary_search(&first.max(second)).ok()?;
+        let (offset, stride) = (column.offset + column.tops[row], column.height());
+        Some(Entry { offset, stride, is_transposed: second < first })
+    }
+
+    /// Where the diagonal of a block is.
+    pub(crate) fn diagonal(&self, block: usize) -> impl Iterator<Item = usize> + use<> {
+        let column = &self.columns[self.places[block]];
+        let (offset, step) = (column.offset, column.height() + 1);
+        (0..column.width).map(move |i| offset + i * step)
+    }
+
+    /// `None` when the matrix is not positive definite. Of the blocks of the diagonal the lower triangle counts.
+    pub(crate) fn factor(&self, mut values: Vec<f64>) -> Option<CholeskyFactor<'_>> {
+        dispatch(
+            #[inline(always)]
+            || self.factor_in_place(&mut values),
+        )?;
+        Some(CholeskyFactor { sparse: self, values })
+    }
+
+    #[inline(always)]
+    fn factor_in_place(&self, values: &mut [f64]) -> Option<()> {
+        for column in &self.columns {
+            let (panel, behind) = values[column.offset..].split_at_mut(column.width * column.height());
+            factor_panel(panel, column.width, column.height())?;
+            let end = column.offset + panel.len();
+            for k in 1..column.rows.len() {
+                let target = &self.columns[column.rows[k]];
+                let values = &mut behind[target.offset - end..][..target.width * target.height()];
+                column.subtract_products(panel, k, target, values);
+            }
+        }
+        Some(())
+    }
+
+    /// Values of all unknowns as the blocks are numbered, in the order of the factor.
+    fn ordered(&self, values: &[f64]) -> Vec<f64> {
+        let mut ordered = vec![0.0; values.len()];
+        let mut rest = values;
+        for &place in &self.places {
+            let BlockColumn { start, width, .. } = self.columns[place];
+            let (own, others) = rest.split_at(width);
+            ordered[start..start + width].copy_from_slice(own);
+            rest = others;
+        }
+        ordered
+    }
+
+    /// The unknowns of a row of blocks below the diagonal of a column, from first to last.
+    fn unknowns_below<'a>(&'a self, column: &'a BlockColumn) -> impl Iterator<Item = usize> + 'a {
+        column.rows[1..].iter().flat_map(|&row| {
+            let BlockColumn { start, width, .. } = self.columns[row];
+            start..start + width
+        })
+    }
+}
+
+impl BlockColumn {
+    fn height(&self) -> usize {
+        self.tops[self.rows.len()]
+    }
+
+    /// Rows of this panel from its block row `k` on, as runs that another panel, which has them all, has in one
+    /// piece: first row here, first row there, length.
+    fn runs_in<'a>(&'a self, k: usize, other: &'a Self) -> impl Iterator<Item = [usize; 3]> + 'a {
+        let (mut from, mut at) = (k, 0);
+        std::iter::from_fn(move || {
+            let first = *self.rows.get(from)?;
+            at += other.rows[at..].iter().position(|&row| row == first)?;
+            let common = self.rows[from..].iter().zip(&other.rows[at..]).take_while(|(a, b)| a == b).count();
+            let run = [self.tops[from], other.tops[at], self.tops[from + common] - self.tops[from]];
+            (from, at) = (from + common, at + common);
+            Some(run)
+        })
+    }
+
+    /// Subtracts `L_Rj L_kj'`, of the rows R from `k` on, from the panel of `k`.
+    #[inline(always)]
+    fn subtract_products(&self, panel: &[f64], k: usize, target: &Self, values: &mut [f64]) {
+        let (top, height) = (self.tops[k], self.height());
+        for [here, there, length] in self.runs_in(k, target) {
+            for (q, to) in values.chunks_exact_mut(target.height()).enumerate() {
+                let to = &mut to[there..there + length];
+                // Several columns in one pass: what they are subtracted from is loaded and stored once.
+                for columns in panel.chunks(MOST_AT_ONCE * height) {
+                    match columns.len() / height {
+                        1 => subtract::<1>(to, columns, height, top + q, here),
+                        2 => subtract::<2>(to, columns, height, top + q, here),
+                        3 => subtract::<3>(to, columns, height, top + q, here),
+                        4 => subtract::<4>(to, columns, height, top + q, here),
+                        5 => subtract::<5>(to, columns, height, top + q, here),
+                        6 => subtract::<6>(to, columns, height, top + q, here),
+                        7 => subtract::<7>(to, columns, height, top + q, here),
+                        _ => subtract::<MOST_AT_ONCE>(to, columns, height, top + q, here),
+                    }
                 }
             }
         }
     }
+}
 
-    /// `None` when the matrix is not positive definite.
-    pub(crate) fn factor(&self, values: &[f64]) -> Option<CholeskyFactor<'_>> {
-        let cholesky = CscCholesky::factor_numerical(self.symbolic.clone(), values).ok()?;
-        Some(CholeskyFactor { sparse: self, cholesky })
+/// Columns of a panel in one pass: those of most cameras.
+const MOST_AT_ONCE: usize = 8;
+
+/// Subtracts N columns of a panel from row `here` on, each times its value in row `by`.
+#[inline(always)]
+fn subtract<const N: usize>(to: &mut [f64], columns: &[f64], height: usize, by: usize, here: usize) {
+    let length = to.len();
+    let factors: [f64; N] = std::array::from_fn(|d| columns[d * height + by]);
+    let columns: [&[f64]; N] = std::array::from_fn(|d| &columns[d * height + here..][..length]);
+    for i in 0..length {
+        let mut sum = 0.0;
+        for d in 0..N {
+            sum += factors[d] * columns[d][i];
+        }
+        to[i] -= sum;
     }
+}
+
+/// Adds `factor` times values to as many.
+#[inline(always)]
+fn add_scaled(to: &mut [f64], factor: f64, values: &[f64]) {
+    for (to, value) in to.iter_mut().zip(values) {
+        *to += factor * value;
+    }
+}
+
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `[S_jj; S_Rj]` becomes `[L_jj; S_Rj L_jj'^-1]`; `None` when `S_jj` is not positive definite.
+#[inline(always)]
+fn factor_panel(panel: &mut [f64], width: usize, height: usize) -> Option<()> {
+    for c in 0..width {
+        let (before, this) = panel.split_at_mut(c * height);
+        let this = &mut this[c..height];
+        for earlier in before.chunks_exact(height) {
+            add_scaled(this, -earlier[c], &earlier[c..]);
+        }
+        let pivot = this[0];
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        let scale = pivot.sqrt().recip();
+        this.iter_mut().for_each(|value| *value *= scale);
+    }
+    Some(())
 }
 
 /// An order of the blocks with little fill.
@@ -136,71 +308,129 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
 }
 
 impl CholeskyFactor<'_> {
+    fn panel(&self, column: &BlockColumn) -> &[f64] {
+        &self.values[column.offset..][..column.width * column.height()]
+    }
+
     /// The solution for a right-hand side with the blocks one after the other as they are numbered.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
-        let SparseStructure { sizes, starts, .. } = self.sparse;
-        let mut ordered = DMatrix::zeros(right.len(), 1);
-        let mut offset = 0;
-        for (&size, &start) in sizes.iter().zip(starts) {
-            ordered.as_mut_slice()[start..start + size].copy_from_slice(&right[offset..offset + size]);
-            offset += size;
+        let SparseStructure { places, columns } = self.sparse;
+        let mut found = self.sparse.ordered(right);
+        for column in columns {
+            for (c, values) in self.panel(column).chunks_exact(column.height()).enumerate() {
+                let own = column.start + c;
+                found[own] /= values[c];
+                let factor = -found[own];
+                add_scaled(&mut found[own + 1..column.start + column.width], factor, &values[c + 1..]);
+                for (row, value) in self.sparse.unknowns_below(column).zip(&values[column.width..]) {
+                    found[row] += factor * value;
+                }
+            }
         }
-        self.cholesky.solve_mut(&mut ordered);
-        let blocks = sizes.iter().zip(starts);
-        blocks.flat_map(|(&size, &start)| ordered.as_slice()[start..start + size].to_vec()).collect()
+        for column in columns.iter().rev() {
+            for (c, values) in self.panel(column).chunks_exact(column.height()).enumerate().rev() {
+                let own = column.start + c;
+                let rows = self.sparse.unknowns_below(column).zip(&values[column.width..]);
+                let below: f64 = rows.map(|(row, value)| found[row] * value).sum();
+                let beside = dot(&found[own + 1..column.start + column.width], &values[c + 1..column.width]);
+                found[own] = (found[own] - below - beside) / values[c];
+            }
+        }
+        let of_block = |&place: &usize| found[columns[place].start..][..columns[place].width].to_vec();
+        places.iter().flat_map(of_block).collect()
     }
 
     /// The inverse, where the factor has entries.
     pub(crate) fn inverse(self) -> SelectedInverse {
-        let SparseStructure { sizes, starts, .. } = self.sparse;
-        let factor = self.cholesky.take_l();
-        let (pattern, lower) = factor.into_pattern_and_values();
-        let size = pattern.major_dim();
-        let offsets = pattern.major_offsets();
-        let rows = pattern.minor_indices();
-        let mut values = vec![0.0; lower.len()];
+        let mut values = vec![0.0; self.values.len()];
+        dispatch(
+            #[inline(always)]
+            || self.invert(&mut values),
+        );
+        SelectedInverse { sparse: self.sparse.clone(), values }
+    }
+
+    #[inline(always)]
+    fn invert(&self, values: &mut [f64]) {
         let mut sums = Vec::new();
-        for j in (0..size).rev() {
-            let below = offsets[j] + 1..offsets[j + 1];
-            let (column, weights) = (&rows[below.clone()], &lower[below.clone()]);
+        for column in self.sparse.columns.iter().rev() {
+            let (width, height) = (column.width, column.height());
+            let factor = self.panel(column);
             sums.clear();
-            sums.resize(column.len(), 0.0);
-            for (k, &row) in column.iter().enumerate() {
-                // The rows of this column below are rows of that column, too; both are sorted.
-                let theirs = offsets[row]..offsets[row + 1];
-                let mut entries = rows[theirs.clone()].iter().zip(&values[theirs]);
-                let mut own = 0.0;
-                for (i, &wanted) in column.iter().enumerate().skip(k) {
-                    let Some((_, value)) = entries.find(|(at, _)| **at == wanted) else { break };
-                    sums[i] += weights[k] * value;
-                    if i > k {
-                        own += weights[i] * value;
-                    }
-                }
-                sums[k] += own;
+            sums.resize(width * height, 0.0);
+            for k in 1..column.rows.len() {
+                let other = &self.sparse.columns[column.rows[k]];
+                let inverse = &values[other.offset..][..other.width * other.height()];
+                column.add_inverse_products(factor, k, other, inverse, &mut sums);
             }
-            let diagonal = lower[offsets[j]];
-            let own: f64 = weights.iter().zip(&sums).map(|(weight, sum)| weight * -sum / diagonal).sum();
-            values[offsets[j]] = (diagonal.recip() - own) / diagonal;
-            for (value, sum) in values[below].iter_mut().zip(&sums) {
-                *value = -sum / diagonal;
+            let panel = &mut values[column.offset..][..width * height];
+            invert_panel(panel, factor, &sums, width);
+        }
+    }
+}
+
+impl BlockColumn {
+    /// Adds the part of `Z_RR L_Rj` that the panel `k` of the inverse has, and its transpose.
+    #[inline(always)]
+    fn add_inverse_products(
+        &self,
+        factor: &[f64],
+        k: usize,
+        other: &Self,
+        inverse: &[f64],
+        sums: &mut [f64],
+    ) {
+        let height = self.height();
+        let top = self.tops[k];
+        for [here, there, length] in self.runs_in(k, other) {
+            for (q, column) in inverse.chunks_exact(other.height()).enumerate() {
+                let run = &column[there..there + length];
+                // The block of the diagonal is whole: its transpose is itself.
+                let beyond = if here == top { other.width } else { 0 };
+                for (sums, factor) in sums.chunks_exact_mut(height).zip(factor.chunks_exact(height)) {
+                    add_scaled(&mut sums[here..], factor[top + q], run);
+                    sums[top + q] += dot(&factor[here + beyond..], &run[beyond..]);
+                }
             }
         }
-        SelectedInverse { sizes: sizes.clone(), starts: starts.clone(), pattern, values }
+    }
+}
+
+/// `[Z_jj; Z_Rj]` from `[L_jj; L_Rj]` and `Z_RR L_Rj`.
+#[inline(always)]
+fn invert_panel(panel: &mut [f64], factor: &[f64], sums: &[f64], width: usize) {
+    let height = panel.len() / width;
+    for c in (0..width).rev() {
+        let (own, behind) = panel[c * height..].split_at_mut(height);
+        let diagonal = factor[c * height + c];
+        for (value, sum) in own[width..].iter_mut().zip(&sums[c * height + width..]) {
+            *value = -sum;
+        }
+        for (d, later) in behind.chunks_exact(height).enumerate() {
+            let weight = -factor[c * height + c + 1 + d];
+            add_scaled(&mut own[width..], weight, &later[width..]);
+        }
+        own[width..].iter_mut().for_each(|value| *value /= diagonal);
+    }
+    for c in (0..width).rev() {
+        let diagonal = factor[c * height + c];
+        for i in (c..width).rev() {
+            let below = dot(&panel[i * height + width..(i + 1) * height], &factor[c * height + width..]);
+            let beside: f64 = (c + 1..width).map(|d| panel[d * height + i] * factor[c * height + d]).sum();
+            let right = if i == c { diagonal.recip() } else { 0.0 };
+            let value = (right - below - beside) / diagonal;
+            panel[c * height + i] = value;
+            panel[i * height + c] = value;
+        }
     }
 }
 
 impl SelectedInverse {
     /// A block, row by row; zeros for two blocks that nothing couples.
     pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
-        let Self { sizes, starts, .. } = self;
-        DMatrix::from_fn(sizes[a], sizes[b], |i, j| self.at(starts[a] + i, starts[b] + j))
-    }
-
-    fn at(&self, i: usize, j: usize) -> f64 {
-        let (row, column) = (i.max(j), i.min(j));
-        let offset = self.pattern.major_offsets()[column];
-        self.pattern.lane(column).binary_search(&row).map_or(0.0, |place| self.values[offset + place])
+        let size = |block: usize| self.sparse.columns[self.sparse.places[block]].width;
+        let entry = self.sparse.entry([a, b]);
+        DMatrix::from_fn(size(a), size(b), |i, j| entry.map_or(0.0, |entry| self.values[entry.at(i, j)]))
     }
 }
 
@@ -220,14 +450,17 @@ mod tests {
             let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
             let count = sizes.len();
             let pairs: Vec<_> = pairs.iter().map(|(a, b)| (a % count, b % count)).filter(|(a, b)| a < b).collect::<BTreeSet<_>>().into_iter().collect();
-            let sparse = SparseStructure::new(sizes.clone(), pairs.iter().copied());
+            let sparse = SparseStructure::new(&sizes, pairs.iter().map(|&(a, b)| [a, b]));
             let offset = |block: usize| sizes[..block].iter().sum::<usize>();
             let total = offset(count);
             let mut dense = DMatrix::zeros(total, total);
             let mut values = sparse.zeros();
             for &(a, b) in &pairs {
                 let block: Vec<f64> = (0..sizes[a] * sizes[b]).map(|_| random.random_range(-1.0..1.0)).collect();
-                sparse.add(&mut values, [a, b], &block, 1.0);
+                for (i, row) in block.chunks_exact(sizes[b]).enumerate() {
+                    let unit: Vec<f64> = (0..sizes[a]).map(|k| f64::from(u8::from(k == i))).collect();
+                    sparse.entry([a, b]).unwrap().add_outer(&mut values, 1.0, &unit, row);
+                }
                 for i in 0..sizes[a] {
                     for j in 0..sizes[b] {
                         dense[(offset(a) + i, offset(b) + j)] += block[i * sizes[b] + j];
@@ -237,16 +470,14 @@ mod tests {
             }
             // More than the sum of what stands beside it: positive.
             for block in 0..count {
-                let mut diagonal = vec![0.0; sizes[block] * sizes[block]];
-                for i in 0..sizes[block] {
-                    diagonal[i * sizes[block] + i] = 40.0;
+                for (i, at) in sparse.diagonal(block).enumerate() {
+                    values[at] += 40.0;
                     dense[(offset(block) + i, offset(block) + i)] += 40.0;
                 }
-                sparse.add(&mut values, [block, block], &diagonal, 1.0);
             }
             let right: Vec<f64> = (0..total).map(|_| random.random_range(-1.0..1.0)).collect();
             let expected = dense.clone().cholesky().unwrap();
-            let factor = sparse.factor(&values).unwrap();
+            let factor = sparse.factor(values).unwrap();
             let solution = factor.solve(&right);
             let exact = expected.solve(&nalgebra::DVector::from_vec(right));
             for (found, exact) in solution.iter().zip(exact.iter()) {

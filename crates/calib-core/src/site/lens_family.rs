@@ -5,6 +5,7 @@ use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
 use crate::site::options::Options;
 use crate::site::pipeline::Report;
+use crate::site::shared_drawings::SharedDrawings;
 
 /// The id of the camera whose lens a camera has.
 fn owner(camera: &SiteCamera) -> &str {
@@ -35,12 +36,13 @@ impl Site {
         let options = Options { refine: false, ..Options::default() };
         let entries: Vec<&SiteCamera> = family.iter().filter_map(|&index| self.cameras.get(index)).collect();
         let lenses = self.lenses(&entries, before);
-        let single_fits = self.single_fits(&entries, &lenses, &options);
+        let shared = SharedDrawings::of(self, &entries);
+        let single_fits = self.single_fits(&entries, &lenses, &shared, &options);
         let refined = refine_lenses(&entries, &single_fits, self.plane_priors()).cameras;
         let mut report = Report::default();
         for (position, (&index, entry)) in family.iter().zip(&entries).enumerate() {
             let refined = refined.get(position).and_then(Option::as_ref);
-            let result = self.finish(entry, &single_fits[position], refined, options.method);
+            let result = self.finish(entry, &single_fits[position], refined, options.method, &shared);
             let (solution, findings) = self.to_document(index, result);
             report.cameras.push((index, solution));
             report.findings.push(findings);

@@ -4,7 +4,8 @@
 //!
 //! - `document`, `elements`, `scene`, `planes`, `surfaces`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
 //!   entries as the types of the geometry;
-//! - `english` findings and failures as sentences; `points_outside` whether a drawing is of its image; `camera_result`
+//! - `english` findings and failures as sentences; `points_outside` whether a drawing is of its image, with what
+//!   others share with it in `shared_drawings`; `camera_result`
 //!   a result before it is put into words;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, and `finding_entry` all findings in one list, as other languages ask for them;
@@ -25,6 +26,7 @@ mod covariance_entry;
 mod conversions;
 mod efov;
 mod english;
+mod shared_drawings;
 mod points_outside;
 mod camera_result;
 mod site_error;

@@ -17,7 +17,8 @@ use crate::site::options::Options;
 use crate::site::placement_step::placed_uncertainty;
 use crate::site::planes::PlaneSolution;
 use crate::site::pose_findings::is_found_anew;
-use crate::site::single_step::{LensOwners, Lenses, SingleFit, residual_entries, residuals_when_off, rms};
+use crate::site::shared_drawings::SharedDrawings;
+use crate::site::single_step::{LensOwners, Others, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 
@@ -79,7 +80,8 @@ impl Site {
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
         let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
-        let single_fits = self.single_fits(&entries, &LensCache::default(), options);
+        let shared = SharedDrawings::of(self, &entries);
+        let single_fits = self.single_fits(&entries, &LensCache::default(), &shared, options);
         let is_joint = options.refine && options.method != Method::Paper;
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
@@ -91,7 +93,7 @@ impl Site {
             .filter(|&index| asked(&self.cameras[index]))
             .map(|index| {
                 let joined = bundle.cameras.get(index).and_then(Option::as_ref);
-                (index, self.finish(entries[index], &single_fits[index], joined, options.method))
+                (index, self.finish(entries[index], &single_fits[index], joined, options.method, &shared))
             })
             .collect();
         let triangulated = bundle.triangulated();
@@ -120,12 +122,13 @@ impl Site {
         &self,
         entries: &[&SiteCamera],
         known: &LensCache,
+        shared: &SharedDrawings,
         options: &Options,
     ) -> Vec<Result<SingleFit, Failure>> {
         let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
         let none = LensOwners::new();
-        let alone = Lenses { owners: &none, known };
+        let alone = Others { owners: &none, known, shared };
         let owners: LensOwners = entries
             .iter()
             .filter_map(like)
@@ -136,10 +139,10 @@ impl Site {
                 Some((id, first))
             })
             .collect();
-        let lenses = Lenses { owners: &owners, known };
+        let others = Others { owners: &owners, known, shared };
         let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.first_of(&camera.id) == Some(camera) => first.clone(),
-            _ => self.fit_single(camera, options, None, lenses),
+            _ => self.fit_single(camera, options, None, others),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
         let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
@@ -151,7 +154,7 @@ impl Site {
             let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
             if let (Some(draft), Some(own)) = (draft, own) {
                 let better = (&own.lens_estimate, draft.camera.lens);
-                single_fits[index] = self.fit_single(entries[index], options, Some(better), lenses);
+                single_fits[index] = self.fit_single(entries[index], options, Some(better), others);
             }
         }
         single_fits
@@ -179,6 +182,7 @@ impl Site {
         first: &Result<SingleFit, Failure>,
         joined: Option<&CameraEstimate>,
         method: Method,
+        shared: &SharedDrawings,
     ) -> Result<CameraResult, Failure> {
         let first = first.as_ref().map_err(Clone::clone)?;
         let mut result = first.result.clone();
@@ -187,7 +191,7 @@ impl Site {
             result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
             result.solution.warnings.retain(|warning| !is_found_anew(warning.code));
             result.findings = entry.pose_findings();
-            result.findings.extend(self.points_outside(entry));
+            result.findings.extend(self.shared_points_outside(entry, shared));
             return check_finite(result);
         }
         let Some(own) = result.solution.camera() else { return check_finite(result) };
@@ -231,7 +235,7 @@ impl Site {
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_found_anew(finding.code()));
         result.findings.extend(entry.findings_at(&camera));
-        result.findings.extend(self.points_outside(entry));
+        result.findings.extend(self.shared_points_outside(entry, shared));
         if self.is_placed_by_hand(entry, &camera, stage) {
             result.findings.push(Finding::PlacedByHand);
         }

@@ -13,6 +13,7 @@
 use crate::camera::Pixel;
 use crate::outcome::{Finding, Subject};
 use crate::site::document::{Site, SiteCamera};
+use crate::site::shared_drawings::SharedDrawings;
 
 /// How far beyond the border something may be drawn, in lengths of the longer side.
 const BORDER: f64 = 0.05;
@@ -22,7 +23,16 @@ impl Site {
     /// count.
     #[must_use]
     pub fn points_outside(&self, entry: &SiteCamera) -> Option<Finding> {
-        let points = self.drawn_on(entry);
+        self.shared_points_outside(entry, &SharedDrawings::of(self, &[entry]))
+    }
+
+    /// The same, with what cameras share looked up already.
+    pub(crate) fn shared_points_outside(
+        &self,
+        entry: &SiteCamera,
+        shared: &SharedDrawings,
+    ) -> Option<Finding> {
+        let points = self.drawn_on(entry, shared);
         let [width, height] = entry.size();
         let is_far = |pixel: &Pixel| beyond(pixel, [width, height]) > BORDER * width.max(height);
         if !points.iter().any(|(_, pixel)| is_far(pixel)) {
@@ -41,20 +51,20 @@ impl Site {
 
     /// Every pixel that is drawn on a camera, and what it is of. Of a camera with several periods what cameras share is
     /// drawn on the first.
-    fn drawn_on(&self, entry: &SiteCamera) -> Vec<(Subject, Pixel)> {
+    fn drawn_on(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Vec<(Subject, Pixel)> {
         let mut points = entry.drawn();
-        if self.cameras.iter().find(|camera| camera.id == entry.id) != Some(entry) {
+        if shared.first(self, &entry.id) != Some(entry) {
             return points;
         }
-        for (index, link) in self.links.iter().enumerate().filter(|(_, link)| !link.off) {
-            for seen in link.seen.iter().filter(|seen| seen.camera == entry.id) {
+        for &index in shared.links(&entry.id) {
+            for seen in self.links[index].seen.iter().filter(|seen| seen.camera == entry.id) {
                 let ends = [seen.px, seen.foot, seen.head].into_iter().flatten();
                 let all = ends.chain(seen.segment.iter().flatten().copied());
                 points.extend(all.map(|pixel| (Subject::Link(index), pixel)));
             }
         }
-        for (index, mark) in self.marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
-            let seen = mark.seen.iter().filter(|seen| seen.camera == entry.id);
+        for &index in shared.marks(&entry.id) {
+            let seen = self.marks[index].seen.iter().filter(|seen| seen.camera == entry.id);
             points.extend(seen.map(|seen| (Subject::Mark(index), seen.px)));
         }
         points

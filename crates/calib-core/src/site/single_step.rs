@@ -11,20 +11,24 @@ use crate::single::{
 };
 use crate::site::camera_result::CameraResult;
 use crate::site::document::{Site, SiteCamera};
-use crate::site::elements::Link;
 use crate::site::lens_cache::LensCache;
 use crate::site::lens_step::LensEstimate;
 use crate::site::options::Options;
+use crate::site::shared_drawings::SharedDrawings;
 use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
 pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 
-/// Lenses that are estimated already: those that cameras share, and those of an earlier calibration.
+/// What a camera has from others.
 #[derive(Clone, Copy)]
-pub(crate) struct Lenses<'a> {
+pub(crate) struct Others<'a> {
+    /// Lenses that cameras share, estimated already.
     pub(crate) owners: &'a LensOwners,
+    /// Lenses of an earlier calibration.
     pub(crate) known: &'a LensCache,
+    /// What is drawn on several cameras.
+    pub(crate) shared: &'a SharedDrawings<'a>,
 }
 
 /// The fixed parameters of a camera; a shared lens fixes the focal at that of its owner.
@@ -79,15 +83,15 @@ impl Site {
         entry: &SiteCamera,
         options: &Options,
         better: Option<(&LensEstimate, Lens)>,
-        lenses: Lenses,
+        others: Others,
     ) -> Result<SingleFit, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
-        let owner = like.and_then(|id| lenses.owners.get(id));
+        let owner = like.and_then(|id| others.owners.get(id));
         let owned = like.and_then(|id| self.first_of(id));
         let mut lens_estimate = match (better, owner.zip(owned)) {
             (Some((lens_estimate, _)), _) => lens_estimate.clone(),
             (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
-            _ => self.lens_estimate(entry, lenses.known),
+            _ => self.lens_estimate(entry, others.known),
         };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
@@ -127,7 +131,7 @@ impl Site {
                     &planes,
                     lens,
                     fixed,
-                    [weak_prior_used, is_draft, self.may_be_linked(entry)],
+                    [weak_prior_used, is_draft, self.may_be_linked(entry, others.shared)],
                 )?;
                 (result, Some(fit))
             }
@@ -138,12 +142,10 @@ impl Site {
 
 impl Site {
     /// Whether there are other cameras and few links yet to them.
-    fn may_be_linked(&self, entry: &SiteCamera) -> bool {
+    fn may_be_linked(&self, entry: &SiteCamera, shared: &SharedDrawings) -> bool {
         /// With so many links what more would tell is little.
         const ENOUGH: usize = 4;
-        let shows = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == entry.id);
-        self.cameras.iter().any(|other| other.id != entry.id)
-            && self.links.iter().filter(shows).count() < ENOUGH
+        self.cameras.iter().any(|other| other.id != entry.id) && shared.links(&entry.id).len() < ENOUGH
     }
 }
 
