@@ -335,6 +335,40 @@ fn posts_tie_cameras() {
 }
 
 #[test]
+fn links_clicked_in_haste_count_for_what_they_are() {
+    /// Coordinates of the second and third camera whose intervals hold the truth, of how many.
+    fn inside(random: &mut ChaCha8Rng, says_so: bool) -> [usize; 2] {
+        const HASTE: f64 = 3.0;
+        let mut held = [0, 0];
+        for _ in 0..60 {
+            let mut layout = Layout::ring(random, 3, 8, 1.0);
+            layout.place_first();
+            for link in &mut layout.site.links {
+                let at = link.seen[1].px.unwrap();
+                let [u, v] = [at.u, at.v]
+                    .map(|at| at + random.random_range(-8_f64.sqrt()..8_f64.sqrt()) * 3_f64.sqrt());
+                link.seen[1].px = Some(Pixel::new(u, v));
+                link.seen[1].sigma_px = says_so.then_some(HASTE);
+            }
+            let report = solve(&layout);
+            for (found, truth) in cameras(&report).iter().zip(&layout.truth).skip(1) {
+                let off = [found.position.x - truth.position.x, found.position.y - truth.position.y];
+                for (off, index) in off.into_iter().zip([Covariance::X, Covariance::Y]) {
+                    let sigma = found.covariance.sigma(index).unwrap();
+                    held = [held[0] + usize::from(off.abs() < 1.96 * sigma), held[1] + 1];
+                }
+            }
+        }
+        held
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(31);
+    let [held, of] = inside(&mut random, true);
+    assert!((0.91..0.99).contains(&(held as f64 / of as f64)), "{held} of {of}");
+    let [held, of] = inside(&mut random, false);
+    assert!((held as f64) < 0.88 * of as f64, "said to be as good as all else, they mislead: {held} of {of}");
+}
+
+#[test]
 fn marks_tie_cameras_and_give_the_scale() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {

@@ -147,6 +147,7 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
         phase,
         modifiers: keys::held(modifiers),
         radius: mapping.units(theme::HIT),
+        grain: mapping.units(1.0),
         moved: app.panes.moved,
         double: app.panes.double,
         offer,

@@ -51,7 +51,7 @@ fn plane_of(session: &Session, link: &Link) -> Plane {
 fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoint, Option<f64>)> {
     let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
     let (camera, px) = (session.solved.placed(index)?, seen.px?);
-    let drawn = session.site.cameras[index].sigma_px.unwrap_or(1.0);
+    let drawn = seen.sigma_px.or(session.site.cameras[index].sigma_px).unwrap_or(1.0);
     let sigma = camera.floor_covariance(px, drawn).and_then(|covariance| covariance.worst_sigma());
     Some((camera.pixel_to_plane(px, plane)?.on_floor(), sigma))
 }

@@ -30,6 +30,7 @@ impl Operator {
             phase,
             modifiers: Modifiers::NONE,
             radius: if pane == Pane::Plan { 0.1 } else { 8.0 },
+            grain: 0.5,
             moved,
             double: false,
             offer: None,
@@ -326,6 +327,42 @@ fn a_link_is_taken_up_where_it_is_drawn_and_two_of_one_thing_become_one() {
     operator.click(Pane::Image(1), [100.0, 900.0]);
     operator.click(Pane::Image(1), there);
     assert_eq!(operator.site().links.len(), 3);
+}
+
+#[test]
+fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
+    let mut operator = drawn();
+    let at = |at: [f64; 2], phase, moved, grain| {
+        let modifiers = Modifiers::NONE;
+        let (pane, radius) = (Pane::Image(0), 8.0 * grain);
+        Action::Pointer(Pointer {
+            pane,
+            at,
+            phase,
+            modifiers,
+            radius,
+            grain,
+            moved,
+            double: false,
+            offer: None,
+            still: None,
+        })
+    };
+    operator.take("Link");
+    let from = [900.0, 800.0];
+    operator.0.apply(at(from, Phase::Press, false, 2.3));
+    operator.0.apply(at(from, Phase::Release, false, 2.3));
+    assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
+    assert!(operator.0.session().note.as_ref().is_some_and(|note| note.contains("\u{b1} 2.3 px")));
+    // Moved where it is seen large, it is as good as what else is drawn.
+    operator.take("Select");
+    operator.0.apply(at(from, Phase::Press, false, 0.5));
+    operator.0.apply(at([902.0, 801.0], Phase::Drag, true, 0.5));
+    operator.0.apply(at([902.0, 801.0], Phase::Release, true, 0.5));
+    let seen = &operator.site().links[0].seen[0];
+    assert_eq!((seen.px, seen.sigma_px), (Some(Pixel::new(902.0, 801.0)), None));
+    operator.undo();
+    assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
 }
 
 #[test]

@@ -45,6 +45,7 @@ fn click(editor: &mut Editor, camera: usize, at: Pixel, alt: bool) {
             phase,
             modifiers: Modifiers { alt, ..Modifiers::NONE },
             radius: 8.0,
+            grain: 0.5,
             moved: false,
             double: false,
             offer: None,

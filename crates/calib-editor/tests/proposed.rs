@@ -266,6 +266,7 @@ fn a_click_on_a_line_chooses_it_and_delete_leaves_it_out() {
             phase,
             modifiers: calib_editor::Modifiers::NONE,
             radius: 8.0,
+            grain: 0.5,
             moved: false,
             double: false,
             offer: None,

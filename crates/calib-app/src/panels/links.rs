@@ -126,14 +126,25 @@ fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
 /// How many pixels off a view is after a joint solve; a dot where that is not known.
 fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let palette = theme::palette(ui.ctx());
-    let found = app.editor.session().solved.joint_link(app.editor.site(), link);
+    let site = app.editor.site();
+    let own =
+        site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
+    let drawn = own.map_or(String::new(), |sigma| {
+        format!("Clicked to \u{b1} {sigma:.1} px: zoom in and drag it to place it finer")
+    });
+    let found = app.editor.session().solved.joint_link(site, link);
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
-        ui.label(RichText::new("\u{b7}").color(palette.text3));
+        let dot = ui.label(RichText::new("\u{b7}").color(palette.text3));
+        if !drawn.is_empty() {
+            dot.on_hover_text(drawn);
+        }
         return;
     };
-    let sigma = app.editor.session().site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let of_camera = || site.camera(camera).and_then(|camera| camera.sigma_px);
+    let sigma = own.or_else(of_camera).unwrap_or(1.0);
     let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
-    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text("px");
+    let said = if drawn.is_empty() { "px".to_owned() } else { format!("px off. {drawn}") };
+    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
 
 /// What a link is and how high it is; the link as it is to become.

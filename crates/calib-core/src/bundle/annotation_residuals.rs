@@ -3,8 +3,8 @@
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::common_tilt::{CommonTilt, by_common};
-use crate::bundle::problem::{BundleProblem, listed};
-use crate::bundle::residuals::{ResidualKind, Stage1Residuals, stage_1_by_lens, stage_1_residuals};
+use crate::bundle::problem::BundleProblem;
+use crate::bundle::residuals::{ResidualKind, Stage1Residuals, listed, stage_1_by_lens, stage_1_residuals};
 use crate::bundle::shared_planes::{ByPlane, POSE_OF_PLANE};
 use crate::camera::{Camera, Covariance, Lens};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};

@@ -7,7 +7,7 @@ use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::plane_parameters::parameters_of_plane;
-use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, of_free};
+use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, listed, of_free};
 use crate::camera::{Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{PlanePrior, Prior, edge_redundancy, straightness_with_jacobian};
@@ -368,19 +368,6 @@ impl<'a> BundleProblem<'a> {
         self.each_residual(state, |residual, jacobian, _| self.blocks.add(&mut normal, residual, jacobian))?;
         normal.cost.is_finite().then_some(normal)
     }
-}
-
-/// The blocks that there are, first, and their number.
-pub(crate) fn listed<const N: usize>(
-    blocks: [Option<JacobianBlock<'_>>; N],
-) -> ([JacobianBlock<'_>; N], usize) {
-    let mut listed = [JacobianBlock { block: 0, by: &[] }; N];
-    let mut count = 0;
-    for block in blocks.into_iter().flatten() {
-        listed[count] = block;
-        count += 1;
-    }
-    (listed, count)
 }
 
 impl LeastSquares for BundleProblem<'_> {

@@ -134,6 +134,19 @@ pub(crate) fn stage_1_by_lens(
     Some(gradients)
 }
 
+/// The blocks that there are, first, and their number.
+pub(crate) fn listed<const N: usize>(
+    blocks: [Option<JacobianBlock<'_>>; N],
+) -> ([JacobianBlock<'_>; N], usize) {
+    let mut listed = [JacobianBlock { block: 0, by: &[] }; N];
+    let mut count = 0;
+    for block in blocks.into_iter().flatten() {
+        listed[count] = block;
+        count += 1;
+    }
+    (listed, count)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@
 //!
 //! - `nelder_mead` for the paper's criterion, which has no derivatives; `levenberg_marquardt` for every sum of
 //!   squares ([`LeastSquares`], [`least_squares`]);
-//! - `sparse_cholesky`, `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
+//! - `sparse_cholesky`, `selected_inverse`, `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
 //!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
 //! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
 //!   nuisance parameters in blocks.
@@ -12,6 +12,7 @@
 mod nelder_mead;
 mod levenberg_marquardt;
 mod sparse_cholesky;
+mod selected_inverse;
 mod dense_block;
 mod block_structure;
 mod schur_complement;

@@ -38,7 +38,7 @@ use nalgebra::DMatrix;
 
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
 use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse};
-use crate::optimize::sparse_cholesky::SelectedInverse;
+use crate::optimize::selected_inverse::SelectedInverse;
 
 /// The system of the kept blocks.
 struct Reduced {

@@ -91,6 +91,7 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
         if let Some(segment) = &seen.segment {
             pixels(&at.key("segment"), segment, 2)?;
         }
+        optional(&at.key("sigma_px"), seen.sigma_px, Bounds::POSITIVE)?;
     }
     Ok(())
 }

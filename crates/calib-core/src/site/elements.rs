@@ -60,6 +60,9 @@ document! {
         /// Of a line, raw pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         segment: Option<Vec<Pixel>>,
+        /// Standard deviation of each coordinate, in pixels; that of the camera's drawings if absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sigma_px: Option<f64>,
     }
 
     /// A virtual element of known shape.
@@ -164,6 +167,6 @@ impl LinkSeen {
     /// What this camera is to show, still without a pixel.
     #[must_use]
     pub fn new(camera: impl Into<String>) -> Self {
-        Self { camera: camera.into(), px: None, foot: None, head: None, segment: None }
+        Self { camera: camera.into(), px: None, foot: None, head: None, segment: None, sigma_px: None }
     }
 }

@@ -201,8 +201,9 @@ fn linked(
     let mut observations = Vec::new();
     for seen in &link.seen {
         let Some(view) = camera(&seen.camera) else { continue };
+        let sigma = seen.sigma_px.unwrap_or(noise[view]);
         let mut add = |point: usize, pixel: Option<Pixel>| {
-            observations.extend(pixel.map(|pixel| Observation { view, point, pixel, sigma: noise[view] }));
+            observations.extend(pixel.map(|pixel| Observation { view, point, pixel, sigma }));
         };
         match link.kind {
             LinkKind::Point => add(0, seen.px),

@@ -172,6 +172,7 @@ impl Work<'_> {
             foot: point(seen.foot)?,
             head: point(seen.head)?,
             segment,
+            sigma_px: seen.sigma_px,
         })
     }
 

@@ -10,14 +10,14 @@ use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 #[derive(Debug, Default)]
 pub(super) struct Control {
     /// The pixel that waits for its place.
-    waiting: Option<(usize, Pixel)>,
+    waiting: Option<(usize, Pixel, Option<f64>)>,
     /// Where the pointer is on the floor, for the rubber band.
     over: Option<[f64; 2]>,
 }
 
 impl Control {
     fn finish(&mut self, session: &mut Session, at: FloorPoint) {
-        let Some((camera, px)) = self.waiting.take() else { return };
+        let Some((camera, px, sigma_px)) = self.waiting.take() else { return };
         let plan_px = session.site.plan.as_ref().map(|_| plan_scale(&session.site).plan_from_floor(at));
         let world_m = plan_px.is_none().then(|| at.at_height(0.0));
         let Some(entry) = session.site.cameras.get_mut(camera) else { return };
@@ -33,7 +33,7 @@ impl Control {
             world_m,
             height_m: None,
             plan_px,
-            sigma_px: None,
+            sigma_px,
             sigma_m: None,
         });
         let part = Part::Control(entry.control_points.len() - 1);
@@ -48,7 +48,8 @@ impl Tool for Control {
         match (pointer.pane, pointer.phase) {
             (Pane::Image(camera), Phase::Press | Phase::Drag | Phase::Release) => {
                 session.choose(camera);
-                self.waiting = Some((camera, pointer.at.into()));
+                let sigma = session.site.cameras.get(camera).and_then(|entry| pointer.sigma_px(entry));
+                self.waiting = Some((camera, pointer.at.into(), sigma));
             }
             (Pane::Plan, Phase::Release) => self.finish(session, pointer.at.into()),
             (Pane::Plan, _) => self.over = Some(pointer.at),
@@ -58,7 +59,8 @@ impl Tool for Control {
 
     fn accept(&mut self, session: &mut Session) {
         // Where the camera shows it now: a beginning for numbers typed in the table.
-        let at = self.waiting.and_then(|(camera, px)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
+        let at =
+            self.waiting.and_then(|(camera, px, _)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
         if let Some(at) = at {
             self.finish(session, at);
         }
@@ -80,7 +82,7 @@ impl Tool for Control {
     }
 
     fn held(&self) -> Option<(Pane, [f64; 2])> {
-        self.waiting.map(|(camera, px)| (Pane::Image(camera), px.into()))
+        self.waiting.map(|(camera, px, _)| (Pane::Image(camera), px.into()))
     }
 
     fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
@@ -88,7 +90,7 @@ impl Tool for Control {
             vec![vec![[x - arm, y], [x + arm, y]], vec![[x, y - arm], [x, y + arm]]]
         };
         match (pane, self.waiting, self.over) {
-            (Pane::Image(camera), Some((own, px)), _) if camera == own => cross(px.into(), 12.0),
+            (Pane::Image(camera), Some((own, px, _)), _) if camera == own => cross(px.into(), 12.0),
             (Pane::Plan, Some(_), Some(over)) => cross(over, 0.3),
             _ => Vec::new(),
         }

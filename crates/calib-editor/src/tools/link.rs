@@ -15,6 +15,9 @@ enum Gesture {
     Pressed { camera: usize, start: Pixel, end: Pixel },
 }
 
+/// What is clicked worse than this is said, in pixels.
+const COARSE: f64 = 1.5;
+
 /// The tool of links. The one begun last waits for another view until Enter or Esc, and so does one that is
 /// selected.
 #[derive(Debug, Default)]
@@ -24,8 +27,8 @@ pub(super) struct Linking {
     waiting: Option<String>,
 }
 
-fn sighting(camera: &str, [start, end]: [Pixel; 2], kind: LinkKind) -> LinkSeen {
-    let seen = LinkSeen::new(camera);
+fn sighting(camera: &str, [start, end]: [Pixel; 2], kind: LinkKind, sigma_px: Option<f64>) -> LinkSeen {
+    let seen = LinkSeen { sigma_px, ..LinkSeen::new(camera) };
     match kind {
         LinkKind::Point => LinkSeen { px: Some(end), ..seen },
         LinkKind::Post => LinkSeen { foot: Some(start), head: Some(end), ..seen },
@@ -78,7 +81,8 @@ impl Linking {
         if !session.may_share(camera) {
             return;
         }
-        let Some(id) = session.site.cameras.get(camera).map(|camera| camera.id.clone()) else { return };
+        let Some(entry) = session.site.cameras.get(camera) else { return };
+        let (id, sigma) = (entry.id.clone(), pointer.sigma_px(entry));
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);
         session.choose(camera);
@@ -92,17 +96,20 @@ impl Linking {
                 && link.seen.iter().all(|known| known.camera != id)
         });
         let name = if let Some(link) = open {
-            link.seen.push(sighting(&id, ends, link.kind));
+            link.seen.push(sighting(&id, ends, link.kind, sigma));
             link.id.get_or_insert(free).clone()
         } else {
             let kind = if pointer.moved { LinkKind::Line } else { LinkKind::Point };
-            let seen = vec![sighting(&id, ends, kind)];
+            let seen = vec![sighting(&id, ends, kind, sigma)];
             session.site.links.push(Link::new(Some(free.clone()), kind, seen));
             free
         };
         // It is this one that waits, whatever was selected.
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
+        session.note = sigma.filter(|sigma| *sigma > COARSE).map(|sigma| {
+            format!("{name} is clicked to \u{b1} {sigma:.1} px at this zoom; zoom in and drag it to place it finer.")
+        });
         self.waiting = Some(name);
     }
 }

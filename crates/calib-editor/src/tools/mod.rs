@@ -12,7 +12,7 @@ mod region;
 
 use std::sync::Arc;
 
-use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site};
+use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site, SiteCamera};
 use calib_image::Edge;
 use image::RgbImage;
 
@@ -56,6 +56,8 @@ pub struct Pointer {
     pub modifiers: Modifiers,
     /// The hit radius, in the canvas's own units.
     pub radius: f64,
+    /// A point of the screen, in the canvas's own units: no finer is a click.
+    pub grain: f64,
     /// Whether it has moved since the button went down.
     pub moved: bool,
     /// Whether this is the second of two quick clicks.
@@ -67,6 +69,13 @@ pub struct Pointer {
 }
 
 impl Pointer {
+    /// Standard deviation of the pixel of a click on a camera, where that is more than its drawings have: seen
+    /// small, a thing is clicked no better than to a point of the screen.
+    pub(crate) fn sigma_px(&self, camera: &SiteCamera) -> Option<f64> {
+        let hundredths = (100.0 * self.grain).round() / 100.0;
+        (hundredths > camera.sigma_px.unwrap_or(1.0)).then_some(hundredths)
+    }
+
     /// As a pixel of an image, with the camera it belongs to.
     #[must_use]
     pub fn pixel(&self) -> Option<(usize, Pixel)> {

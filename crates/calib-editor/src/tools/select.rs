@@ -113,6 +113,18 @@ fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Point
     }
 }
 
+/// What was moved of links is now as well known as it is seen.
+fn grain(session: &mut Session, camera: usize, pointer: &Pointer) {
+    let Some(sigma) = session.site.cameras.get(camera).map(|entry| pointer.sigma_px(entry)) else { return };
+    for part in &session.selection {
+        if let Part::Link { link, seen, .. } = *part
+            && let Some(seen) = session.site.links.get_mut(link).and_then(|link| link.seen.get_mut(seen))
+        {
+            seen.sigma_px = sigma;
+        }
+    }
+}
+
 impl Tool for Select {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         let gesture = std::mem::take(&mut self.gesture);
@@ -130,6 +142,7 @@ impl Tool for Select {
                             let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
                             snap::pull_points(&mut session.site, camera, &moved, lens, still);
                         }
+                        grain(session, camera, pointer);
                         let name = session.selection_name();
                         session.commit(format!("move {name}"));
                     }
