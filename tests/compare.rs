@@ -31,25 +31,73 @@ struct Stills {
     id: String,
     camera: Camera,
     moments: Vec<RgbImage>,
+    /// The pictures that the stills are reduced from: a still after a turn is, too, so that it is as sharp.
+    larger: Vec<RgbImage>,
 }
 
 impl Stills {
     /// Of a camera whose numbers are of larger pictures.
-    fn new(id: &str, camera: Camera, pictures: Vec<RgbImage>, width: u32) -> Self {
-        let factor = f64::from(width) / f64::from(pictures[0].width());
-        let small = |picture: &RgbImage| {
-            let height = (f64::from(picture.height()) * factor).round() as u32;
-            image::imageops::resize(picture, width, height, image::imageops::FilterType::CatmullRom)
-        };
-        let Pixel { u, v } = camera.lens.principal_point;
-        let lens = Lens {
-            principal_point: Pixel::new(u * factor, v * factor),
-            focal: camera.lens.focal * factor,
-            ..camera.lens
-        };
-        let camera = Camera { focal: camera.focal * factor, lens, ..camera };
-        Self { id: id.into(), camera, moments: pictures.iter().map(small).collect() }
+    fn new(id: &str, camera: Camera, larger: Vec<RgbImage>, width: u32) -> Self {
+        let factor = f64::from(width) / f64::from(larger[0].width());
+        let moments = larger.iter().map(|picture| reduced(picture, width)).collect();
+        Self { id: id.into(), camera: scaled(&camera, factor), moments, larger }
     }
+
+    /// The still that the camera would take after a turn; what the old one does not show is of another picture.
+    fn turned(&self, moment: usize, turn: &Turn, other: &RgbImage) -> RgbImage {
+        let (still, larger) = (&self.moments[moment], &self.larger[moment]);
+        let factor = f64::from(larger.width()) / f64::from(still.width());
+        let new = turn.applied(&self.camera);
+        let back = Turn::between(&new, &self.camera).at(&new);
+        let colour = |at: Pixel| {
+            let Pixel { u, v } = back.pixel(at)?;
+            sample(larger, Pixel::new(factor * u, factor * v))
+        };
+        taken([still.width(), still.height()], colour, |x, y| {
+            *other.get_pixel(x % other.width(), y % other.height())
+        })
+    }
+}
+
+/// The camera of a picture of another size.
+fn scaled(camera: &Camera, factor: f64) -> Camera {
+    let Pixel { u, v } = camera.lens.principal_point;
+    let lens = Lens {
+        principal_point: Pixel::new(u * factor, v * factor),
+        focal: camera.lens.focal * factor,
+        ..camera.lens
+    };
+    Camera { focal: camera.focal * factor, lens, ..*camera }
+}
+
+/// A smaller picture of the same.
+fn reduced(picture: &RgbImage, width: u32) -> RgbImage {
+    let factor = f64::from(picture.width()) / f64::from(width);
+    let height = (f64::from(picture.height()) / factor).round() as u32;
+    let nearest = |x: u32, y: u32| {
+        let [u, v] = [x, y].map(|at| (factor * (f64::from(at) + 0.5)) as u32);
+        *picture.get_pixel(u.min(picture.width() - 1), v.min(picture.height() - 1))
+    };
+    taken([width, height], |at| sample(picture, Pixel::new(factor * at.u, factor * at.v)), nearest)
+}
+
+/// A still whose pixels are means of what is at nine points of each; of another picture where there is nothing.
+fn taken(
+    [w, h]: [u32; 2],
+    colour: impl Fn(Pixel) -> Option<[f64; 3]>,
+    elsewhere: impl Fn(u32, u32) -> Rgb<u8>,
+) -> RgbImage {
+    const ACROSS: u32 = 3;
+    let aside = |i: u32| (f64::from(i) + 0.5) / f64::from(ACROSS);
+    RgbImage::from_fn(w, h, |x, y| {
+        let mut sum = [0.0; 3];
+        for (s, t) in (0..ACROSS).flat_map(|i| (0..ACROSS).map(move |j| (aside(i), aside(j)))) {
+            let colour = colour(Pixel::new(f64::from(x) + s, f64::from(y) + t));
+            let colour = colour.unwrap_or_else(|| elsewhere(x, y).0.map(f64::from));
+            (0..3).for_each(|k| sum[k] += colour[k] / f64::from(ACROSS * ACROSS));
+        }
+        Rgb(sum.map(|value| value.round().clamp(0.0, 255.0) as u8))
+    })
 }
 
 fn open(path: &Path) -> RgbImage {
@@ -112,10 +160,9 @@ fn stills(width: u32) -> Vec<Stills> {
 /// A still of the demonstration, rendered at twice its width, or as large as its camera has it.
 fn rendered(id: &str, camera: &Camera, size: [u32; 2], width: u32) -> Stills {
     let [w, h] = [2 * width, 2 * width * size[1] / size[0]];
-    let large = RgbImage::new(size[0], size[1]);
-    let at = Stills::new(id, *camera, vec![large], w.min(size[0]));
-    let picture = calib_demo::render(&at.camera, [w.min(size[0]), h.min(size[1])]);
-    Stills::new(id, at.camera, vec![picture], width)
+    let [w, h] = [w.min(size[0]), h.min(size[1])];
+    let larger = scaled(camera, f64::from(w) / f64::from(size[0]));
+    Stills::new(id, larger, vec![calib_demo::render(&larger, [w, h])], width)
 }
 
 /// Brightness between pixels, and whether there is any.
@@ -142,23 +189,6 @@ fn sample(image: &RgbImage, at: Pixel) -> Option<[f64; 3]> {
         }
     }
     Some(sum)
-}
-
-/// The still that the camera would take after a turn; what the old one does not show is of another picture.
-fn turned(still: &RgbImage, camera: &Camera, turn: &Turn, other: &RgbImage) -> RgbImage {
-    let new = turn.applied(camera);
-    let back = Turn::between(&new, camera).at(&new);
-    RgbImage::from_fn(still.width(), still.height(), |x, y| {
-        let mut sum = [0.0; 3];
-        for [s, t] in [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]] {
-            let at = Pixel::new(f64::from(x) + s, f64::from(y) + t);
-            let colour = back.pixel(at).and_then(|at| sample(still, at));
-            let elsewhere = || other.get_pixel(x % other.width(), y % other.height()).0.map(f64::from);
-            let colour = colour.unwrap_or_else(elsewhere);
-            (0..3).for_each(|k| sum[k] += 0.25 * colour[k]);
-        }
-        Rgb(sum.map(|value| value.round().clamp(0.0, 255.0) as u8))
-    })
 }
 
 /// What stands between two stills besides the camera.
@@ -397,10 +427,10 @@ fn measured(
         for (size, (name, moved)) in sizes.into_iter().chain([("unchanged", None)]).enumerate() {
             for number in 0..trials {
                 let truth = moved.map(|(degrees, zoom)| any_turn(&mut random, degrees, zoom));
-                let still = &stills.moments[number % stills.moments.len()];
+                let moment = number % stills.moments.len();
                 let still = match &truth {
-                    Some(truth) => turned(still, &stills.camera, truth, other),
-                    None => still.clone(),
+                    Some(truth) => stills.turned(moment, truth, other),
+                    None => stills.moments[moment].clone(),
                 };
                 let day = Day::any(&mut random, covered);
                 let new = day.shown(still, cover, &mut random);
@@ -458,9 +488,8 @@ fn the_table_of_what_moves_neighbours_alike() {
             let other = &all[(index + 3) % all.len()].moments[0];
             for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
                 let truth = moves.then(|| any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]));
-                let still = &stills.moments[0];
                 let still =
-                    truth.map_or_else(|| still.clone(), |truth| turned(still, &stills.camera, &truth, other));
+                    truth.map_or_else(|| stills.moments[0].clone(), |truth| stills.turned(0, &truth, other));
                 let new = day.shown(still, other, &mut random);
                 row.add(&trial(stills, &new, &truth.unwrap_or_default()), moves);
             }
@@ -477,24 +506,16 @@ fn the_table_of_what_moves_neighbours_alike() {
 /// The rendered shop turned, its still resampled as those of streets are, and rendered as its camera takes it.
 fn shop_turned(all: &[Stills], day: &Day) -> [Row; 2] {
     let shop = all.iter().find(|stills| stills.id == "shop-1").unwrap();
-    let other = &all[0].moments[0];
-    let size = [shop.moments[0].width(), shop.moments[0].height()];
-    // Neither is reduced from a larger picture: both are as sharp.
-    let shop = Stills {
-        id: shop.id.clone(),
-        camera: shop.camera,
-        moments: vec![calib_demo::render(&shop.camera, size)],
-    };
+    let (other, larger) = (&all[0].moments[0], &shop.larger[0]);
+    let (width, size) = (shop.moments[0].width(), [larger.width(), larger.height()]);
     let mut random = ChaCha8Rng::seed_from_u64(4100);
     let mut rows = [Row::default(), Row::default()];
     for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
         let truth = any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]);
-        let stills = [
-            turned(&shop.moments[0], &shop.camera, &truth, other),
-            calib_demo::render(&truth.applied(&shop.camera), size),
-        ];
+        let new = scaled(&truth.applied(&shop.camera), f64::from(size[0]) / f64::from(width));
+        let stills = [shop.turned(0, &truth, other), reduced(&calib_demo::render(&new, size), width)];
         for (row, still) in rows.iter_mut().zip(stills) {
-            row.add(&trial(&shop, &day.shown(still, other, &mut random), &truth), true);
+            row.add(&trial(shop, &day.shown(still, other, &mut random), &truth), true);
         }
     }
     rows

@@ -57,7 +57,7 @@ enum Heavy {
         #[arg(default_value = "")]
         filter: String,
     },
-    /// Measure the maps beside `OpenCV`'s, with AVX2 and with all there is: a table
+    /// Measure the maps and the joint fit beside those of OpenCV, SciPy and COLMAP: tables
     Peers,
     /// Build the app for the browser: static files, and one page that needs no host
     Web {

@@ -1,5 +1,5 @@
 //! `cargo xtask peers`: how many times as fast as `OpenCV` the maps are, with AVX2 and with all that the processor
-//! has; a table for the README.
+//! has, and as `SciPy` and `COLMAP` the joint fit is; tables for the README.
 
 use std::process::{Command, Stdio};
 
@@ -21,9 +21,9 @@ const ROWS: [(&str, &str, &str); 6] = [
 
 /// Measures the peers between our two runs, and prints the table.
 pub(crate) fn run() -> anyhow::Result<()> {
-    ensure!(tools::ready(&tools::PYTHON, true), "{} could not be installed", tools::PYTHON.name);
+    ensure!(tools::ready(&tools::PEERS, true), "{} could not be installed", tools::PEERS.name);
     let narrow = ours(Some("v3"))?;
-    let peers = theirs()?;
+    let peers = theirs("peers.py", &[])?;
     let wide = ours(None)?;
     println!("| one thread | OpenCV's | AVX2 | all there is |\n|---|---|---:|---:|");
     for (key, name, peer) in ROWS {
@@ -32,6 +32,28 @@ pub(crate) fn run() -> anyhow::Result<()> {
             Ok(of(&peers)? / of(ours)?)
         };
         println!("| {name} | {peer} | {:.1} | {:.1} |", ratio(&narrow)?, ratio(&wide)?);
+    }
+    joint()
+}
+
+/// The joint fit beside those of the peers, which only fit: ours makes all of every camera by itself first, finds where
+/// to start and says how sure it is.
+fn joint() -> anyhow::Result<()> {
+    println!("\n| one thread | SciPy's `least_squares` | COLMAP's bundle adjustment |\n|---|---:|---:|");
+    for (name, key, side, packages) in [
+        ("a hundred cameras", "refine_100_cameras_ms", "10", &["scipy", "colmap"][..]),
+        ("a thousand cameras", "refine_1000_cameras_ms", "32", &["colmap"]),
+    ] {
+        let ours = bench::measure("calib-core", "bundle_adjustment", key, None)?;
+        let ours = ours.get(key).and_then(Value::as_f64).context(key)?;
+        let mut arguments = vec![side];
+        arguments.extend(packages);
+        let peers = theirs("joint_peers.py", &arguments)?;
+        let ratio = |peer: &str| {
+            let theirs = peers.get(&format!("{peer}_ms")).and_then(Value::as_f64);
+            theirs.map_or("\u{2014}".to_owned(), |theirs| format!("{:.1}", theirs / ours))
+        };
+        println!("| {name} | {} | {} |", ratio("scipy"), ratio("colmap"));
     }
     Ok(())
 }
@@ -45,10 +67,14 @@ fn ours(level: Option<&str>) -> anyhow::Result<Map<String, Value>> {
     Ok(all)
 }
 
-fn theirs() -> anyhow::Result<Map<String, Value>> {
-    let python = crate::workspace::root().join("target/python-venv/bin/python");
-    let script = crate::workspace::root().join("crates/calib-core/benches/peers.py");
-    let output = Command::new(python).arg(script).stderr(Stdio::inherit()).output()?;
+/// What a script of the peers prints on its last line.
+fn theirs(script: &str, arguments: &[&str]) -> anyhow::Result<Map<String, Value>> {
+    let python = crate::workspace::root().join("target/peers-venv/bin/python");
+    let script = crate::workspace::root().join("crates/calib-core/benches").join(script);
+    let mut peers = Command::new(python);
+    peers.arg(script).args(arguments).env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
+    let output = peers.stderr(Stdio::null()).output()?;
     ensure!(output.status.success(), "the peers could not be measured");
-    Ok(serde_json::from_slice(&output.stdout)?)
+    let last = output.stdout.trim_ascii_end().rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
+    Ok(serde_json::from_slice(last)?)
 }
