@@ -801,6 +801,37 @@ fn what_is_no_turn_is_not_taken_for_one() {
     assert_eq!(nothing.became, Became::TooFewEdges);
 }
 
+/// A fence before more than half of what a camera sees: its posts are found again one post beside.
+#[test]
+fn what_repeats_does_not_mislead() {
+    const APART: f64 = 24.0;
+    let Stills { camera, larger, .. } = shop();
+    let mut picture = larger[0].clone();
+    let fenced = 7 * picture.height() / 10;
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        if y < fenced {
+            let post = 0.5 + 0.4 * (f64::from(x) * std::f64::consts::TAU / APART).sin().signum();
+            *pixel = Rgb([(255.0 * post) as u8; 3]);
+        }
+    }
+    let larger_camera = scaled(&camera, f64::from(picture.width()) / 960.0);
+    let fence = Stills::new("fence", larger_camera, vec![picture], 960);
+    for posts in [0.8, 1.1, 2.0] {
+        let shift = posts * 0.5 * APART;
+        let truth = Turn { vector: [0.0, shift / fence.camera.focal, 0.0], zoom: 0.0 };
+        let new = fence.turned(0, &truth, &RgbImage::from_pixel(960, 540, Rgb([90; 3])));
+        let found = became(&fence, &new);
+        tell(&format!("{posts} posts"), &found);
+        let left = Turn::between(&found.turn.applied(&fence.camera), &truth.applied(&fence.camera));
+        let off = left.angle() * fence.camera.focal;
+        assert!(
+            !found.became.is_aligned() || off < 0.5,
+            "{posts} posts: {off:.2} px off, {:?}",
+            found.became
+        );
+    }
+}
+
 #[test]
 fn a_still_of_another_size_is_refused_with_what_to_do() {
     let (still, camera) = (RgbImage::new(64, 48), calib_demo::demo_site().truth[0].1);

@@ -271,8 +271,9 @@ impl Stills<'_> {
 
     /// The better of two: from where the camera looked, and from where corners say that it looks.
     fn alignment(&self) -> Option<Alignment> {
-        /// With so many places found again nothing else is looked for.
-        const PLENTY: f64 = 0.5;
+        /// With so many places found again nothing else is looked for: where much repeats, half of them are found one
+        /// step beside.
+        const PLENTY: f64 = 0.8;
         let from = |turn: Turn, reaches: &[usize]| {
             let of = Estimated::TurnAndTone;
             Alignment::new(self.camera, &self.later, &self.places, turn.into(), of, reaches)
