@@ -5,7 +5,7 @@ floor between neighbours, one pixel of noise; roll, pitch and focal known about 
 Processor time in milliseconds from a start that is as far off as ours; a package that is not there is left out. SciPy
 is given what it needs to be as fast as it can be, the sparsity of its Jacobian; COLMAP knows of no lines and no floor.
 
-Usage: joint_peers.py [cameras a side] [packages]
+Usage: joint_peers.py [cameras along one side and along the other] [packages]
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 SIZE = (1920.0, 1080.0)
 STEP = 4.0
 POINTS = 8
-# Of roll, pitch and the logarithm of the focal, as lines tell them.
-LINES = np.array([0.002, 0.003, 0.01])
+# Of pitch, roll and the logarithm of the focal, as lines tell them.
+LINES = np.array([0.003, 0.002, 0.01])
 
 
 def axes(cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -46,9 +46,9 @@ def shown(cameras: np.ndarray, points: np.ndarray) -> np.ndarray:
 class Hall:
     """The truth, what is seen of it, and where to start."""
 
-    def __init__(self, side: int) -> None:
+    def __init__(self, side: int, rows: int) -> None:
         random = np.random.default_rng(900)
-        at = np.array([(STEP * (i % side), STEP * (i // side)) for i in range(side * side)])
+        at = np.array([(STEP * (i % side), STEP * (i // side)) for i in range(side * rows)])
         height = random.uniform(3, 5, len(at))
         pitch = np.arctan2(height, 6) + random.uniform(-0.05, 0.05, len(at))
         focal = SIZE[0] / 2 / np.tan(np.radians(random.uniform(70, 95, len(at))) / 2)
@@ -157,9 +157,9 @@ def by_colmap(hall: Hall) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    side = int(sys.argv[1]) if len(sys.argv) > 1 else 10
-    asked = sys.argv[2:] or ["scipy", "colmap"]
-    hall = Hall(side)
+    sides = [int(side) for side in sys.argv[1:3]] or [10, 10]
+    asked = sys.argv[3:] or ["scipy", "colmap"]
+    hall = Hall(*sides)
     measured = {}
     for name, work in (("scipy", by_scipy), ("colmap", by_colmap)):
         if name in asked:

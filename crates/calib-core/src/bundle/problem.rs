@@ -32,7 +32,7 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) plane_blocks: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
-    /// Whether it starts where almost the same problem converged.
+    /// Whether it starts where the same without some of its candidates, or with others, was left.
     pub(crate) is_resumed: bool,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,

@@ -72,12 +72,9 @@ enum Channels {
 }
 
 impl Channels {
-    /// Those of an image of so many pixels, and of what it becomes.
-    fn of(raw: &[u8], out: &[u8], [before, after]: [usize; 2]) -> Option<Self> {
-        let is = |channels: &Self| {
-            raw.len() == before * *channels as usize && out.len() == after * *channels as usize
-        };
-        [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(is)
+    /// Those of an image of so many pixels.
+    fn of(raw: &[u8], pixels: usize) -> Option<Self> {
+        [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(|own| raw.len() == pixels * *own as usize)
     }
 
     /// Fills pixels of the new image, as many as there are in the map.
@@ -133,11 +130,23 @@ impl Undistortion {
     /// As [`Self::apply`], into a buffer of the same size; `false` when a slice has another one.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        let Some(channels) = Channels::of(raw, out, [self.width * self.height; 2]) else { return false };
+        raw.len() == out.len() && self.apply_rows_into(raw, 0, out)
+    }
+
+    /// As [`Self::apply_into`], of the rows of the new image from `first` on, as many as the buffer holds: a caller
+    /// that has threads gives each its own rows. `false` when a slice is not of whole rows, or of more than there are.
+    #[must_use]
+    pub fn apply_rows_into(&self, raw: &[u8], first: usize, out: &mut [u8]) -> bool {
+        let Some(channels) = Channels::of(raw, self.width * self.height) else { return false };
+        let row_bytes = self.width * channels as usize;
+        let rows = out.len() / row_bytes;
+        if !out.len().is_multiple_of(row_bytes) || rows > self.height.saturating_sub(first) {
+            return false;
+        }
         // One row of the map at a time stays in the fast cache.
         let mut row = MapRows::new(self.width);
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
-        for (y, out) in out.chunks_exact_mut(self.width * channels as usize).enumerate() {
+        for (y, out) in (first..).zip(out.chunks_exact_mut(row_bytes)) {
             self.map_row(y, [&mut u, &mut v], &mut row.index, &mut row.fraction);
             channels.apply(raw, self.width, &row, out);
         }
@@ -216,9 +225,8 @@ impl Remap {
     /// As [`Undistortion::apply_into`]; the new image has the size that the map was made for.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
-        let Some(channels) = Channels::of(raw, out, [self.pixels, self.rows.index.len()]) else {
-            return false;
-        };
+        let is_whole = |own: &Channels| out.len() == self.rows.index.len() * *own as usize;
+        let Some(channels) = Channels::of(raw, self.pixels).filter(is_whole) else { return false };
         channels.apply(raw, self.width, &self.rows, out);
         true
     }
@@ -390,6 +398,23 @@ mod tests {
         (0..height)
             .flat_map(|y| (0..width).flat_map(move |x| [(x / 2) as u8, y as u8, ((x + y) / 4) as u8]))
             .collect()
+    }
+
+    #[test]
+    fn bands_of_rows_are_the_image() {
+        let brown = BrownConrady { k1: -0.2, k2: 0.05, ..BrownConrady::default() };
+        let centre = Pixel::new(31.0, 17.5);
+        let lens = Lens { focal: 50.0, distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
+        let map = Undistortion::new(&lens, 64, 36, Crop::SameFocal).unwrap();
+        let raw: Vec<u8> = (0..64 * 36 * 3).map(|i| (i * 7 % 251) as u8).collect();
+        let mut out = vec![0; raw.len()];
+        for (band, out) in out.chunks_mut(10 * 64 * 3).enumerate() {
+            assert!(map.apply_rows_into(&raw, 10 * band, out));
+        }
+        assert_eq!(out, map.apply(&raw).unwrap());
+        assert!(!map.apply_rows_into(&raw, 30, &mut out[..7 * 64 * 3]), "there are no seven rows more");
+        assert!(!map.apply_rows_into(&raw, 0, &mut out[..100]), "no whole row");
+        assert!(map.apply_rows_into(&raw, 36, &mut []));
     }
 
     #[test]

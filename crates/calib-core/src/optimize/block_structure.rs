@@ -34,7 +34,8 @@ pub(crate) struct Eliminated {
     pub(crate) block: usize,
     /// Kept blocks that it has residuals in common with, ascending.
     pub(crate) neighbours: Vec<usize>,
-    /// Where in the reduced system every two neighbours are, the first not behind the second, in this order.
+    /// Where in the reduced system every two neighbours are, each with itself, too, the first not behind the second,
+    /// in this order.
     pub(crate) entries: Vec<Entry>,
     /// First value of its own matrix among those of all.
     pub(crate) own: usize,

@@ -94,7 +94,7 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                         return done.then_some(Termination::Converged);
                     }
                     // What is promised is lost in rounding.
-                    None if predicted <= COST_TOLERANCE * self.cost => break,
+                    None if (0.0..=COST_TOLERANCE * self.cost).contains(&predicted) => break,
                     None => {}
                 }
             }

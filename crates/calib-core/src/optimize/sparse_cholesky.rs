@@ -171,7 +171,7 @@ impl SparseStructure {
         ordered
     }
 
-    /// The unknowns of a row of blocks below the diagonal of a column, from first to last.
+    /// The unknowns of all rows below the diagonal block of a column, from first to last.
     fn unknowns_below<'a>(&'a self, column: &'a BlockColumn) -> impl Iterator<Item = usize> + 'a {
         column.rows[1..].iter().flat_map(|&row| {
             let BlockColumn { start, width, .. } = self.columns[row];

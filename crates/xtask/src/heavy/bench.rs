@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, bail};
 use serde_json::{Map, Value, json};
 
-use crate::heavy::{archives, py};
+use crate::heavy::{archives, py, weight};
 
 /// Benchmarks that stand beside the code: package, program, and the keys of its JSON object. They are not
 /// linked here, so that every other command of this one is built without a window.
@@ -63,6 +63,17 @@ const PYTHON: [&str; 11] = [
     "python_over_rust_distorted",
 ];
 
+/// Builds something and measures it.
+type Weigh = fn() -> anyhow::Result<f64>;
+
+/// What programs weigh, in millions of bytes, and seconds of processor time from nothing.
+const WEIGHTS: [(&str, Weigh); 4] = [
+    ("calib_mb", || weight::of_program("calib-cli", "calib")),
+    ("app_mb", || weight::of_program("calib-app", "calib-app")),
+    ("page_mb_gz", weight::of_page),
+    ("demo_cold_cpu_s", weight::demo_from_nothing),
+];
+
 /// Runs all benchmarks whose key contains `filter`.
 pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     let mut results = Map::new();
@@ -85,6 +96,12 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
         match python() {
             Ok(measured) => results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter))),
             Err(error) => eprintln!("SKIPPED {}: {error:#}", PYTHON.join(", ")),
+        }
+    }
+    for (key, measure) in WEIGHTS.iter().filter(|(key, _)| key.contains(filter)) {
+        match measure() {
+            Ok(measured) => _ = results.insert((*key).to_owned(), json!(measured)),
+            Err(error) => eprintln!("SKIPPED {key}: {error:#}"),
         }
     }
     println!("{}", Value::Object(results));

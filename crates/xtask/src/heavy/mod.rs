@@ -9,10 +9,11 @@ mod archives;
 mod golden;
 mod py;
 mod c;
-mod bench;
-mod peers;
 mod pictures;
 mod web;
+mod weight;
+mod bench;
+mod peers;
 mod browser;
 mod js;
 

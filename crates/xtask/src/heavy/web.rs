@@ -33,15 +33,7 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
     if out.exists() {
         fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
     }
-    fs::create_dir_all(&glue)?;
-    Bindgen::new()
-        .input_path(&built)
-        .out_name("app")
-        .no_modules(true)?
-        .typescript(false)
-        .remove_name_section(true)
-        .remove_producers_section(true)
-        .generate(&glue)?;
+    bind(&built, &glue)?;
     let parts = Parts::read(&glue)?;
     fs::remove_dir_all(&glue)?;
     let zipped = gzip(&parts.wasm)?;
@@ -62,6 +54,28 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
     fs::write(out.join("calib.html"), &single)?;
     println!("{} and {}", out.join("index.html").display(), out.join("calib.html").display());
     Ok(())
+}
+
+/// How many bytes a browser has to fetch for the program, without its few scripts.
+pub(crate) fn weight() -> anyhow::Result<usize> {
+    let glue = root().join("target/web-glue");
+    bind(&program()?, &glue)?;
+    let zipped = gzip(&fs::read(glue.join("app_bg.wasm"))?)?;
+    fs::remove_dir_all(&glue)?;
+    Ok(zipped.len())
+}
+
+/// Writes the program as a browser takes it, and the script that it speaks to the browser by.
+fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(glue)?;
+    Bindgen::new()
+        .input_path(built)
+        .out_name("app")
+        .no_modules(true)?
+        .typescript(false)
+        .remove_name_section(true)
+        .remove_producers_section(true)
+        .generate(glue)
 }
 
 /// Builds the program.
