@@ -130,6 +130,10 @@ fn field_of_view(newcomer: &mut Newcomer) {
 fn place(newcomer: &mut Newcomer) {
     assert!(newcomer.says("Step 4 of 5"), "{:?}", newcomer.desk.words());
     newcomer.press("Plan (2)");
+    // Nobody lays a hand on a plan before it is there; it is looked at as a whole once it is.
+    let plan = newcomer.desk.site().plan.as_ref().and_then(|plan| plan.image.clone()).unwrap();
+    newcomer.desk.wait(|app| app.pictures.ready(&plan).is_some());
+    newcomer.desk.harness.run_steps(3);
     let truth = newcomer.eye;
     let there: [f64; 2] = truth.position.on_floor().into();
     newcomer.drag_handle(PlanHandle::Foot, |_, from| [from[0] + 1.0, from[1] + 1.0]);
