@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, Camera, Code, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, Lens, LensEntry,
-    Method, Options, Pixel, PlacementEntry, Priors, SceneEntry, SceneErrors, Site, SiteCamera, Solution,
-    WorldPoint, paper_minimum,
+    Annotation, Camera, Code, Constraints, Drawing, Fit, FitOptions, FixedParameters, Kind, Known, Lens,
+    LensEntry, Method, Options, Pixel, PlacementEntry, Priors, SceneEntry, SceneErrors, Site, SiteCamera,
+    Solution, WorldPoint, paper_minimum,
 };
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
 use rand::{Rng as _, SeedableRng as _};
@@ -435,6 +435,33 @@ fn a_known_length_an_upright_and_a_height_give_the_scale() {
     let mut camera = studio.site(base);
     camera.height_m = Some(Known::fixed(3.5));
     assert_eq!(solve(camera).position_m.unwrap().z, 3.5);
+}
+
+#[test]
+fn a_known_size_is_asked_for_where_the_scale_is_the_limit_and_brings_what_was_said() {
+    let mut studio = Studio::new(30.0, 75.0);
+    let base =
+        vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0), studio.parallels(10.0)];
+    let asked = |camera: SiteCamera| {
+        let next = solve(camera).draw_next?;
+        let all = [vec![next.clone()], next.otherwise].concat();
+        all.into_iter().find(|next| next.drawing == Some(Drawing::KnownSize))
+    };
+    let with_height = |height: Known| SiteCamera { height_m: Some(height), ..studio.site(base.clone()) };
+    let guessed = asked(studio.site(base.clone())).unwrap();
+    let weak = asked(with_height(Known::prior(3.5, 0.5))).unwrap();
+    assert!((weak.floor_length_rel / guessed.floor_length_rel - 1.0).abs() < 0.1, "{weak:?} {guessed:?}");
+    assert!(asked(with_height(Known::prior(3.5, 0.01))).is_none());
+    assert!(asked(with_height(Known::fixed(3.5))).is_none());
+    let length = Annotation {
+        length_m: Some(1.75),
+        length_sigma_rel: Some(0.01),
+        ..Annotation::of_segments(Kind::KnownLength, vec![studio.floor(0.0, 4.0, 0.0, 1.75)])
+    };
+    let measured = studio.site(base.iter().cloned().chain([length]).collect());
+    let then = solve(measured.clone()).sigma.unwrap().floor_length_rel.unwrap();
+    assert!((0.7..1.4).contains(&(then / guessed.floor_length_rel)), "{then} {}", guessed.floor_length_rel);
+    assert!(asked(measured).is_none(), "and is not asked for again");
 }
 
 #[test]

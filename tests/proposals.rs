@@ -8,8 +8,9 @@
 use std::collections::BTreeMap;
 use std::io::Read as _;
 
-use calib_core::{Distortion, Known, Lens, Options, Orientation, Pixel, Site, Solution};
-use calib_image::{LineSegment, Proposal, Still, Verdict, line_segments};
+use calib_core::{Camera, Distortion, Known, Lens, Options, Orientation, Pixel, Site, Solution, WorldPoint};
+use calib_demo::random::normal;
+use calib_image::{Lies, LineSegment, Proposal, Reason, Still, Verdict, line_segments};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
 use rand::{Rng as _, SeedableRng as _};
@@ -247,9 +248,16 @@ fn rooms_propose_their_cameras_or_abstain() {
     assert!(Measured::focal(&answered, 0.5) < 0.5 * Measured::focal(&baseline.answered(), 0.5));
 }
 
+fn proposal_of(image: &RgbImage) -> Proposal {
+    Proposal::new(&Still::new(line_segments(image), [image.width(), image.height()]))
+}
+
 /// The proposal of a still, beside its true camera.
 fn of_image(image: &RgbImage, truth: &Orientation) -> Option<Off> {
-    let proposal = Proposal::new(&Still::new(line_segments(image), [image.width(), image.height()]));
+    off(&proposal_of(image), truth)
+}
+
+fn off(proposal: &Proposal, truth: &Orientation) -> Option<Off> {
     let found = orientation(proposal.solution.as_ref()?);
     Some(Off {
         verdict: proposal.verdict,
@@ -283,12 +291,125 @@ fn gross_among_sure(name: &str, offs: &[(String, Option<Off>)]) -> usize {
 #[test]
 fn the_demonstration_is_not_told_wrong() {
     let demo = calib_demo::demo_site();
-    let of = |(camera, (id, truth)): (&calib_core::SiteCamera, &(String, calib_core::Camera))| {
+    let of = |(camera, (id, truth)): (&calib_core::SiteCamera, &(String, Camera))| {
         let at = Orientation { roll: truth.roll, pitch: truth.pitch, focal: truth.focal };
         (id.clone(), of_image(&calib_demo::render(truth, camera.size_px), &at))
     };
     let offs: Vec<(String, Option<Off>)> = demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
     assert_eq!(gross_among_sure("demonstration", &offs), 0);
+}
+
+#[test]
+fn a_round_image_proposes_nothing_before_its_lens_is_known() {
+    let demo = calib_demo::demo_site();
+    let (id, camera) = demo.truth.last().unwrap();
+    let entry = demo.site.cameras.last().unwrap();
+    assert_eq!((id.as_str(), entry.id.as_str()), ("checkouts", "checkouts"));
+    let image = calib_demo::render(camera, entry.size_px);
+    let circle = calib_image::image_circle(&image);
+    assert!(circle.is_some());
+    let still = Still { image_circle: circle, ..Still::new(line_segments(&image), entry.size_px) };
+    let proposal = Proposal::new(&still);
+    assert_eq!((proposal.verdict, &proposal.reasons[..]), (Verdict::None, &[Reason::RoundImage][..]));
+    assert!(proposal.groups.is_empty() && proposal.reasons[0].to_string().contains("straight edges"));
+}
+
+/// A still as a camera sends it: another exposure, noise, compression.
+fn sent(image: RgbImage, random: &mut ChaCha8Rng) -> RgbImage {
+    let (gamma, noise) = (random.random_range(0.7..1.4_f64), random.random_range(0.0..4.0));
+    let quality = random.random_range(40..=95);
+    let mut image = image;
+    for colour in image.iter_mut() {
+        let exposed = 255.0 * (f64::from(*colour) / 255.0).powf(gamma);
+        *colour = (exposed + noise * normal(random)).round().clamp(0.0, 255.0) as u8;
+    }
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
+    image.write_with_encoder(encoder).unwrap();
+    image::load_from_memory(&bytes).unwrap().into_rgb8()
+}
+
+/// A camera that somebody else might have hung where one of the demonstration hangs.
+fn hung_otherwise(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
+    let mut off = |sigma: f64| sigma * normal(random);
+    let position = WorldPoint { z: camera.position.z + off(0.2), ..camera.position };
+    let (yaw, pitch, roll) = (camera.yaw + off(0.15), camera.pitch + off(0.07), off(0.03));
+    let focal = camera.focal * off(0.15).exp();
+    let lens =
+        if camera.lens.distortion == Distortion::None { camera.lens } else { Lens { focal, ..camera.lens } };
+    Camera { position, yaw, pitch, roll, focal, lens, ..*camera }
+}
+
+/// Of the edges that are said to lie on the floor, and of those above it, how many do, do in part, and do not: by what a
+/// camera sees on either side of them.
+fn count_floor(proposal: &Proposal, camera: &Camera, size: [u32; 2], told: &mut [[usize; 3]; 2]) {
+    let is_floor = |pixel: Pixel| {
+        let at = camera.pixel_to_floor(pixel, 0.0).map(|floor| floor.at_height(0.0));
+        at.is_some_and(|at| calib_demo::visible(camera, size, at, 0.05))
+    };
+    for group in &proposal.groups {
+        for (line, lies) in group.annotation.polylines().zip(&group.lies) {
+            let (a, b) = (line[0], line[line.len() - 1]);
+            let (du, dv) = ((b.u - a.u) / a.distance(b), (b.v - a.v) / a.distance(b));
+            let on_floor = |beside: f64| {
+                let point = |tenth: u32| {
+                    let along = 0.1 * f64::from(tenth) * a.distance(b);
+                    Pixel::new(a.u + along * du - beside * dv, a.v + along * dv + beside * du)
+                };
+                (1..10).filter(|&tenth| is_floor(point(tenth))).count()
+            };
+            let seen = on_floor(5.0).max(on_floor(-5.0));
+            let which = if seen >= 7 {
+                0
+            } else if seen > 2 {
+                1
+            } else {
+                2
+            };
+            match lies {
+                Lies::Floor => told[0][which] += 1,
+                Lies::Above => told[1][which] += 1,
+                Lies::Open => {}
+            }
+        }
+    }
+}
+
+#[test]
+fn rendered_rooms_propose_their_cameras_or_abstain() {
+    const STILLS: usize = 20;
+    let demo = calib_demo::demo_site();
+    let flat: Vec<_> =
+        demo.site.cameras.iter().zip(&demo.truth).filter(|(_, (id, _))| id != "checkouts").collect();
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let (mut each, mut told) = (Vec::new(), [[0; 3]; 2]);
+    for still in 0..STILLS {
+        let (entry, (_, base)) = flat[still % flat.len()];
+        let camera = hung_otherwise(base, &mut random);
+        let render = if still % 2 == 0 { calib_demo::render } else { calib_demo::render_later };
+        let image = sent(render(&camera, entry.size_px), &mut random);
+        let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
+        let proposal = proposal_of(&image);
+        count_floor(&proposal, &camera, entry.size_px, &mut told);
+        each.extend(off(&proposal, &at));
+    }
+    let [floor, above] = told;
+    println!("said to lie on the floor: {floor:?} do, do in part, do not; above it: {above:?}");
+    assert!(floor[2] * 10 <= floor.iter().sum::<usize>(), "{floor:?}");
+    assert!(above[0] * 4 <= above.iter().sum::<usize>(), "{above:?}");
+    let measured = Measured { name: "rooms, rendered", offered: STILLS, each };
+    println!("{HEAD}\n{}", measured.row());
+    let (answered, sure) = (measured.answered(), measured.sure());
+    assert!(answered.len() * 2 > STILLS, "{}", measured.row());
+    assert!(
+        Measured::focal(&answered, 0.5) < 0.025 && Measured::focal(&answered, 0.9) < 0.09,
+        "{}",
+        measured.row()
+    );
+    assert!(Measured::angle(&answered, |off| off.pitch) < 0.6, "{}", measured.row());
+    assert!(Measured::angle(&answered, |off| off.roll) < 0.2, "{}", measured.row());
+    assert_eq!(Measured::gross(&sure), 0, "{}", measured.row());
+    assert!(Measured::inside(&answered) > 0.9, "{}", measured.row());
 }
 
 #[test]
@@ -326,13 +447,50 @@ fn nonsense() -> Vec<(&'static str, RgbImage)> {
     let board =
         RgbImage::from_fn(640, 480, |x, y| Rgb([if (x / 40 + y / 40) % 2 == 0 { 40 } else { 210 }; 3]));
     let dot = RgbImage::from_pixel(1, 1, Rgb([7; 3]));
-    vec![("noise", noise), ("gradient", gradient), ("texture", texture), ("board", board), ("dot", dot)]
+    // Trunks lean as they grew; the ground has no edge.
+    let trunks: Vec<[f64; 4]> = (0..40)
+        .map(|_| {
+            let mut of = |from: f64, to: f64| random.random_range(from..to);
+            [of(0.0, 640.0), of(-0.25, 0.25), of(2.0, 14.0), of(-0.0006, 0.0006)]
+        })
+        .collect();
+    let mut leaves = ChaCha8Rng::seed_from_u64(5);
+    let forest = RgbImage::from_fn(640, 480, |x, y| {
+        let is_trunk = trunks.iter().any(|[at, lean, wide, bend]| {
+            let up = 480.0 - f64::from(y);
+            (f64::from(x) - at - lean * up - bend * up * up).abs() < 0.5 * wide
+        });
+        let green: u8 = leaves.random_range(60..140);
+        if is_trunk { Rgb([70, 50, 35]) } else { Rgb([green / 2, green, green / 3]) }
+    });
+    let face = RgbImage::from_fn(640, 480, |x, y| {
+        let within = |u: f64, v: f64, a: f64, b: f64| {
+            ((f64::from(x) - u) / a).powi(2) + ((f64::from(y) - v) / b).powi(2) < 1.0
+        };
+        let is_dark = within(265.0, 200.0, 24.0, 12.0)
+            || within(375.0, 200.0, 24.0, 12.0)
+            || within(320.0, 330.0, 55.0, 14.0);
+        match () {
+            () if is_dark => Rgb([60, 40, 40]),
+            () if within(320.0, 240.0, 130.0, 175.0) => Rgb([224, 180, 150]),
+            () => Rgb([90, 110, 130]),
+        }
+    });
+    vec![
+        ("forest", forest),
+        ("face", face),
+        ("noise", noise),
+        ("gradient", gradient),
+        ("texture", texture),
+        ("board", board),
+        ("dot", dot),
+    ]
 }
 
 #[test]
 fn nonsense_proposes_nothing() {
     for (name, image) in nonsense() {
-        let proposal = Proposal::new(&Still::new(line_segments(&image), [image.width(), image.height()]));
+        let proposal = proposal_of(&image);
         assert_eq!(proposal.verdict, Verdict::None, "{name}: {:?}", proposal.solution);
         assert!(!proposal.reasons.is_empty(), "{name} has no reason");
     }

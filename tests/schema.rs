@@ -36,7 +36,7 @@ fn whole() -> Value {
             "id": "G505", "size_px": [1920, 1072],
             "lens": {"distortion": {"model": "brown-conrady", "fit": ["k1", "k2"]}}
         }],
-        "links": [{"id": "bench corner", "height_m": 0, "seen": [{"camera": "G505", "px": [900, 640]}, {"camera": "G506", "px": [410, 700]}]},
+        "links": [{"id": "bench corner", "height_m": 0, "seen": [{"camera": "G505", "px": [900, 640], "sigma_px": 2.3}, {"camera": "G506", "px": [410, 700]}]},
                   {"kind": "post", "length_m": known(1.0, 0.01), "seen": [{"camera": "G505", "foot": [1, 2], "head": [3, 4]}]},
                   {"kind": "line", "seen": [{"camera": "G505", "segment": [[1, 2], [3, 4]]}]}],
         "marks": [{"id": "m1", "kind": "post", "at_m": [2.0, 5.5, 0], "turn_deg": 0, "size_m": [0.1, 0.1, 2.0],
@@ -76,6 +76,7 @@ fn a_site_with_every_part_is_read_kept_and_written_back() {
         "/cameras/0/annotations/3/off",
         "/cameras/0/annotations/7/height_m/sigma",
         "/marks/0/seen/0/point",
+        "/links/0/seen/0/sigma_px",
         "/cameras/1/lens/distortion/fit/1",
         "/distances/0/between/1",
         "/plan/georeference/lat_deg",
@@ -173,6 +174,7 @@ fn wrong() -> Vec<Wrong> {
         ("/distances/0/between", json!(["m1", "m2"]), "/distances/0/between/1", "m2"),
         ("/version", json!(2), "/version", "only version"),
         ("/format", json!("other"), "/format", "calib-site"),
+        ("/links/0/seen/0/sigma_px", json!(0), "/links/0/seen/0/sigma_px", "above 0"),
         ("/plan/metres_per_px", json!(0), "/plan/metres_per_px", "above 0"),
     ]
 }

@@ -40,6 +40,11 @@ impl Proposing {
         Period::of(&self.camera)
     }
 
+    /// The names by which it knows images.
+    pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        self.camera.image.iter_mut().chain([&mut self.image])
+    }
+
     /// The name of its image.
     #[must_use]
     pub fn image(&self) -> &str {

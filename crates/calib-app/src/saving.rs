@@ -7,7 +7,8 @@ use calib_editor::{Action, differences};
 use crate::choice::Purpose;
 use crate::files;
 use crate::platform::{Here, Platform as _};
-use crate::state::{App, Conflict, Decision, Why};
+use crate::propose::Proposing;
+use crate::state::{App, Comparing, Conflict, Decision, Why};
 
 impl App {
     /// Saves to the site's own file.
@@ -60,6 +61,16 @@ impl App {
         }
     }
 
+    /// What is being looked for goes on under the names that its images have beside the file.
+    fn rebase_work(&mut self, folder: &Path) {
+        let images = &self.editor.session().images;
+        let compared = self.comparing.iter_mut().flat_map(Comparing::images_mut);
+        let proposed = self.proposing.iter_mut().flat_map(Proposing::images_mut);
+        for name in compared.chain(proposed) {
+            *name = images.rebased_name(name, folder);
+        }
+    }
+
     fn write_to(&mut self, path: PathBuf) {
         let session = self.editor.session();
         let solved = session.solved.write_into(&session.site);
@@ -74,9 +85,12 @@ impl App {
             }
         }
         let folder = path.parent().filter(|_| Here::HAS_FOLDERS).map(Path::to_path_buf);
-        if folder.is_some() && folder != self.editor.session().images.folder {
+        if let Some(folder) =
+            folder.as_ref().filter(|&new| Some(new) != self.editor.session().images.folder.as_ref())
+        {
             self.pictures.clear();
             self.keep_reach();
+            self.rebase_work(folder);
         }
         self.act(Action::Saved { path, folder });
         if let Some(autosave) = &self.autosave {

@@ -1,6 +1,6 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
-use calib_core::{WorldPoint, in_front, position_ellipse, prism};
+use calib_core::{Camera, ImageCircle, Pixel, SiteCamera, WorldPoint, in_front, position_ellipse, prism};
 use calib_editor::Session;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
@@ -13,21 +13,21 @@ use crate::theme::{self, on_image};
 pub fn paint(
     painter: &Painter,
     rect: Rect,
-    orbit: &Orbit,
+    (orbit, is_dark): (&Orbit, bool),
     session: &Session,
     plan: Option<(egui::TextureId, [u32; 2])>,
 ) {
     if let Some((texture, size)) = plan {
         paint_plan(painter, rect, orbit, session, texture, size);
     }
-    paint_ground(painter, rect, orbit);
+    paint_ground(painter, rect, orbit, is_dark);
     for mark in session.site.marks.iter().filter(|mark| !mark.off) {
         for part in mark.shape().polylines() {
             polyline(painter, rect, orbit, &part, Pen::new(on_image::WHITE, 1.75));
         }
     }
     for index in 0..session.site.cameras.len() {
-        paint_camera(painter, rect, orbit, session, index);
+        paint_camera(painter, rect, (orbit, is_dark), session, index);
     }
 }
 
@@ -38,13 +38,14 @@ fn polyline(painter: &Painter, rect: Rect, orbit: &Orbit, points: &[WorldPoint],
     }
 }
 
-fn paint_ground(painter: &Painter, rect: Rect, orbit: &Orbit) {
+fn paint_ground(painter: &Painter, rect: Rect, orbit: &Orbit, is_dark: bool) {
     const LINES: i32 = 20;
     let step =
         [0.5, 1.0, 2.0, 5.0, 10.0, 50.0].into_iter().find(|s| s * 16.0 > orbit.distance).unwrap_or(100.0);
     let middle = [0, 1].map(|axis| (orbit.target[axis] / step).round() * step);
     let reach = step * f64::from(LINES);
-    let pen = Pen::new(Color32::from_white_alpha(26), 1.0).bare();
+    let faint = if is_dark { Color32::from_white_alpha(26) } else { Color32::from_black_alpha(30) };
+    let pen = Pen::new(faint, 1.0).bare();
     for i in -LINES..=LINES {
         let off = step * f64::from(i);
         let (x, y) = (middle[0] + off, middle[1] + off);
@@ -93,7 +94,13 @@ fn paint_plan(
     painter.add(egui::Shape::mesh(mesh));
 }
 
-fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session, index: usize) {
+fn paint_camera(
+    painter: &Painter,
+    rect: Rect,
+    (orbit, is_dark): (&Orbit, bool),
+    session: &Session,
+    index: usize,
+) {
     let (Some(entry), Some(pose), Some(solution)) =
         (session.site.cameras.get(index), session.solved.pose(index), session.solved.solution(index))
     else {
@@ -101,36 +108,35 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
     };
     let is_own = index == session.camera;
     let colour = theme::camera(index);
+    // On a light ground the colours of cameras are told by their outline.
+    let thin = |width: f32| {
+        let pen = Pen::new(colour, width);
+        if is_dark { pen.bare() } else { pen }
+    };
     for (i, face) in prism(&solution.efov_m).iter().take(2).enumerate() {
-        let pen = Pen::new(colour, if i == 0 { 2.0 } else { 1.25 });
-        polyline(painter, rect, orbit, face, if i == 0 { pen.dashed(&[10.0, 5.0]) } else { pen.bare() });
+        let pen = if i == 0 { Pen::new(colour, 2.0).dashed(&[10.0, 5.0]) } else { thin(1.25) };
+        polyline(painter, rect, orbit, face, pen);
     }
     for edge in session.prism_edges(index) {
-        polyline(painter, rect, orbit, &edge, Pen::new(colour, 1.25).bare());
+        polyline(painter, rect, orbit, &edge, thin(1.25));
     }
     // The frustum to a plane a little in front of the camera.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);
-    let [w, h] = entry.size();
-    let ends: Vec<WorldPoint> = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]]
-        .iter()
-        .filter_map(|&corner| {
-            let ray = pose.pixel_to_ray(corner.into())?;
-            let [x, y, z] = ray.direction.map(|d| depth * d);
-            let WorldPoint { x: x0, y: y0, z: z0 } = pose.position;
-            Some(WorldPoint::new(x0 + x, y0 + y, z0 + z))
-        })
-        .collect();
+    let ends = frustum(entry, pose, depth);
     let pen = Pen::new(colour, if is_own { 2.5 } else { 1.5 });
     for (i, &end) in ends.iter().enumerate() {
-        polyline(painter, rect, orbit, &[pose.position, end], pen);
+        // Of a round image as many spokes as a flat one has corners.
+        if i % (ends.len() / 4).max(1) == 0 {
+            polyline(painter, rect, orbit, &[pose.position, end], pen);
+        }
         polyline(painter, rect, orbit, &[end, ends[(i + 1) % ends.len()]], pen);
     }
     let foot = pose.position.on_floor().at_height(0.0);
-    polyline(painter, rect, orbit, &[pose.position, foot], Pen::new(colour, 1.0).dashed(&[2.0, 4.0]).bare());
+    polyline(painter, rect, orbit, &[pose.position, foot], thin(1.0).dashed(&[2.0, 4.0]));
     if let Some(mut outline) = position_ellipse(pose, SIGMAS * MAGNIFIED) {
         outline.extend(outline.first().copied());
         let outline: Vec<WorldPoint> = outline.into_iter().map(|point| point.at_height(0.0)).collect();
-        polyline(painter, rect, orbit, &outline, Pen::new(colour, 1.25).bare());
+        polyline(painter, rect, orbit, &outline, thin(1.25));
     }
     if let Some(at) = orbit.project(rect, pose.position) {
         handle(painter, at, Color32::WHITE);
@@ -139,6 +145,33 @@ fn paint_camera(painter: &Painter, rect: Rect, orbit: &Orbit, session: &Session,
             tag(painter, at + Vec2::new(12.0, -16.0), Align2::LEFT_CENTER, &entry.id, on_image::WHITE);
         }
     }
+}
+
+/// What the image shows at a distance: its four corners, or of a lens that shows no corner the rim of its circle.
+fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> {
+    const RIM: u32 = 48;
+    let end = |pixel: Pixel| {
+        let [x, y, z] = pose.pixel_to_ray(pixel)?.direction.map(|d| distance * d);
+        let WorldPoint { x: x0, y: y0, z: z0 } = pose.position;
+        Some(WorldPoint::new(x0 + x, y0 + y, z0 + z))
+    };
+    let [w, h] = entry.size();
+    let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|corner| end(corner.into()));
+    if let [Some(a), Some(b), Some(c), Some(d)] = corners {
+        return vec![a, b, c, d];
+    }
+    let Pixel { u, v } = pose.lens.principal_point;
+    let inscribed = ImageCircle { u, v, radius: 0.5 * w.min(h) };
+    let ImageCircle { u, v, radius } = entry.image_circle().unwrap_or(inscribed);
+    let on_rim = |step: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(RIM)).sin_cos();
+        // From the rim inward to what the lens shows.
+        (90..=99).rev().find_map(|share| {
+            let radius = 0.01 * f64::from(share) * radius;
+            end(Pixel::new(u + radius * cos, v + radius * sin))
+        })
+    };
+    (0..RIM).filter_map(on_rim).collect()
 }
 
 /// The camera that is shown near a point of the screen.

@@ -53,7 +53,8 @@ pub(crate) fn blend_old(
 fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
-    let is_believed = proposed.verdict != Verdict::None;
+    // Of two that explain the edges alike the horizons tell which it is.
+    let is_believed = proposed.verdict != Verdict::None || proposed.alternative.is_some();
     Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.lit_group })
 }
 

@@ -161,6 +161,32 @@ fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
 }
 
 #[test]
+fn what_is_compared_while_the_site_is_first_saved_is_of_its_camera_still() {
+    let scratch = Scratch::new();
+    let (entry, truth) = store();
+    for name in ["store.png", "store_20260601_0900.png"] {
+        calib_demo::render(&truth, entry.size_px).save(scratch.path(name)).unwrap();
+    }
+    let mut desk = desk(&scratch, "store.png");
+    let ctx: Context = desk.harness.ctx.clone();
+    desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
+    // Both stills are read, and their edges are being looked for.
+    for _ in 0..20 {
+        desk.harness.run_steps(1);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    desk.answer(Some(scratch.path("site.json")));
+    desk.keys(Modifiers::COMMAND, Key::S);
+    while desk.site().cameras[0].image.as_deref() != Some("store.png") {
+        desk.harness.run_steps(1);
+    }
+    assert!(desk.app().is_comparing(), "it was saved too late to be tested");
+    desk.wait(|app| !app.is_comparing());
+    let became = desk.app().editor.newer(0).map(|newer| newer.comparison.became);
+    assert_eq!(became, Some(Became::Unchanged), "{:?}", desk.app().editor.session().note);
+}
+
+#[test]
 fn a_still_of_another_size_is_refused_and_work_can_be_cancelled() {
     let scratch = Scratch::new();
     let size = store().0.size_px;

@@ -5,9 +5,9 @@
 mod desk;
 
 use calib_app::demo;
-use calib_core::{Annotation, Camera, Kind, Options, Site, SiteCamera, Solution};
-use calib_editor::{Action, Images, Pane, Period};
-use calib_image::{LineSegment, Proposal, Still, Verdict};
+use calib_core::{Annotation, Camera, Kind, Options, Orientation, Site, SiteCamera, Solution};
+use calib_editor::{Action, Hypothesis, Images, Pane, Period};
+use calib_image::{Lies, LineSegment, Proposal, Still, Verdict};
 use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
@@ -54,9 +54,31 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
     for (camera, (id, truth)) in demonstration.truth.iter().enumerate() {
         desk.app().act(Action::Choose(camera));
         desk.harness.run_steps(2);
+        let began = std::time::Instant::now();
         desk.keys(Modifiers::SHIFT, Key::P);
         desk.wait(|app| !app.is_working());
+        let seconds = began.elapsed().as_secs_f64();
         desk.harness.run_steps(2);
+        let proposed = desk.app().editor.session().proposed().unwrap().clone();
+        let before = desk.app().editor.session().history.depth() - 1;
+        let mut gestures = 2;
+        let rival = proposed.alternative.as_ref().map(|rival| rival.orientation);
+        if let (Some(own), Some(rival), Verdict::None) = (proposed.orientation, rival, proposed.verdict) {
+            // Two cameras explain the edges alike; whoever looks sees which of them it is.
+            let near = |at: &Orientation| (at.focal / truth.focal).ln().abs();
+            let seen = if near(&own) < near(&rival) { own } else { rival };
+            desk.key(Key::Enter);
+            let note = desk.app().editor.session().note.clone().unwrap();
+            assert!(note.contains("say which it is"), "{note}");
+            desk.harness
+                .get_by_label(&Hypothesis::words(
+                    &seen,
+                    f64::from(demonstration.site.cameras[camera].size_px[0]),
+                ))
+                .click();
+            desk.harness.run_steps(3);
+            gestures += 1;
+        }
         let verdict = desk.app().editor.session().proposed().unwrap().verdict;
         desk.key(Key::Enter);
         let session = desk.harness.state().editor.session();
@@ -68,14 +90,17 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
             continue;
         }
         let own = off(session.solution().unwrap(), truth);
-        println!("{id}: 2 keys, {drawn} strokes, off {own:.3?}; by hand {by_hand} strokes, off {hand:.3?}");
+        println!(
+            "{id}: {gestures} gestures, proposed in {seconds:.1} s, {drawn} strokes, off {own:.3?}; by hand {by_hand} strokes, off {hand:.3?}"
+        );
         // Or so near to the truth that nobody would tell.
         let limits = [0.005, 0.1, 0.15];
         assert!((0..3).all(|i| own[i] <= hand[i].max(limits[i])), "{id}: {own:?}, by hand {hand:?}");
-        assert!(session.history.depth() <= 2 * (as_good + 1), "a step to propose, one to accept");
+        assert!(gestures <= 3, "{id}");
+        assert_eq!(session.history.depth() - before, gestures, "each gesture is a step that can be undone");
         as_good += 1;
     }
-    assert!(as_good >= 4, "{as_good} of five cameras are as good as by hand");
+    assert!(as_good >= 5, "{as_good} of five flat cameras are as good as by hand");
 }
 
 /// A window on a still with bars, and what its two groups of edges propose: verticals and one floor direction.
@@ -87,7 +112,8 @@ fn proposed() -> Desk {
     let drawn = demonstration.annotations.into_iter();
     let group = |annotation: Annotation| {
         let probabilities = vec![0.9; annotation.polylines().count()];
-        calib_image::Group { annotation, probabilities }
+        let lies = vec![Lies::Open; probabilities.len()];
+        calib_image::Group { annotation, probabilities, lies }
     };
     let groups =
         drawn.filter(|drawn| matches!(drawn.kind, Kind::Vertical | Kind::Parallel)).map(group).collect();

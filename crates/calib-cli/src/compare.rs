@@ -19,6 +19,7 @@ use crate::recover;
 use crate::solve::Format;
 use crate::stills;
 use crate::stop::Stop;
+use crate::threads::ThreadsArgs;
 use crate::words::visible;
 
 /// Arguments of `calib compare`.
@@ -50,6 +51,8 @@ pub(crate) struct Args {
     /// Overwrite the output file and pictures
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    threads: ThreadsArgs,
 }
 
 /// A still of a camera, compared.
@@ -92,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let mut compared = Vec::new();
     for (index, taken) in of_cameras(args, &file)? {
         let pulse = Pulse::new("comparing");
-        compared.push(compare(&file, index, taken)?);
+        compared.push(compare(&file, index, taken, args.threads)?);
         drop(pulse);
     }
     report(args, &compared)?;
@@ -158,20 +161,20 @@ fn entry(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, St
     })
 }
 
-fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>) -> Result<Compared, Stop> {
+fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>, threads: ThreadsArgs) -> Result<Compared, Stop> {
     let entry = &file.site.cameras[index];
     let not_calibrated =
         || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
     let drawn = drawn_edges(entry);
-    let seen = taken.into_iter().map(|(time, path)| {
+    let of_still = |(time, path): Taken| {
         let new = still(entry, &path)?;
         let comparison =
             Comparison::new(&camera, &drawn, &old, &new).map_err(|error| other_size(&path, entry, error))?;
-        Ok(Seen { time, path, comparison })
-    });
-    let seen = seen.collect::<Result<_, Stop>>()?;
+        Ok::<_, Stop>(Seen { time, path, comparison })
+    };
+    let seen = threads.run(taken, of_still, |_| ())?;
     Ok(Compared { index, id: entry.id.clone(), camera, seen })
 }
 

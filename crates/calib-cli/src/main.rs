@@ -40,6 +40,7 @@ mod stop;
 mod stream;
 #[cfg(feature = "archives")]
 mod table_parquet;
+mod threads;
 mod undistort;
 #[cfg(feature = "archives")]
 mod walk;

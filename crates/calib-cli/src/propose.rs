@@ -19,6 +19,7 @@ use crate::site_file::beside;
 use crate::solve::Format;
 use crate::stills;
 use crate::stop::Stop;
+use crate::threads::ThreadsArgs;
 use crate::words::visible;
 
 /// Which proposals are taken.
@@ -63,6 +64,8 @@ pub(crate) struct Args {
     /// Overwrite the output file and pictures
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    threads: ThreadsArgs,
 }
 
 /// A still with what it proposes.
@@ -83,15 +86,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let stills = stills::listed(&args.stills)?;
     let ids = ids(&stills);
     let mut progress = Steps::new(stills.len());
-    let (mut site, mut proposed) = (Site::new(), Vec::new());
-    for (path, id) in stills.into_iter().zip(ids) {
-        progress.next(&id);
-        let still = of_still(path, args.accept)?;
-        site.cameras.push(camera(&still, id, args.output.as_deref().unwrap_or("-")));
-        proposed.push(still);
-    }
+    let proposed =
+        args.threads.run(stills, |path| of_still(path, args.accept), |still| progress.done(&still.path))?;
     drop(progress);
-    let site = solved(site, &proposed);
+    let output = args.output.as_deref().unwrap_or("-");
+    let cameras = proposed.iter().zip(ids).map(|(still, id)| camera(still, id, output)).collect();
+    let site = solved(Site { cameras, ..Site::new() }, &proposed);
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
     }
@@ -108,7 +108,8 @@ fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
     let principal_point = image_circle.map(ImageCircle::centre);
-    let proposal = Proposal::new(&Still { principal_point, ..Still::new(line_segments(&image), size) });
+    let still = Still::new(line_segments(&image), size);
+    let proposal = Proposal::new(&Still { principal_point, image_circle, ..still });
     let is_taken = accept.takes(&proposal);
     Ok(Proposed { path, size, image_circle, proposal, is_taken })
 }
@@ -224,6 +225,7 @@ fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
             "kind": group.annotation.kind.row().name,
             "probability": group.probability(),
             "segments": group.probabilities,
+            "lies": group.lies,
         })
     };
     let of = |(camera, Proposed { proposal, is_taken, .. }): (&SiteCamera, &Proposed)| {
@@ -236,6 +238,12 @@ fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
             "focal_px": proposal.solution.as_ref().map(|solution| solution.focal_px),
             "focal_sigma_rel": proposal.focal_sigma_rel,
             "groups": groups,
+            "alternative": proposal.alternative.as_ref().map(|other| serde_json::json!({
+                "focal_px": other.orientation.focal,
+                "pitch_deg": other.orientation.pitch.to_degrees(),
+                "roll_deg": other.orientation.roll.to_degrees(),
+                "annotations": other.groups.iter().map(|group| &group.annotation).collect::<Vec<_>>(),
+            })),
         })
     };
     let cameras: Vec<_> = site.cameras.iter().zip(proposed).map(of).collect();
@@ -276,17 +284,19 @@ impl Steps {
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {eta} left") {
             bar.set_style(style);
         }
+        // Seen before the first still is done.
+        bar.tick();
         Self { bar, done: 0, all, said: Instant::now() }
     }
 
-    fn next(&mut self, name: &str) {
-        self.bar.set_message(visible(name).into_owned());
+    fn done(&mut self, still: &Path) {
+        self.done += 1;
+        self.bar.set_message(visible(&still.to_string_lossy()).into_owned());
         self.bar.set_position(self.done as u64);
         if self.bar.is_hidden() && self.said.elapsed() >= Self::LINES {
             self.said = Instant::now();
             say(format_args!("calib: {} of {} stills", self.done, self.all));
         }
-        self.done += 1;
     }
 }
 

@@ -321,6 +321,7 @@ pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     for annotation in &mut entry.annotations {
         scale(annotation, ratio);
     }
+    entry.control_points.iter_mut().filter_map(|point| point.sigma_px.as_mut()).for_each(|s| *s *= ratio[0]);
     let points = entry.efov_px.iter_mut().flatten();
     let points = points.chain(entry.control_points.iter_mut().map(|point| &mut point.px));
     let pins = site.marks.iter_mut().flat_map(|mark| &mut mark.seen);
@@ -328,6 +329,7 @@ pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     let sightings = site.links.iter_mut().flat_map(|link| &mut link.seen);
     let sightings = sightings.filter(|seen| has_shared && seen.camera == id);
     let sightings = sightings.flat_map(|seen| {
+        seen.sigma_px.iter_mut().for_each(|sigma| *sigma *= ratio[0]);
         let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
         ends.chain(seen.segment.iter_mut().flatten())
     });

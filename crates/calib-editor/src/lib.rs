@@ -71,7 +71,7 @@ pub use newer::{Newer, OnNewer, held_since};
 pub use number::{digits, number};
 pub use period::Period;
 pub use preview::Preview;
-pub use proposed::{OnProposed, Proposed, ProposedGroup};
+pub use proposed::{Hypothesis, OnProposed, Proposed, ProposedGroup};
 pub use reach::Reach;
 pub use refine::refined;
 pub use session::{Session, corners_of};

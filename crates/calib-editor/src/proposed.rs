@@ -4,8 +4,8 @@
 //! their direction, which becomes the id of the annotation: what is taken later of a direction joins what was taken
 //! of it, and directions at right angles are tied once both are drawn.
 
-use calib_core::{Annotation, DistortionEntry, Kind, Lens, Orientation, Pixel, SiteCamera};
-use calib_image::{Group, Proposal, Reason, Verdict};
+use calib_core::{Annotation, DistortionEntry, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
+use calib_image::{Group, Lies, Proposal, Reason, Verdict};
 
 use crate::period::Period;
 use crate::{hit, suggest};
@@ -21,6 +21,8 @@ pub struct ProposedGroup {
     pub lines: Vec<Vec<Pixel>>,
     /// That a line belongs, in the order of the lines.
     pub probabilities: Vec<f64>,
+    /// Where a line lies, in the order of the lines.
+    pub lies: Vec<Lies>,
 }
 
 impl ProposedGroup {
@@ -28,6 +30,21 @@ impl ProposedGroup {
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
+    }
+
+    /// Leaves a line out.
+    pub(crate) fn leave_out(&mut self, line: usize) {
+        if line < self.lines.len() {
+            self.lines.remove(line);
+            self.probabilities.remove(line);
+            self.lies.remove(line);
+        }
+    }
+
+    /// How many of its lines lie so.
+    #[must_use]
+    pub fn lying(&self, so: Lies) -> usize {
+        self.lies.iter().filter(|&&lies| lies == so).count()
     }
 
     /// What it is called.
@@ -51,22 +68,23 @@ impl ProposedGroup {
 
     /// Those of a group of edges that are not drawn on a camera yet.
     fn of(group: &Group, direction: String, entry: &SiteCamera) -> Self {
-        let lines = group.annotation.polylines().zip(group.probabilities.iter().copied());
-        Self::of_lines(group.annotation.kind, direction, lines, entry)
+        let told = group.probabilities.iter().copied().zip(group.lies.iter().copied());
+        Self::of_lines(group.annotation.kind, direction, group.annotation.polylines().zip(told), entry)
     }
 
     fn of_lines(
         kind: Kind,
         direction: String,
-        lines: impl Iterator<Item = (Vec<Pixel>, f64)>,
+        lines: impl Iterator<Item = (Vec<Pixel>, (f64, Lies))>,
         entry: &SiteCamera,
     ) -> Self {
-        let is_new = |(line, _): &(Vec<Pixel>, f64)| {
+        let is_new = |(line, _): &(Vec<Pixel>, (f64, Lies))| {
             let ends = line.first().copied().zip(line.last().copied());
             ends.is_some_and(|(from, to)| !suggest::is_drawn(&[from, to], entry))
         };
-        let (lines, probabilities) = lines.filter(is_new).unzip();
-        Self { kind, direction, lines, probabilities }
+        let (lines, told): (_, Vec<(f64, Lies)>) = lines.filter(is_new).unzip();
+        let (probabilities, lies) = told.into_iter().unzip();
+        Self { kind, direction, lines, probabilities, lies }
     }
 }
 
@@ -77,6 +95,11 @@ pub enum OnProposed {
     Pick(Option<(usize, usize)>),
     /// Draws all of it.
     AcceptAll,
+    /// Of two cameras that explain the edges alike it is this one, or the other one.
+    Decide {
+        /// The other one.
+        other: bool,
+    },
     /// Draws a group.
     Accept(usize),
     /// Verticals become floor lines, floor lines verticals.
@@ -102,45 +125,78 @@ pub struct Proposed {
     pub reasons: Vec<Reason>,
     /// What is not decided yet.
     pub groups: Vec<ProposedGroup>,
-    /// Another camera that explains the edges nearly as well.
-    pub alternative: Option<Orientation>,
+    /// The camera that all edges make, where they make one.
+    pub orientation: Option<Orientation>,
+    /// Another camera that explains the edges nearly as well: with its own groups, to be taken in place of these.
+    pub alternative: Option<Box<Hypothesis>>,
     /// Directions at right angles.
     ties: Vec<[String; 2]>,
     /// The distortion with which the lines were found.
     distortion: Option<DistortionEntry>,
 }
 
+/// A camera that would explain the edges of a still.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// Its roll, pitch and focal.
+    pub orientation: Orientation,
+    /// Its groups.
+    groups: Vec<ProposedGroup>,
+    /// Of its directions, those at right angles.
+    ties: Vec<[String; 2]>,
+}
+
+impl Hypothesis {
+    /// What it is to whoever looks at the image, of so many pixels across: how wide it looks, and where to.
+    #[must_use]
+    pub fn words(orientation: &Orientation, width: f64) -> String {
+        let wide = 2.0 * (0.5 * width / orientation.focal).atan().to_degrees();
+        let down = orientation.pitch.to_degrees();
+        let way = if down < 0.0 { "up" } else { "down" };
+        format!("{wide:.0}\u{b0} wide, {:.0}\u{b0} {way}", down.abs())
+    }
+}
+
 impl Proposed {
     /// What a proposal adds to a camera: lines that are drawn already are left out.
     #[must_use]
     pub fn new(entry: &SiteCamera, proposal: &Proposal) -> Self {
-        let is_taken = |name: &String| entry.annotations.iter().any(|drawn| drawn.id.as_ref() == Some(name));
-        let mut free = names().filter(|name| !is_taken(name));
-        let mut name = |group: &Group| (group.annotation.id.clone(), free.next().unwrap_or_default());
-        let (plumb, level): (Vec<&Group>, Vec<&Group>) =
-            proposal.groups.iter().partition(|group| group.annotation.kind == Kind::Vertical);
-        let names: Vec<(Option<String>, String)> =
-            level.iter().chain(&plumb).map(|group| name(group)).collect();
-        let tie = |(group, (_, own)): (&&Group, &(Option<String>, String))| {
-            let other = group.annotation.at_right_angles_to.as_ref()?;
-            let (_, other) = names.iter().find(|(id, _)| id.as_ref() == Some(other))?;
-            Some([own.clone(), other.clone()])
-        };
-        let ties = level.iter().zip(&names).filter_map(tie).collect();
-        let plumb_names = names.iter().skip(level.len());
-        let straight = proposal.straight.iter().map(|line| (line.clone(), 1.0));
+        let straight = proposal.straight.iter().map(|line| (line.clone(), (1.0, Lies::Open)));
         let straight = ProposedGroup::of_lines(Kind::Straight, String::new(), straight, entry);
-        let named = plumb.iter().zip(plumb_names).chain(level.iter().zip(&names));
-        let groups = named.map(|(group, (_, direction))| ProposedGroup::of(group, direction.clone(), entry));
-        let groups = std::iter::once(straight).chain(groups).filter(|group| !group.lines.is_empty());
+        let drawable = |groups: &[Group]| {
+            let (mut groups, ties) = named(entry, groups);
+            groups.insert(0, straight.clone());
+            groups.retain(|group| !group.lines.is_empty());
+            (groups, ties)
+        };
+        let (groups, ties) = drawable(&proposal.groups);
+        let alternative = proposal.alternative.as_ref().map(|other| {
+            let (groups, ties) = drawable(&other.groups);
+            Box::new(Hypothesis { orientation: other.orientation, groups, ties })
+        });
         Self {
             of: Period::of(entry),
             verdict: proposal.verdict,
             reasons: proposal.reasons.clone(),
-            groups: groups.collect(),
-            alternative: proposal.alternative,
+            groups,
+            orientation: proposal.solution.as_ref().and_then(orientation),
+            alternative,
             ties,
             distortion: proposal.camera.as_ref().and_then(|camera| camera.lens.clone()?.distortion),
+        }
+    }
+
+    /// Another camera explains the edges as well, and the operator sees which it is: this one, or the `other` one. What
+    /// spoke against it besides still does.
+    pub(crate) fn decide(&mut self, other: bool) {
+        let Some(rival) = self.alternative.take() else { return };
+        if other {
+            let Hypothesis { orientation, groups, ties } = *rival;
+            (self.orientation, self.groups, self.ties) = (Some(orientation), groups, ties);
+        }
+        self.reasons.retain(|reason| !matches!(reason, Reason::TwoHypotheses { .. }));
+        if self.reasons.is_empty() {
+            self.verdict = Verdict::Check;
         }
     }
 
@@ -226,6 +282,32 @@ impl Proposed {
             entry.lens.get_or_insert_default().distortion = Some(distortion.clone());
         }
     }
+}
+
+/// Groups of edges under names of directions that no annotation of the camera has, and which of these are at right
+/// angles.
+fn named(entry: &SiteCamera, groups: &[Group]) -> (Vec<ProposedGroup>, Vec<[String; 2]>) {
+    let is_taken = |name: &String| entry.annotations.iter().any(|drawn| drawn.id.as_ref() == Some(name));
+    let mut free = names().filter(|name| !is_taken(name));
+    let mut name = |group: &Group| (group.annotation.id.clone(), free.next().unwrap_or_default());
+    let (plumb, level): (Vec<&Group>, Vec<&Group>) =
+        groups.iter().partition(|group| group.annotation.kind == Kind::Vertical);
+    let names: Vec<(Option<String>, String)> = level.iter().chain(&plumb).map(|group| name(group)).collect();
+    let tie = |(group, (_, own)): (&&Group, &(Option<String>, String))| {
+        let other = group.annotation.at_right_angles_to.as_ref()?;
+        let (_, other) = names.iter().find(|(id, _)| id.as_ref() == Some(other))?;
+        Some([own.clone(), other.clone()])
+    };
+    let ties = level.iter().zip(&names).filter_map(tie).collect();
+    let named = plumb.iter().zip(names.iter().skip(level.len())).chain(level.iter().zip(&names));
+    let groups = named.map(|(group, (_, direction))| ProposedGroup::of(group, direction.clone(), entry));
+    (groups.collect(), ties)
+}
+
+/// Of a camera that was solved.
+fn orientation(solution: &Solution) -> Option<Orientation> {
+    let [roll, pitch] = [solution.roll_deg?, solution.pitch_deg?].map(f64::to_radians);
+    Some(Orientation { roll, pitch, focal: solution.focal_px })
 }
 
 /// Names of floor directions.

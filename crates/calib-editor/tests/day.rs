@@ -363,6 +363,20 @@ fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
     assert_eq!((seen.px, seen.sigma_px), (Some(Pixel::new(902.0, 801.0)), None));
     operator.undo();
     assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
+    // Of a line one end was seen large, and the other is where it was.
+    operator.take("Link");
+    operator.0.apply(Action::Gesture(Gesture::Accept));
+    let ends = [[200.0, 700.0], [400.0, 720.0]];
+    operator.0.apply(at(ends[0], Phase::Press, false, 3.0));
+    operator.0.apply(at(ends[1], Phase::Drag, true, 3.0));
+    operator.0.apply(at(ends[1], Phase::Release, true, 3.0));
+    operator.take("Select");
+    operator.0.apply(at(ends[0], Phase::Press, false, 0.5));
+    operator.0.apply(at([202.0, 701.0], Phase::Drag, true, 0.5));
+    operator.0.apply(at([202.0, 701.0], Phase::Release, true, 0.5));
+    let seen = &operator.site().links[1].seen[0];
+    assert_eq!(seen.segment.as_ref().unwrap()[0], Pixel::new(202.0, 701.0));
+    assert_eq!(seen.sigma_px, Some(3.0));
 }
 
 #[test]

@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use calib_core::{Kind, Pixel, Site, SiteCamera};
+use calib_core::{Kind, Orientation, Pixel, Site, SiteCamera};
 use calib_editor::{
     Action, Editor, Images, NewStill, OnProposed, Opened, Pane, Period, Phase, Pointer, command,
 };
-use calib_image::{Group, Proposal, Still, Verdict};
+use calib_image::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict};
 
 /// The first camera of the demonstration with nothing drawn, beside another.
 fn blank() -> Site {
@@ -42,7 +42,7 @@ fn proposal() -> Proposal {
         drawn.annotations.iter().filter(|drawn| drawn.kind == Kind::Parallel).cloned().collect();
     let group = |annotation: calib_core::Annotation| {
         let count = annotation.polylines().count();
-        Group { annotation, probabilities: vec![0.9; count] }
+        Group { annotation, probabilities: vec![0.9; count], lies: vec![Lies::Open; count] }
     };
     let mut groups = vec![group(calib_core::Annotation::of_segments(Kind::Vertical, lines(Kind::Vertical)))];
     for (index, annotation) in parallels.into_iter().enumerate() {
@@ -80,6 +80,39 @@ fn undo(editor: &mut Editor) {
 
 fn redo(editor: &mut Editor) {
     editor.apply(Action::Gesture(command::Gesture::Redo));
+}
+
+#[test]
+fn of_two_cameras_that_explain_the_edges_alike_the_operator_says_which_it_is() {
+    for other in [false, true] {
+        let mut editor = opened(blank());
+        let of = Period { camera: editor.site().cameras[0].id.clone(), from: None };
+        let own = proposal();
+        let rival = Alternative {
+            orientation: Orientation { roll: 0.0, pitch: 1.0, focal: 8000.0 },
+            groups: own.groups[..2].to_vec(),
+        };
+        let reasons = vec![Reason::TwoHypotheses { focals: [1200.0, 8000.0] }];
+        let groups = [own.groups.len(), rival.groups.len()];
+        let own = Proposal { verdict: Verdict::None, reasons, alternative: Some(rival), ..own };
+        editor.apply(Action::Propose(of, Box::new(own)));
+        do_it(&mut editor, OnProposed::AcceptAll);
+        let note = editor.session().note.clone().unwrap();
+        assert!(
+            note.contains("say which it is") && editor.site().cameras[0].annotations.is_empty(),
+            "{note}"
+        );
+        do_it(&mut editor, OnProposed::Decide { other });
+        let decided = editor.session().proposed().unwrap();
+        assert_eq!((decided.verdict, decided.reasons.len()), (Verdict::Check, 0));
+        assert_eq!(decided.groups.len(), groups[usize::from(other)]);
+        assert!(decided.alternative.is_none());
+        undo(&mut editor);
+        assert!(editor.session().proposed().unwrap().alternative.is_some(), "it is open again");
+        redo(&mut editor);
+        do_it(&mut editor, OnProposed::AcceptAll);
+        assert!(!editor.site().cameras[0].annotations.is_empty());
+    }
 }
 
 #[test]

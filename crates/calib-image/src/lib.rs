@@ -29,7 +29,7 @@ pub use edges::Edge;
 pub use image_circle::image_circle;
 pub use line_segment::LineSegment;
 pub use measure::line_segments;
-pub use proposal::{Group, Proposal, Reason, Still, Verdict, joined};
+pub use proposal::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict, joined};
 pub use pull::{RADIUS, pull, pull_line};
 pub use pull_curve::pull_drawn;
 pub use segment::to_segment;

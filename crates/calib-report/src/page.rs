@@ -157,7 +157,7 @@ fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: Pictur
         let _ = write!(html, "<figure>{}</figure>", figure(&picture, &svg));
     }
     match (&camera.solution, &camera.error) {
-        (Some(solution), _) => details(html, camera, solution),
+        (Some(solution), _) => details(html, site, camera, solution),
         (None, Some(error)) => {
             let _ = write!(
                 html,
@@ -172,7 +172,7 @@ fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: Pictur
     html.push_str("</section>\n");
 }
 
-fn details(html: &mut String, camera: &SiteCamera, solution: &Solution) {
+fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solution) {
     for warning in &solution.warnings {
         let _ = writeln!(
             html,
@@ -195,6 +195,7 @@ fn details(html: &mut String, camera: &SiteCamera, solution: &Solution) {
     html.push_str("<table><thead><tr><th>Line or point<th class=n>Residual, px<th></tr></thead><tbody>\n");
     let sigma = solution.sigma_px.unwrap_or(1.0);
     for residual in &solution.residuals {
+        let sigma = own_sigma(site, camera, residual).unwrap_or(sigma);
         let class = if residual.outlier || residual.px.abs() > 3.0 * sigma { " class=bad" } else { "" };
         let note = if residual.outlier { "set aside" } else { "" };
         let _ = writeln!(
@@ -205,6 +206,21 @@ fn details(html: &mut String, camera: &SiteCamera, solution: &Solution) {
         );
     }
     html.push_str("</tbody></table>\n");
+}
+
+/// How well the pixel of a control point or a link was clicked, where that is said of it.
+fn own_sigma(site: &Site, camera: &SiteCamera, residual: &Residual) -> Option<f64> {
+    let id = residual.id.as_ref()?;
+    match residual.of {
+        ResidualOf::ControlPoint => {
+            camera.control_points.iter().find(|point| point.id.as_ref() == Some(id))?.sigma_px
+        }
+        ResidualOf::Link => {
+            let link = site.links.iter().find(|link| link.id.as_ref() == Some(id))?;
+            link.seen.iter().find(|seen| seen.camera == camera.id)?.sigma_px
+        }
+        _ => None,
+    }
 }
 
 fn label(camera: &SiteCamera, residual: &Residual) -> String {

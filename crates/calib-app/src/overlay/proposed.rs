@@ -73,8 +73,8 @@ impl Overlay<'_> {
             return;
         }
         self.paint_named(painter, pose, entry, (1.0, "proposed horizon"));
-        let rival = self.session.proposed().and_then(|proposed| proposed.alternative);
-        if let Some(rival) = rival {
+        let rival = self.session.proposed().and_then(|proposed| proposed.alternative.as_ref());
+        if let Some(rival) = rival.map(|rival| rival.orientation) {
             let rival = Camera { roll: rival.roll, pitch: rival.pitch, focal: rival.focal, ..*pose };
             self.paint_named(painter, &rival, entry, (0.25, "or here"));
         }

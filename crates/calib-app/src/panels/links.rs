@@ -129,8 +129,10 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let site = app.editor.site();
     let own =
         site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
+    let of_camera = site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
     let drawn = own.map_or(String::new(), |sigma| {
-        format!("Clicked to \u{b1} {sigma:.1} px: zoom in and drag it to place it finer")
+        let advice = if sigma > of_camera { ": zoom in and drag it to place it finer" } else { "" };
+        format!("Clicked to \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
     });
     let found = app.editor.session().solved.joint_link(site, link);
     let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
@@ -140,8 +142,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
         }
         return;
     };
-    let of_camera = || site.camera(camera).and_then(|camera| camera.sigma_px);
-    let sigma = own.or_else(of_camera).unwrap_or(1.0);
+    let sigma = own.unwrap_or(of_camera);
     let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
     let said = if drawn.is_empty() { "px".to_owned() } else { format!("px off. {drawn}") };
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);

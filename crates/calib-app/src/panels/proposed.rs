@@ -1,8 +1,8 @@
 //! What the still proposes: whether to believe it, and a row a group to accept, flip or delete.
 
 use calib_core::Kind;
-use calib_editor::{Action, OnProposed, Proposed, ProposedGroup, TOOLS};
-use calib_image::Verdict;
+use calib_editor::{Action, Hypothesis, OnProposed, Proposed, ProposedGroup, TOOLS};
+use calib_image::{Lies, Verdict};
 use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
@@ -21,6 +21,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         let lines = proposed.count();
         heading(ui, "Proposed", &format!("{lines} {}", if lines == 1 { "line" } else { "lines" }));
         judgement(app, ui, &proposed);
+        hypotheses(app, ui, &proposed, &mut wish);
         whole(app, ui, &proposed);
         let next = app.editor.preview().and_then(|preview| preview.next);
         let picked = app.editor.session().picked().map(|(group, _)| group);
@@ -54,6 +55,9 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
     let (fill, colour, icon, words) = match proposed.verdict {
         Verdict::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
         Verdict::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely, have a look"),
+        Verdict::None if proposed.alternative.is_some() => {
+            (palette.warn_bg, palette.warn, Icon::Warn, "One of two cameras")
+        }
         Verdict::None => (palette.bad_bg, palette.bad, Icon::Warn, "No proposal for the camera"),
     };
     let words = match focal.filter(|_| proposed.verdict != Verdict::None) {
@@ -71,6 +75,25 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
                 }
             });
         });
+    });
+    ui.add_space(4.0);
+}
+
+/// Where two cameras explain the edges alike: which it is, whoever looks at the image sees at once.
+fn hypotheses(app: &App, ui: &mut Ui, proposed: &Proposed, wish: &mut Option<OnProposed>) {
+    let entry = app.editor.session().entry();
+    let (Some(own), Some(other), Some(entry)) = (&proposed.orientation, &proposed.alternative, entry) else {
+        return;
+    };
+    ui.label("Which camera is it?");
+    ui.horizontal_wrapped(|ui| {
+        for (orientation, other) in [(own, false), (&other.orientation, true)] {
+            let words = Hypothesis::words(orientation, entry.size()[0]);
+            let tip = format!("It is so: focal {:.0} px, and the groups of this camera", orientation.focal);
+            if ui.button(words).on_hover_text(tip).clicked() {
+                *wish = Some(OnProposed::Decide { other });
+            }
+        }
     });
     ui.add_space(4.0);
 }
@@ -132,7 +155,15 @@ impl Row<'_> {
                 let label = ui.label(RichText::new(format!("{count}{noun}")).color(palette.text2));
                 if self.group.kind != Kind::Straight {
                     let share = 100.0 * self.group.probability();
-                    label.on_hover_text(format!("They belong together with a probability of {share:.0} %"));
+                    let lying = |so: Lies, words: &str| match self.group.lying(so) {
+                        0 => String::new(),
+                        count => format!("; {count} {words}"),
+                    };
+                    label.on_hover_text(format!(
+                        "They belong together with a probability of {share:.0} %{}{}",
+                        lying(Lies::Floor, "on the floor, as far as edges tell"),
+                        lying(Lies::Above, "above it")
+                    ));
                 }
             });
         });

@@ -49,6 +49,9 @@ fn proposal_hint(app: &App) -> Option<String> {
     let picked = app.editor.session().picked().and_then(|(group, _)| proposed.groups.get(group));
     Some(match picked {
         Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
+        None if proposed.verdict == Verdict::None && proposed.alternative.is_some() => {
+            "Two cameras explain the edges alike: click which it is; Esc dismisses what is proposed.".into()
+        }
         None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");

@@ -270,17 +270,18 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
         app.send(Action::Choose(camera));
     }
     let painter = ui.painter().with_clip_rect(rect);
-    painter.rect_filled(rect, 0.0, theme::DARK.canvas);
+    let palette = theme::palette(ui.ctx());
+    painter.rect_filled(rect, 0.0, palette.canvas);
     let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
     let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
-    scene3d::paint(&painter, rect, &orbit, app.editor.session(), plan);
+    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), app.editor.session(), plan);
     let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to take it.";
     painter.text(
         rect.left_top() + Vec2::new(12.0, 12.0),
         Align2::LEFT_TOP,
         text,
         theme::regular(11.0),
-        theme::DARK.text3,
+        palette.text2,
     );
     app.orbit = Some(orbit);
 }

@@ -39,6 +39,15 @@ impl Comparing {
     pub(crate) const fn new(camera: String, opening: Task<Read>) -> Self {
         Self { camera, step: Step::Opening(opening) }
     }
+
+    /// The names by which it knows images.
+    pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let of = match &mut self.step {
+            Step::Opening(_) => None,
+            Step::Reading(of) | Step::Comparing(of, _) => Some(of),
+        };
+        of.into_iter().flat_map(|of| of.entry.image.iter_mut().chain([&mut of.still.image]))
+    }
 }
 
 /// A camera that is being recovered.

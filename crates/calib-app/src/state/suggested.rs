@@ -1,6 +1,6 @@
 //! The lines that would help most, where the image has edges for them.
 
-use calib_core::{DrawNext, Pixel};
+use calib_core::{DrawNext, Drawing, Pixel};
 use calib_editor::{Edge, hit, suggest};
 use egui::Context;
 
@@ -15,7 +15,9 @@ impl App {
         let solution = self.editor.session().solution()?;
         let next = self.editor.session().proposal();
         let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
-        next.filter(|_| self.layers.suggestion && rel.is_none_or(|rel| rel >= GOOD))
+        let is_needed =
+            |next: &&DrawNext| rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize);
+        next.filter(|next| self.layers.suggestion && is_needed(next))
     }
 
     /// Edges of the image in hand on which the proposed lines can be drawn; none while something is in the hand.

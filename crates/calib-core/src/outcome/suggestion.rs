@@ -20,6 +20,8 @@ pub enum Drawing {
     EqualLengths,
     /// Four points of the floor that another camera sees as well.
     SharedPoints,
+    /// One length of the floor that is known in metres.
+    KnownSize,
 }
 
 /// The drawing that would improve a result most, and by how much.

@@ -2,14 +2,14 @@
 //!
 //! For the latter every candidate drawing is added to the constraints at the estimate, where its residual is
 //! 0, and the error of floor lengths is predicted with its information: an experimental design, greedy and of
-//! one step.
+//! one step. Where nothing gives the scale the error that all lengths have in common is that of a guess.
 
 use nalgebra::Matrix4;
 
 use crate::optimize::Uncertainty;
 use crate::outcome::{Drawing, Finding, OtherMinimum, Suggestion};
 use crate::single::accuracy::floor_length_rel;
-use crate::single::annotation::{ConstraintKind, Kind};
+use crate::single::annotation::{ConstraintKind, Kind, Known};
 use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
@@ -17,11 +17,19 @@ use crate::single::link_design::shared_points;
 use crate::single::minima::OPEN_FOCAL;
 use crate::single::nuisances::Nuisances;
 use crate::single::outliers::student_factor;
+use crate::single::residual::LOG_HEIGHT;
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// Relative error of floor lengths above which a result is weak, and above which it is unusable.
 const WEAK: f64 = 0.03;
 const UNUSABLE: f64 = 0.10;
+
+/// Relative standard deviation of a scale that nothing gives: cameras hang at 2 to 5 m.
+const GUESSED_SCALE: f64 = 0.5;
+
+/// A length that someone knows, in camera heights, and how well, relative.
+const MEASURED: f64 = 0.5;
+const MEASURED_REL: f64 = 0.01;
 
 /// Pitch, in radians, from which a camera looks down.
 const LOOKS_DOWN: f64 = 1.2;
@@ -137,7 +145,8 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
     };
     let rel = |(information, free): (Matrix4<f64>, [bool; 4])| {
         let uncertainty = Uncertainty::new(&information, free);
-        floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, fit.height_known)
+        let height_known = free[LOG_HEIGHT] || options.fixed.height.is_some();
+        floor_length_rel(&fit.state.parameters, &grid, &uncertainty.covariance, height_known)
     };
     let Some(own) = information(&inliers, &fit.state) else { return Vec::new() };
     let Some(now) = rel(own) else { return Vec::new() };
@@ -146,20 +155,40 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
         kind,
         segments,
     };
-    let drawn = candidates(fit, options).into_iter().filter_map(|candidate| {
+    let with = |candidate: &Candidate| {
         let (constraints, state) = candidate.join(&inliers, &fit.state)?;
-        let then = rel(information(&constraints, &state)?)?;
-        Some(sketch(then, candidate.drawing, Some(candidate.kind), candidate.pixels(fit)))
+        rel(information(&constraints, &state)?)
+    };
+    let drawn = candidates(fit, options).into_iter().filter_map(|candidate| {
+        Some(sketch(with(&candidate)?, candidate.drawing, Some(candidate.kind), candidate.pixels(fit)))
     });
     let linked = || {
         let added = shared_points(&fit.camera, options.size, sigma, &own.0)?;
         Some(sketch(rel((own.0 + added, own.1))?, Drawing::SharedPoints, None, Vec::new()))
     };
     let mut sketches: Vec<Sketch> = drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
+    let size = known_size(fit, options).and_then(|candidate| Some((with(&candidate)?, candidate)));
+    let guessed = if fit.height_known { 0.0 } else { GUESSED_SCALE };
+    sketches.extend(size.map(|(then, Candidate { drawing, kind, .. })| {
+        let suggestion = Suggestion { drawing, ratio: then / now.hypot(guessed), floor_length_rel: then };
+        Sketch { suggestion, kind: Some(kind), segments: Vec::new() }
+    }));
     // A comparison with NaN is false: then nothing is suggested.
     sketches.retain(|sketch| sketch.suggestion.ratio < MAX_RATIO && sketch.suggestion.ratio.is_finite());
     sketches.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
+    // Where the scale is a guess the shape of the floor comes first.
+    sketches.sort_by_key(|sketch| !fit.height_known && sketch.suggestion.drawing == Drawing::KnownSize);
     sketches
+}
+
+/// A length across the near floor, known like one taken with a tape; `None` where the height is held or known about
+/// as well, and where a plan or other cameras give the scale.
+fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
+    let sigma = fit.core_covariance[(LOG_HEIGHT, LOG_HEIGHT)].sqrt();
+    let is_known = options.fixed.height.is_some() || fit.height_known && sigma < 2.0 * MEASURED_REL;
+    let is_asked_for = options.is_scale_open && !is_known;
+    let segment = floor_at(fit, [0.0, 0.25 * options.size[1]], 0.0, MEASURED).filter(|_| is_asked_for)?;
+    Some(Candidate { kind: Kind::KnownLength, drawing: Drawing::KnownSize, segments: vec![segment] })
 }
 
 fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
@@ -201,8 +230,10 @@ impl Candidate {
         if matches!(constraint, ConstraintKind::Parallel | ConstraintKind::RightAngle) {
             joined.groups += 1;
         }
+        let is_known = self.kind.row().has_length;
         if constraint == ConstraintKind::Length {
-            joined.length_groups.push(None);
+            let length = Known::fixed(MEASURED * state.parameters[LOG_HEIGHT].exp());
+            joined.length_groups.push(is_known.then_some(length));
         }
         for (i, segment) in self.segments.iter().enumerate() {
             let ends = segment.map(end);
@@ -215,7 +246,7 @@ impl Candidate {
             match constraint {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
-                    let spread = joined.scene.length;
+                    let spread = if is_known { MEASURED_REL } else { joined.scene.length };
                     joined.lengths.push(Length {
                         chart: None,
                         ends,

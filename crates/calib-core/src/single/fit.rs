@@ -50,6 +50,8 @@ pub struct FitOptions<'a> {
     pub keep: &'a [usize],
     /// Whether other cameras see the same floor, so that links may be suggested.
     pub has_neighbours: bool,
+    /// Whether neither a plan nor other cameras give the scale, so that a known size may be suggested.
+    pub is_scale_open: bool,
 }
 
 impl FitOptions<'_> {
@@ -67,6 +69,7 @@ impl FitOptions<'_> {
             weak_prior: true,
             keep: &[],
             has_neighbours: false,
+            is_scale_open: false,
         }
     }
 }

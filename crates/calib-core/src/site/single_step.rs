@@ -53,6 +53,15 @@ fn fixed_parameters(
     }
 }
 
+/// What there is beside the lines of a camera: it decides what may be suggested.
+#[derive(Clone, Copy)]
+struct Beside {
+    /// Other cameras, and few links yet to them.
+    has_neighbours: bool,
+    /// Neither a plan, points of known place, nor links, which give the scale.
+    is_scale_open: bool,
+}
+
 /// Stage 1 of one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct SingleFit {
@@ -131,7 +140,8 @@ impl Site {
                     &planes,
                     lens,
                     fixed,
-                    [weak_prior_used, is_draft, self.may_be_linked(entry, others.shared)],
+                    [weak_prior_used, is_draft],
+                    self.beside(entry, others.shared),
                 )?;
                 (result, Some(fit))
             }
@@ -141,11 +151,16 @@ impl Site {
 }
 
 impl Site {
-    /// Whether there are other cameras and few links yet to them.
-    fn may_be_linked(&self, entry: &SiteCamera, shared: &SharedDrawings) -> bool {
+    /// What there is beside the lines of a camera.
+    fn beside(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Beside {
         /// With so many links what more would tell is little.
         const ENOUGH: usize = 4;
-        self.cameras.iter().any(|other| other.id != entry.id) && shared.links(&entry.id).len() < ENOUGH
+        let links = shared.links(&entry.id).len();
+        let is_placed = entry.placement.as_ref().is_some_and(|placement| placement.scale.is_some());
+        Beside {
+            has_neighbours: links < ENOUGH && self.cameras.iter().any(|other| other.id != entry.id),
+            is_scale_open: links == 0 && self.plan.is_none() && entry.control_points.is_empty() && !is_placed,
+        }
     }
 }
 
@@ -156,7 +171,8 @@ fn likelihood(
     planes: &[PlanePrior],
     lens: Lens,
     fixed: FixedParameters,
-    [prior, keeps_all, has_neighbours]: [bool; 3],
+    [prior, keeps_all]: [bool; 2],
+    Beside { has_neighbours, is_scale_open }: Beside,
 ) -> Result<(CameraResult, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
@@ -171,6 +187,7 @@ fn likelihood(
         weak_prior: prior,
         keep: &keep,
         has_neighbours,
+        is_scale_open,
     };
     let fit = Fit::new(constraints, &options)?;
     let sketches = draw_next(&fit, constraints, &options);

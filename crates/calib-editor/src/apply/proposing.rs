@@ -58,18 +58,19 @@ impl Editor {
         match action {
             OnProposed::Pick(picked) => self.session.picked = picked,
             OnProposed::AcceptAll => self.accept_all(),
+            OnProposed::Decide { other } => {
+                self.change_proposed(|own| own.decide(other));
+                self.session.commit("say which of two cameras it is");
+            }
             OnProposed::Accept(group) => self.accept(|index| index == group, "accept the proposed"),
             OnProposed::Flip(group) => self.change_group(group, "flip", ProposedGroup::flip),
             OnProposed::Turn(group, direction) => self.change_group(group, "turn", |group| {
                 (group.kind, group.direction) = (Kind::Parallel, direction);
             }),
             OnProposed::Delete(group) => self.change_group(group, "delete", |group| group.lines.clear()),
-            OnProposed::LeaveOut(group, line) => self.change_group(group, "leave out one of", |group| {
-                if line < group.lines.len() {
-                    group.lines.remove(line);
-                    group.probabilities.remove(line);
-                }
-            }),
+            OnProposed::LeaveOut(group, line) => {
+                self.change_group(group, "leave out one of", |group| group.leave_out(line));
+            }
             OnProposed::Dismiss => self.dismiss_proposed(),
         }
     }
@@ -79,8 +80,13 @@ impl Editor {
         if is_believed {
             self.accept(|_| true, "accept all that is proposed on");
         } else {
-            self.session.note =
-                Some("Nothing of it is sure: look at the groups, and accept those that are right.".into());
+            let has_rival = self.session.proposed().is_some_and(|proposed| proposed.alternative.is_some());
+            let note = if has_rival {
+                "Two cameras explain the edges alike: say which it is, or accept the groups that are right."
+            } else {
+                "Nothing of it is sure: look at the groups, and accept those that are right."
+            };
+            self.session.note = Some(note.into());
         }
     }
 

@@ -4,7 +4,7 @@ use calib_core::{ControlPointEntry, FloorPoint, Pixel};
 
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
+use crate::tools::{COARSE, Pane, Phase, Pointer, Tool, coarse, plan_scale};
 
 /// The tool of control points.
 #[derive(Debug, Default)]
@@ -39,6 +39,9 @@ impl Control {
         let part = Part::Control(entry.control_points.len() - 1);
         session.select_only(camera, part);
         session.commit(format!("add {name}"));
+        if let (Some(sigma), None) = (sigma_px.filter(|sigma| *sigma > COARSE), &session.note) {
+            session.note = Some(coarse(&name, sigma));
+        }
         self.over = None;
     }
 }
@@ -48,7 +51,7 @@ impl Tool for Control {
         match (pointer.pane, pointer.phase) {
             (Pane::Image(camera), Phase::Press | Phase::Drag | Phase::Release) => {
                 session.choose(camera);
-                let sigma = session.site.cameras.get(camera).and_then(|entry| pointer.sigma_px(entry));
+                let sigma = pointer.sigma_px(session, camera);
                 self.waiting = Some((camera, pointer.at.into(), sigma));
             }
             (Pane::Plan, Phase::Release) => self.finish(session, pointer.at.into()),

@@ -5,7 +5,7 @@ use calib_core::{Link, LinkKind, LinkSeen, Pixel};
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::{Pane, Phase, Pointer, Tool};
+use crate::tools::{COARSE, Pane, Phase, Pointer, Tool, coarse};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Gesture {
@@ -14,9 +14,6 @@ enum Gesture {
     /// The button is down; a drag makes a line of the floor, a click a point.
     Pressed { camera: usize, start: Pixel, end: Pixel },
 }
-
-/// What is clicked worse than this is said, in pixels.
-const COARSE: f64 = 1.5;
 
 /// The tool of links. The one begun last waits for another view until Enter or Esc, and so does one that is
 /// selected.
@@ -81,8 +78,8 @@ impl Linking {
         if !session.may_share(camera) {
             return;
         }
-        let Some(entry) = session.site.cameras.get(camera) else { return };
-        let (id, sigma) = (entry.id.clone(), pointer.sigma_px(entry));
+        let Some(id) = session.site.cameras.get(camera).map(|camera| camera.id.clone()) else { return };
+        let sigma = pointer.sigma_px(session, camera);
         let ends = [start, pointer.at.into()];
         let begun = self.begun(session);
         session.choose(camera);
@@ -107,9 +104,9 @@ impl Linking {
         // It is this one that waits, whatever was selected.
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
-        session.note = sigma.filter(|sigma| *sigma > COARSE).map(|sigma| {
-            format!("{name} is clicked to \u{b1} {sigma:.1} px at this zoom; zoom in and drag it to place it finer.")
-        });
+        if let (Some(sigma), None) = (sigma.filter(|sigma| *sigma > COARSE), &session.note) {
+            session.note = Some(coarse(&name, sigma));
+        }
         self.waiting = Some(name);
     }
 }

@@ -12,7 +12,7 @@ mod region;
 
 use std::sync::Arc;
 
-use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site, SiteCamera};
+use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site};
 use calib_image::Edge;
 use image::RgbImage;
 
@@ -68,12 +68,27 @@ pub struct Pointer {
     pub still: Option<Arc<RgbImage>>,
 }
 
+/// What is clicked worse than this is said, in pixels.
+const COARSE: f64 = 1.5;
+
+/// That something is not clicked well, and what helps.
+fn coarse(name: &str, sigma: f64) -> String {
+    format!("{name} is clicked to \u{b1} {sigma:.1} px at this zoom; zoom in and drag it to place it finer.")
+}
+
+/// Standard deviation of what is drawn on a camera, in pixels: given, or as its solution has it.
+pub(crate) fn drawn_sigma(session: &Session, camera: usize) -> f64 {
+    let given = session.site.cameras.get(camera).and_then(|entry| entry.sigma_px);
+    let found = || session.solved.solution(camera)?.sigma_px;
+    given.or_else(found).unwrap_or(1.0)
+}
+
 impl Pointer {
     /// Standard deviation of the pixel of a click on a camera, where that is more than its drawings have: seen
     /// small, a thing is clicked no better than to a point of the screen.
-    pub(crate) fn sigma_px(&self, camera: &SiteCamera) -> Option<f64> {
+    pub(crate) fn sigma_px(&self, session: &Session, camera: usize) -> Option<f64> {
         let hundredths = (100.0 * self.grain).round() / 100.0;
-        (hundredths > camera.sigma_px.unwrap_or(1.0)).then_some(hundredths)
+        (hundredths > drawn_sigma(session, camera)).then_some(hundredths)
     }
 
     /// As a pixel of an image, with the camera it belongs to.

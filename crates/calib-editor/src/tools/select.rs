@@ -10,7 +10,7 @@ use crate::session::Session;
 use crate::snap;
 use crate::tools::mark::MarkDrag;
 use crate::tools::place::PlaceDrag;
-use crate::tools::{Pane, Phase, Pointer, Tool};
+use crate::tools::{Pane, Phase, Pointer, Tool, drawn_sigma};
 
 #[derive(Clone, Debug, Default)]
 enum Gesture {
@@ -113,15 +113,30 @@ fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Point
     }
 }
 
-/// What was moved of links is now as well known as it is seen.
+/// A point of a link or a control point that was moved by itself is now as well known as it is seen; several that
+/// were moved together are where they were to each other, and what is said to be better than a click stays so.
 fn grain(session: &mut Session, camera: usize, pointer: &Pointer) {
-    let Some(sigma) = session.site.cameras.get(camera).map(|entry| pointer.sigma_px(entry)) else { return };
-    for part in &session.selection {
-        if let Part::Link { link, seen, .. } = *part
-            && let Some(seen) = session.site.links.get_mut(link).and_then(|link| link.seen.get_mut(seen))
-        {
-            seen.sigma_px = sigma;
+    let mut parts = session.selection.iter().copied();
+    let (Some(part), None) = (parts.next(), parts.next()) else { return };
+    let drawn = drawn_sigma(session, camera);
+    let fine = if pointer.modifiers.shift { FINE } else { 1.0 };
+    let seen_now = Pointer { grain: fine * pointer.grain, ..pointer.clone() }.sigma_px(session, camera);
+    let is_click = |sigma: Option<f64>| sigma.is_none_or(|sigma| sigma > drawn);
+    match part {
+        Part::Link { link, seen, .. } => {
+            let seen = session.site.links.get_mut(link).and_then(|link| link.seen.get_mut(seen));
+            let Some(seen) = seen.filter(|seen| is_click(seen.sigma_px)) else { return };
+            // The other end of a post or a line is where it was.
+            let other = seen.sigma_px.filter(|_| seen.px.is_none());
+            seen.sigma_px = seen_now.into_iter().chain(other).reduce(f64::max);
         }
+        Part::Control(index) => {
+            let entry = session.site.cameras.get_mut(camera);
+            let point = entry.and_then(|entry| entry.control_points.get_mut(index));
+            let Some(point) = point.filter(|point| is_click(point.sigma_px)) else { return };
+            point.sigma_px = seen_now;
+        }
+        _ => {}
     }
 }
 

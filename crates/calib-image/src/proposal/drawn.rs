@@ -5,6 +5,7 @@ use calib_core::{
     UndistortedPixel,
 };
 
+use super::lies::Lies;
 use super::line::Line;
 use super::mixture::Mixture;
 use super::strokes::Stroke;
@@ -16,6 +17,8 @@ pub struct Group {
     pub annotation: Annotation,
     /// That a segment belongs, in the order of the segments.
     pub probabilities: Vec<f64>,
+    /// Where they lie, in the order of the segments.
+    pub lies: Vec<Lies>,
 }
 
 impl Group {
@@ -31,6 +34,7 @@ pub(super) fn groups(
     mixture: &Mixture,
     strokes: &[Stroke],
     draw: &dyn Fn(usize) -> Vec<Pixel>,
+    lies: &[Lies],
 ) -> Vec<Group> {
     let name = |direction: usize| format!("floor {direction}");
     let of = |direction: usize| strokes.iter().filter(move |stroke| stroke.direction == direction);
@@ -44,7 +48,11 @@ pub(super) fn groups(
             let tie = mixture.tied.iter().find(|[_, b]| b + 1 == direction).map(|[a, _]| a + 1);
             annotation.at_right_angles_to = tie.filter(|&other| is_drawn(other)).map(name);
         }
-        Group { annotation, probabilities: of(direction).map(|stroke| stroke.probability).collect() }
+        Group {
+            annotation,
+            probabilities: of(direction).map(|stroke| stroke.probability).collect(),
+            lies: of(direction).map(|stroke| lies[stroke.line]).collect(),
+        }
     };
     (0..=mixture.azimuths.len()).filter(|&direction| is_drawn(direction)).map(group).collect()
 }

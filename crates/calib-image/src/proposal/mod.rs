@@ -7,6 +7,7 @@
 //! - `search` vanishing points that many edges lead to, and the cameras that these allow;
 //! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
 //! - `bend` the distortion under which the grouping is likeliest;
+//! - `lies` which edges lie on the floor;
 //! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
 //! - `straight` edges that the lens bends, to fit its distortion to;
 //! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
@@ -19,6 +20,7 @@ mod search;
 mod mixture;
 mod bend;
 mod strokes;
+mod lies;
 mod drawn;
 mod straight;
 mod verdict;
@@ -26,5 +28,6 @@ mod still;
 
 pub use drawn::Group;
 pub use join::joined;
-pub use still::{Proposal, Still};
+pub use lies::Lies;
+pub use still::{Alternative, Proposal, Still};
 pub use verdict::{Reason, Verdict};

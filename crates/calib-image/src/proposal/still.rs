@@ -6,12 +6,13 @@
 //! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
 //!    their evidence; the verdict follows from it.
 
-use calib_core::{Code, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
+use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
 
 use crate::line_segment::LineSegment;
 
 use super::belief::Belief;
 use super::drawn::{Group, entry, groups, solved, stroke};
+use super::lies::lies;
 use super::line::Line;
 use super::mixture::Mixture;
 use super::search::{Hypothesis, hypotheses};
@@ -52,6 +53,8 @@ pub struct Still {
     pub principal_point: Option<Pixel>,
     /// The lens, where it is known; else its distortion is found with the grouping.
     pub lens: Option<Lens>,
+    /// The circle outside which a round image is dark.
+    pub image_circle: Option<ImageCircle>,
 }
 
 /// What a still proposes.
@@ -73,7 +76,16 @@ pub struct Proposal {
     /// Relative standard deviation of the focal, wrong groups included.
     pub focal_sigma_rel: Option<f64>,
     /// Another camera that explains the edges nearly as well.
-    pub alternative: Option<Orientation>,
+    pub alternative: Option<Alternative>,
+}
+
+/// Another camera that explains the edges of a still nearly as well as that which it proposes.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Alternative {
+    /// Its roll, pitch and focal.
+    pub orientation: Orientation,
+    /// The strokes that it explains, direction by direction.
+    pub groups: Vec<Group>,
 }
 
 /// All mixtures under one lens, the likeliest first.
@@ -85,6 +97,18 @@ struct Grouping {
 }
 
 impl Grouping {
+    /// The strokes of a mixture.
+    fn drawn(&self, mixture: &Mixture) -> Vec<Group> {
+        let draw = |line: usize| stroke(&self.lines[line], &self.lens);
+        groups(mixture, &strokes(mixture, &self.lines, STROKES), &draw, &lies(mixture, &self.lines))
+    }
+
+    /// All cameras but the likeliest with their log evidence less its own.
+    fn others(&self) -> Vec<(f64, &Mixture)> {
+        let Some((best, others)) = self.mixtures.split_first() else { return Vec::new() };
+        others.iter().map(|other| (other.log_evidence - best.log_evidence, other)).collect()
+    }
+
     fn log_evidence(&self) -> Option<f64> {
         Some(self.mixtures.first()?.log_evidence + bend::log_density(self.k1))
     }
@@ -97,7 +121,10 @@ impl Proposal {
         if still.segments.len() < LEAST_LINES {
             return Self::none(vec![Reason::FewEdges { found: still.segments.len() }]);
         }
-        let Some((grouping, others)) = still.grouping() else {
+        if still.image_circle.is_some() && still.lens.is_none() {
+            return Self::none(vec![Reason::RoundImage]);
+        }
+        let Some(grouping) = still.grouping() else {
             return Self::none(vec![Reason::NoDirections]);
         };
         match grouping.mixtures.first() {
@@ -105,7 +132,7 @@ impl Proposal {
                 let straight = straight(&grouping.lines, &still.segments, &grouping.lens);
                 // What is known of the lens already is not asked for.
                 let straight = if still.lens.is_some() { Vec::new() } else { straight };
-                Self { straight, ..Self::of(&grouping, best, &others, still.size) }
+                Self { straight, ..Self::of(&grouping, best, still.size) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -124,11 +151,9 @@ impl Proposal {
         }
     }
 
-    /// The proposal of the likeliest mixture; `others` are the rest with their log evidence less its own.
-    fn of(grouping: &Grouping, best: &Mixture, others: &[(f64, Orientation)], size: [u32; 2]) -> Self {
-        let chosen = strokes(best, &grouping.lines, STROKES);
-        let draw = |line: usize| stroke(&grouping.lines[line], &grouping.lens);
-        let groups = groups(best, &chosen, &draw);
+    /// The proposal of the likeliest mixture.
+    fn of(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
+        let groups = grouping.drawn(best);
         let camera = entry(size, &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
         let Some(solution) = solved(&camera) else {
@@ -142,29 +167,36 @@ impl Proposal {
             proposal.camera = Some(camera);
             return proposal;
         }
-        let scatter = Scatter::new(best, others);
+        let scatter = Scatter::new(best, &grouping.others());
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
         let own = (WIDENING * own / solution.focal_px).min(OPEN);
         let sigma = own.hypot(scatter.sigma);
         let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
-        proposal.judge([sigma, own, unusual], &scatter, &solution);
+        let alternative = proposal.judge([sigma, own, unusual], &scatter, &solution);
+        proposal.alternative =
+            alternative.map(|other| Alternative { orientation: other.camera, groups: grouping.drawn(other) });
         proposal.focal_sigma_rel = Some(sigma);
         proposal.camera = Some(camera);
         proposal.solution = Some(solution);
         proposal
     }
 
-    /// The verdict, with what speaks against it.
-    fn judge(&mut self, [sigma, own, unusual]: [f64; 3], scatter: &Scatter, solution: &Solution) {
+    /// The verdict, with what speaks against it; the rival, if that does.
+    fn judge<'a>(
+        &mut self,
+        [sigma, own, unusual]: [f64; 3],
+        scatter: &Scatter<'a>,
+        solution: &Solution,
+    ) -> Option<&'a Mixture> {
         let missing = self.missing(own);
         let is_complete = missing.is_none();
         self.reasons.extend(missing);
         if is_complete && own > SURE {
             self.reasons.push(Reason::FocalOpen { sigma: own });
         }
-        if let Some(rival) = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own) {
-            self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.focal] });
-            self.alternative = Some(rival);
+        let rival = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own);
+        if let Some(rival) = rival {
+            self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.camera.focal] });
         }
         if unusual > UNUSUAL {
             self.reasons.push(Reason::Unusual { focal: solution.focal_px });
@@ -182,6 +214,7 @@ impl Proposal {
             false if is_believed => Verdict::Check,
             false => Verdict::None,
         };
+        rival
     }
 
     /// What must be there for directions to control each other, and is not.
@@ -196,23 +229,23 @@ impl Proposal {
 }
 
 /// How far the other mixtures are from the likeliest one.
-struct Scatter {
+struct Scatter<'a> {
     /// Standard deviation of the log focal over all of them, by their evidence.
     sigma: f64,
     /// The one that adds most.
-    rival: Option<Orientation>,
+    rival: Option<&'a Mixture>,
 }
 
-impl Scatter {
-    fn new(best: &Mixture, others: &[(f64, Orientation)]) -> Self {
-        let parts = others.iter().map(|(log_evidence, camera)| {
+impl<'a> Scatter<'a> {
+    fn new(best: &Mixture, others: &[(f64, &'a Mixture)]) -> Self {
+        let parts = others.iter().map(|&(log_evidence, other)| {
             let weight = log_evidence.min(0.0).exp();
-            (weight, weight * (camera.focal / best.camera.focal).ln().powi(2), *camera)
+            (weight, weight * (other.camera.focal / best.camera.focal).ln().powi(2), other)
         });
-        let parts: Vec<(f64, f64, Orientation)> = parts.collect();
+        let parts: Vec<(f64, f64, &Mixture)> = parts.collect();
         let all: f64 = 1.0 + parts.iter().map(|(weight, ..)| weight).sum::<f64>();
         let sigma = (parts.iter().map(|(_, square, _)| square).sum::<f64>() / all).sqrt();
-        let rival = parts.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(_, _, camera)| camera);
+        let rival = parts.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(_, _, other)| other);
         Self { sigma, rival }
     }
 }
@@ -221,7 +254,7 @@ impl Still {
     /// A still of which nothing is known but its edges.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self { segments, size, principal_point: None, lens: None }
+        Self { segments, size, principal_point: None, lens: None, image_circle: None }
     }
 
     /// The still of a camera: its lens is known where its distortion is given.
@@ -232,12 +265,13 @@ impl Still {
         Self {
             principal_point: Some(camera.principal_point()),
             lens: is_known.then(|| camera.lens()),
+            image_circle: camera.image_circle(),
             ..Self::new(segments, camera.size_px)
         }
     }
 
-    /// The likeliest grouping, and all other cameras with their log evidence less its own.
-    fn grouping(&self) -> Option<(Grouping, Vec<(f64, Orientation)>)> {
+    /// The likeliest grouping.
+    fn grouping(&self) -> Option<Grouping> {
         let straight = self.grouped(self.lens.unwrap_or(bend::lens(0.0, self.centre(), self.sides())), 0.0);
         let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
         let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
@@ -245,10 +279,7 @@ impl Still {
             Some(bent) if gain(&bent).is_some_and(|gain| gain > bend::LEAST_GAIN) => bent,
             _ => straight,
         };
-        let most = chosen.mixtures.first()?.log_evidence;
-        let own = chosen.mixtures.iter().skip(1);
-        let others = own.map(|mixture| (mixture.log_evidence - most, mixture.camera)).collect();
-        Some((chosen, others))
+        Some(chosen)
     }
 
     /// The grouping under the distortion under which edges lead to common points best, if that is any.

@@ -33,6 +33,8 @@ pub enum Reason {
         /// How many there are.
         found: usize,
     },
+    /// The image is round, and its lens is not known: a fisheye bends edges by more than grouping finds out.
+    RoundImage,
     /// The edges lead nowhere in common, more than chance would make them.
     NoDirections,
     /// No edge is plumb.
@@ -71,6 +73,9 @@ impl fmt::Display for Reason {
             Self::FewEdges { found } => {
                 write!(f, "only {found} straight edges were found; draw what is straight by hand")
             }
+            Self::RoundImage => f.write_str(
+                "the image is round, as a fisheye's is; draw long straight edges by hand, which tell its lens, and propose again",
+            ),
             Self::NoDirections => {
                 f.write_str("the edges lead to no common directions; draw verticals and floor lines by hand")
             }

@@ -1,6 +1,6 @@
 //! A finding in words: what is so, and what the operator can do about it. A new finding has its two arms here.
 
-use crate::outcome::{Finding, Suggestion, WhyUnused};
+use crate::outcome::{Drawing, Finding, Suggestion, WhyUnused};
 use crate::site::document::Site;
 use crate::site::english::phrase::{
     English, Names, bent, corners, efov, estimator, evidence, few_residuals, field, floor, from_prior,
@@ -97,8 +97,11 @@ fn advice(finding: &Finding) -> String {
             next()
         ),
         F::TwoSolutions { .. } => format!("One more line decides. {}", next()),
-        F::Weak { scale_rel: Some(scale), next: None, .. }
-        | F::Unusable { scale_rel: Some(scale), next: None, .. } => measure_one(*scale),
+        F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
+            if next.is_none_or(|next| next.drawing == Drawing::KnownSize) =>
+        {
+            measure_one(*scale)
+        }
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
         F::HeightsApart { .. } => HEIGHTS_APART.into(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),

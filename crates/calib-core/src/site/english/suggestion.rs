@@ -12,6 +12,7 @@ pub(crate) fn what_to_draw(suggestion: &Suggestion) -> String {
         Drawing::RightAngle => "A right angle near the middle of the floor, at about 45 degrees to the view,",
         Drawing::EqualLengths => "Three floor segments of equal length, near, far and across,",
         Drawing::SharedPoints => "Links of four floor points to another camera that sees them as well",
+        Drawing::KnownSize => "One thing on the floor whose length you know (a tile, a lane, a parking bay)",
     };
     let gain = match suggestion.ratio {
         r if r < 0.28 => "cut the uncertainty of the floor to a fraction".into(),
