@@ -1,5 +1,7 @@
 //! The effective field of view: the polygon on the image, and the part of it that lies on the floor.
 
+use std::f64::consts::TAU;
+
 use crate::camera::{Camera, FloorPoint, Pixel, Plane};
 
 /// The floor polygon that an image polygon shows.
@@ -41,24 +43,14 @@ pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
 }
 
 fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
-    if camera.lens.distortion.is_wide()
-        && let Some(centre) = foot_within(camera, corners, plane)
-    {
-        return about_foot(camera, corners, plane, reach, centre);
+    if camera.lens.distortion.is_wide() {
+        return wide(camera, corners, plane, reach);
     }
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
-    let steps = if bent { STEPS } else { 1 };
-    let outline: Vec<Pixel> = (0..corners.len())
-        .flat_map(|i| {
-            let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-            (0..steps).map(move |step| {
-                let t = step as f64 / steps as f64;
-                Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
-            })
-        })
-        .collect();
+    let outline = outline(corners, if bent { STEPS } else { 1 });
     let lost = outline.iter().any(|&pixel| camera.lens.bearing(pixel).is_none());
-    let bearings: Vec<[f64; 3]> = outline.iter().filter_map(|&pixel| shown(camera, pixel)).collect();
+    let seen = |&pixel: &Pixel| camera.lens.bearing(last_seen(camera, pixel)?);
+    let bearings: Vec<[f64; 3]> = outline.iter().filter_map(seen).collect();
     // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0 and clipping is linear.
     let h = camera.homography_plane_from_pixel(plane);
     let drop = camera.position.z - plane.height_at(camera.position.on_floor());
@@ -79,7 +71,7 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     // The circle is approximated by a regular polygon of half planes.
     const SIDES: usize = 32;
     for side in 0..SIDES {
-        let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
+        let (sin, cos) = (TAU * side as f64 / SIDES as f64).sin_cos();
         polygon = clip(&polygon, |[x, y, w]| w * drop.abs() * reach - (x * cos + y * sin));
     }
     let clipped = lost || polygon != homogeneous;
@@ -91,67 +83,107 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     Efov { polygon, clipped }
 }
 
-/// The bearing of a pixel, or where it has none, that of the last pixel toward the principal point that has one: the
-/// border of a fisheye's circle.
-fn shown(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
-    let centre = camera.lens.principal_point;
-    camera.lens.bearing(pixel).or_else(|| {
-        let last = last_toward(centre, pixel, |raw| camera.lens.bearing(raw).is_some())?;
-        camera.lens.bearing(last)
-    })
+/// The corners of a polygon, with so many steps from each to the next.
+fn outline(corners: &[Pixel], steps: usize) -> Vec<Pixel> {
+    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+    edges.flat_map(|(&a, &b)| (0..steps).map(move |step| between(a, b, step as f64 / steps as f64))).collect()
 }
 
-/// The last pixel on the way from a centre for which something holds, by bisection; `None` where it does not at the
-/// centre.
-fn last_toward(centre: Pixel, pixel: Pixel, holds: impl Fn(Pixel) -> bool) -> Option<Pixel> {
-    const HALVINGS: usize = 40;
-    let at =
-        |t: f64| Pixel { u: centre.u + t * (pixel.u - centre.u), v: centre.v + t * (pixel.v - centre.v) };
-    if !holds(centre) {
-        return None;
+fn between(a: Pixel, b: Pixel, t: f64) -> Pixel {
+    Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
+}
+
+/// The pixel, or where the lens shows nothing there, the last one toward the principal point where it does: the border
+/// of a fisheye's circle.
+fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
+    let centre = camera.lens.principal_point;
+    let is_seen = |raw: Pixel| camera.lens.bearing(raw).is_some();
+    if is_seen(pixel) {
+        return Some(pixel);
     }
+    is_seen(centre).then(|| border(centre, pixel, is_seen)[0])
+}
+
+/// The last pixel on the way for which something holds that does at its beginning and not at its end, and the next one
+/// for which it does not, by bisection.
+fn border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
+    const HALVINGS: usize = 40;
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        if holds(at(middle)) { low = middle } else { high = middle }
+        if holds(between(from, to, middle)) { low = middle } else { high = middle }
     }
-    Some(at(if holds(pixel) { 1.0 } else { low }))
+    [low, high].map(|t| between(from, to, t))
 }
 
-/// The pixel of the point of a plane below the camera, if it lies within a polygon.
-fn foot_within(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Option<Pixel> {
-    let foot = camera.position.on_floor();
-    let pixel = camera.world_to_pixel(foot.at_height(plane.height_at(foot)))?;
+/// Whether a pixel lies within a polygon.
+fn is_within(pixel: Pixel, corners: &[Pixel]) -> bool {
     let crosses = |(a, b): (&Pixel, &Pixel)| {
         (a.v > pixel.v) != (b.v > pixel.v) && pixel.u < a.u + (pixel.v - a.v) / (b.v - a.v) * (b.u - a.u)
     };
-    let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
-    (pairs.filter(|pair| crosses(*pair)).count() % 2 == 1).then_some(pixel)
+    corners.iter().zip(corners.iter().cycle().skip(1)).filter(|pair| crosses(*pair)).count() % 2 == 1
 }
 
-/// The floor that a polygon shows about the foot of a camera: where the horizon runs all round within the image,
-/// there is no clipping at it. From the foot toward every point of the outline, the last floor within reach.
-fn about_foot(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64, foot: Pixel) -> Efov {
-    /// Points of the outline an edge.
-    const STEPS: usize = 16;
-    let below = camera.position.on_floor();
-    let most = reach * (camera.position.z - plane.height_at(below)).abs();
+/// Twice the area that a polygon goes round, positive from the axis of u toward that of v.
+fn turn(corners: &[Pixel]) -> f64 {
+    corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| a.u * b.v - a.v * b.u).sum()
+}
+
+/// The floor within reach that a polygon shows of a lens that may see more than half of all directions, where there is
+/// no clipping at the horizon: what is behind the camera is no farther on the image than what is before it.
+///
+/// The outline is followed as long as its floor is within reach. Where it leaves, the circle of the reach is followed to
+/// where it comes back, the way round that the outline itself goes: what is within lies to the same side of both.
+fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
+    /// Steps of the outline an edge, and of the circle all round.
+    const STEPS: usize = 32;
+    const ROUND: f64 = 64.0;
+    let foot = camera.position.on_floor();
+    let drop = camera.position.z - plane.height_at(foot);
+    let most = reach * drop.abs();
     let floor = |pixel: Pixel| {
         let at = camera.pixel_to_plane(pixel, plane)?.on_floor();
-        (at.distance(below) <= most).then_some(at)
+        (at.distance(foot) <= most).then_some(at)
     };
-    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
-    let outline = edges.flat_map(|(a, b)| {
-        (0..STEPS).map(move |step| {
-            let t = step as f64 / STEPS as f64;
-            Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
-        })
-    });
-    let mut clipped = false;
+    let angle = |at: FloorPoint| (at.y - foot.y).atan2(at.x - foot.x);
+    let on_circle =
+        |angle: f64| FloorPoint { x: foot.x + most * angle.cos(), y: foot.y + most * angle.sin() };
+    let drawn = outline(corners, STEPS);
+    let seen: Vec<Pixel> = drawn.iter().filter_map(|&pixel| last_seen(camera, pixel)).collect();
+    let clipped = drawn.iter().any(|&pixel| floor(pixel).is_none());
+    // v runs downward: seen from above the floor, the image turns the other way round.
+    let way = -(turn(corners) * drop).signum();
+    let Some(first) = seen.iter().position(|&pixel| floor(pixel).is_some()) else {
+        let below = camera.world_to_pixel(foot.at_height(plane.height_at(foot)));
+        let is_all = below.is_some_and(|pixel| is_within(pixel, corners));
+        let round = (0..if is_all { ROUND as usize } else { 0 }).map(|step| step as f64 / ROUND);
+        return Efov { polygon: round.map(|turns| on_circle(way * turns * TAU)).collect(), clipped };
+    };
     let mut polygon = Vec::new();
-    for pixel in outline {
-        clipped |= floor(pixel).is_none();
-        polygon.extend(last_toward(foot, pixel, |raw| floor(raw).is_some()).and_then(floor));
+    let mut left = None;
+    for step in 0..seen.len() {
+        let [here, next] = [step, step + 1].map(|step| seen[(first + step) % seen.len()]);
+        polygon.extend(floor(here));
+        match (floor(here), floor(next)) {
+            (Some(_), None) => {
+                let last = floor(border(here, next, |pixel| floor(pixel).is_some())[0]);
+                left = last.map(angle);
+                polygon.extend(last);
+            }
+            (None, Some(_)) => {
+                let back = floor(border(here, next, |pixel| floor(pixel).is_none())[1]);
+                if let (Some(from), Some(to)) = (left.take(), back.map(angle)) {
+                    let round = (way * (to - from)).rem_euclid(TAU);
+                    let steps = (round / TAU * ROUND) as usize;
+                    polygon.extend(
+                        (1..=steps)
+                            .map(|step| on_circle(from + way * round * step as f64 / (steps + 1) as f64)),
+                    );
+                }
+                polygon.extend(back);
+            }
+            _ => {}
+        }
     }
     Efov { polygon, clipped }
 }
@@ -175,8 +207,10 @@ fn clip(polygon: &[[f64; 3]], inside: impl Fn([f64; 3]) -> f64) -> Vec<[f64; 3]>
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
-    use crate::camera::{Lens, WorldPoint};
+    use crate::camera::{Distortion, Lens, WorldPoint};
 
     fn camera(pitch: f64) -> Camera {
         Camera {
@@ -224,7 +258,7 @@ mod tests {
     fn a_fisheye_on_the_ceiling_shows_the_floor_all_around() {
         let lens = Lens {
             focal: 334.0,
-            distortion: crate::camera::Distortion::KannalaBrandt { k: [0.0; 4] },
+            distortion: Distortion::KannalaBrandt { k: [0.0; 4] },
             ..Lens::pinhole(Pixel::new(960.0, 540.0))
         };
         let above = Camera { pitch: std::f64::consts::FRAC_PI_2, roll: 0.0, lens, ..camera(0.0) };
@@ -240,12 +274,12 @@ mod tests {
     fn of_a_ceiling_that_sees_beyond_the_horizon_the_floor_is_a_disc_and_the_horizon_a_ring() {
         let lens = Lens {
             focal: 300.0,
-            distortion: crate::camera::Distortion::KannalaBrandt { k: [0.01, 0.0, 0.0, 0.0] },
+            distortion: Distortion::KannalaBrandt { k: [0.01, 0.0, 0.0, 0.0] },
             ..Lens::pinhole(Pixel::new(960.0, 540.0))
         };
         let above = Camera { pitch: 1.45, roll: 0.3, lens, focal: 300.0, ..camera(0.0) };
         let disc: Vec<Pixel> = (0..24)
-            .map(|i| (std::f64::consts::TAU * f64::from(i) / 24.0).sin_cos())
+            .map(|i| (TAU * f64::from(i) / 24.0).sin_cos())
             .map(|(sin, cos)| Pixel::new(960.0 + 530.0 * cos, 540.0 + 530.0 * sin))
             .collect();
         let efov = efov_on_floor(&above, &disc);
@@ -258,6 +292,42 @@ mod tests {
         assert_eq!(ring.len(), 1);
         for &pixel in &ring[0] {
             assert!(above.pixel_to_ray(pixel).unwrap().direction[2].abs() < 1e-6);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_efov_of_a_wide_lens_is_the_floor_that_it_shows(
+            (pitch, roll) in (0.0..1.57, -0.5..0.5),
+            k in [-0.03..0.03, -0.01..0.01, -0.005..0.005, -0.002..0.002],
+            focal in 250.0..900.0,
+            cut in [0.0..0.4, 0.0..0.4, 0.6..1.0, 0.6..1.0],
+            mirrored in any::<bool>(),
+        ) {
+            let lens = Lens { focal, distortion: Distortion::KannalaBrandt { k }, ..Lens::pinhole(Pixel::new(960.0, 540.0)) };
+            let camera = Camera { pitch, roll, focal, lens, ..camera(0.0) };
+            let [left, top, right, bottom] = [cut[0] * 1920.0, cut[1] * 1080.0, cut[2] * 1920.0, cut[3] * 1080.0];
+            let mut corners = [[left, bottom], [right, bottom], [right, top], [left, top]].map(Pixel::from);
+            if mirrored {
+                corners.reverse();
+            }
+            let efov = on_plane(&camera, &corners, &Plane::FLOOR, 5.0);
+            let flat = |at: &FloorPoint| Pixel::new(at.x, at.y);
+            let polygon: Vec<Pixel> = efov.polygon.iter().map(flat).collect();
+            let foot = camera.position.on_floor();
+            let shows = |at: FloorPoint| camera.world_to_pixel(at.at_height(0.0)).is_some_and(|pixel| is_within(pixel, &corners));
+            for i in 0..400 {
+                let off = 14.7 * (f64::from(i) / 400.0).sqrt();
+                let beside = |at: FloorPoint, angle: f64, by: f64| FloorPoint { x: at.x + by * angle.cos(), y: at.y + by * angle.sin() };
+                let at = beside(foot, 2.4 * f64::from(i), off);
+                // Between two points of the outline the border is as bent as it is.
+                let is_off_the_edges = camera.world_to_pixel(at.at_height(0.0)).is_none_or(|pixel| {
+                    [pixel.u - left, pixel.u - right, pixel.v - top, pixel.v - bottom].iter().all(|by| by.abs() > 3.0)
+                });
+                let is_off_the_rim = (0..8).all(|side| shows(beside(at, TAU * f64::from(side) / 8.0, 0.2 + 0.1 * off)) == shows(at));
+                let is_clear = is_off_the_edges && is_off_the_rim;
+                prop_assert!(!is_clear || is_within(flat(&at), &polygon) == shows(at), "{at:?}");
+            }
         }
     }
 }
