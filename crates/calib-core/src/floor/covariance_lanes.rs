@@ -2,14 +2,18 @@
 //! [`Camera::covariance_on`] says of one.
 //!
 //! A change c of a ray's direction d moves its point of the plane by `D(c) = t (c - d (n . c) / (n . d))`, which is
-//! linear, and `D(d) = 0`. With `d = a right + b down + forward` the change by pitch, by roll, by the focal and by
-//! every coefficient of the lens is a mixture of `D(right)` and `D(down)`.
+//! linear, and `D(d) = 0`. With `d = a right + b down + forward` every change of the camera moves the point as a shift k
+//! of (a, b) does, by `T k` with `T = [D(right), D(down)]`. Of the pose and the focal k is quadratic in a and b, the flow
+//! of an image of a plane (Longuet-Higgins and Prazdny 1980); so the covariance is `T Q T'`, and Q is quartic, with
+//! coefficients that are the same for all pixels.
 
 use crate::camera::{
-    BrownConrady, BrownInverse, Camera, Covariance, FloorCovariance, LANES, Pixel, Plane, sin_cos,
+    BrownConrady, BrownInverse, Camera, Covariance, Distortion, FloorCovariance, LANES, Pixel, Plane, sin_cos,
 };
 
 type Lanes = [f64; LANES];
+/// Of a polynomial of a and b: the coefficient of `a^i b^j` in row i and column j; of less than N degrees.
+type Polynomial<const N: usize> = [[f64; N]; N];
 
 /// A camera and a plane prepared for covariances.
 #[derive(Clone, Debug)]
@@ -20,13 +24,22 @@ pub(super) struct CovarianceLanes<'a> {
     lens: Option<(&'a BrownInverse, BrownConrady)>,
     /// Rows right, down, forward.
     axes: [[f64; 3]; 3],
-    /// The unknowns that were estimated; none where nothing is known of the errors.
-    estimated: Option<Vec<usize>>,
+    /// None where nothing is known of the errors.
+    flow: Option<Flow>,
 }
 
-/// The Jacobian of floor points: rows x and y.
+/// The covariance of (a, b) by the errors of a camera.
+#[derive(Clone, Debug)]
+struct Flow {
+    /// By the pose and the focal: aa, ab, bb.
+    pose: [Polynomial<5>; 3],
+    /// Which coefficients of the lens were estimated, with the covariance of each with the flow of pose and focal.
+    lens: Vec<(usize, [Polynomial<3>; 2])>,
+}
+
+/// How points of the plane move with (a, b), as rows x and y of T.
 #[derive(Clone, Copy, Debug)]
-struct Jacobian([[Lanes; 2]; Covariance::SIZE]);
+struct Slopes([[Lanes; 2]; 2]);
 
 impl<'a> CovarianceLanes<'a> {
     pub(super) fn new(
@@ -34,10 +47,9 @@ impl<'a> CovarianceLanes<'a> {
         plane: &'a Plane,
         lens: Option<(&'a BrownInverse, BrownConrady)>,
     ) -> Self {
-        let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
-        let estimated =
-            camera.covariance.is_known().then(|| (0..Covariance::SIZE).filter(is_estimated).collect());
-        Self { camera, plane, lens, axes: camera.rotation(), estimated }
+        let axes = camera.rotation();
+        let flow = camera.covariance.is_known().then(|| Flow::new(camera, plane, &axes, lens.is_some()));
+        Self { camera, plane, lens, axes, flow }
     }
 
     /// Of as many pixels as there are lanes; `variance` that of a coordinate of a pixel.
@@ -56,125 +68,236 @@ impl<'a> CovarianceLanes<'a> {
                 [unbend[0][i], unbend[1][i], unbend[2][i]] = [d * scale, -b * scale, a * scale];
             }
         }
-        let (jacobian, by_pixel) = self.jacobian(&x, &y, &unbend);
-        let pixel = covariance(|row, i| [by_pixel[0][row][i], by_pixel[1][row][i]], variance);
-        let calibration = self.estimated.as_ref().map(|estimated| self.carried(&jacobian, estimated));
-        std::array::from_fn(|i| {
-            if pixel[0][i].is_finite() {
-                let square = |of: &[Lanes; 3]| [[of[0][i], of[1][i]], [of[1][i], of[2][i]]];
-                FloorCovariance { pixel: square(&pixel), calibration: calibration.as_ref().map(square) }
-            } else {
-                FloorCovariance::NONE
+        let ratio = lens_focal / self.camera.focal;
+        let (a, b) = (x.map(|x| ratio * x), y.map(|y| ratio * y));
+        let slopes = self.slopes(&a, &b);
+        let pixel = slopes.carried(&of_pixel(&unbend, variance / (self.camera.focal * self.camera.focal)));
+        let calibration = match &self.flow {
+            None => None,
+            Some(flow) => {
+                let mut covariance = flow.of_pose(&a, &b);
+                if let Some((_, brown)) = self.lens {
+                    let shifts = shifts(&brown, &x, &y, &unbend, -ratio);
+                    flow.add_lens(&mut covariance, &self.camera.covariance, [&a, &b], &shifts);
+                }
+                Some(slopes.carried(&covariance))
             }
-        })
+        };
+        let mut of = [FloorCovariance::NONE; LANES];
+        for i in 0..LANES {
+            if pixel[0][i].is_finite() {
+                let pixel = [[pixel[0][i], pixel[1][i]], [pixel[1][i], pixel[2][i]]];
+                let calibration = calibration.as_ref().map(|of| [[of[0][i], of[1][i]], [of[1][i], of[2][i]]]);
+                of[i] = FloorCovariance { pixel, calibration };
+            }
+        }
+        of
     }
 
-    /// By the unknowns of the camera, and by u and v of the raw pixel; NaN where the plane is not seen.
+    /// NaN where the plane is not seen.
     #[inline(always)]
-    fn jacobian(&self, x: &Lanes, y: &Lanes, unbend: &[Lanes; 3]) -> (Jacobian, [[Lanes; 2]; 2]) {
+    fn slopes(&self, a: &Lanes, b: &Lanes) -> Slopes {
         /// As for one pixel: what is farther is the horizon's rounding.
         const FARTHEST: f64 = 1e12;
-        let ([right, down, forward], focal, plane) = (self.axes, self.camera.focal, self.plane);
-        let drop = plane.height_at(self.camera.position.on_floor()) - self.camera.position.z;
-        let (sin, cos) = sin_cos(self.camera.roll);
-        let (rise_right, rise_down, rise_forward) =
-            (plane.rise(&right), plane.rise(&down), plane.rise(&forward));
-        let ratio = self.camera.lens.focal / focal;
-        let mut by = Jacobian([[[0.0; LANES]; 2]; Covariance::SIZE]);
-        let mut by_pixel = [[[0.0; LANES]; 2]; 2];
+        let [right, down, forward] = self.axes;
+        let drop = self.plane.height_at(self.camera.position.on_floor()) - self.camera.position.z;
+        let [rise_right, rise_down, rise_forward] = self.axes.map(|axis| self.plane.rise(&axis));
+        let mut slopes = Slopes([[[0.0; LANES]; 2]; 2]);
         for i in 0..LANES {
-            let (a, b) = (ratio * x[i], ratio * y[i]);
-            let along = |k: usize| a * right[k] + b * down[k] + forward[k];
-            let direction = [along(0), along(1)];
-            let rise = a * rise_right + b * rise_down + rise_forward;
-            let (by_rise, square) = (rise.recip(), direction[0] * direction[0] + direction[1] * direction[1]);
+            let mut direction = [0.0; 3];
+            for k in 0..3 {
+                direction[k] = a[i] * right[k] + b[i] * down[k] + forward[k];
+            }
+            let by_rise = (a[i] * rise_right + b[i] * rise_down + rise_forward).recip();
             let reach = drop * by_rise;
-            let is_seen =
-                (reach > 0.0) & (reach * reach * (square + along(2) * along(2)) < FARTHEST * FARTHEST);
+            let [along_x, along_y, along_z] = direction;
+            let square = along_x * along_x + along_y * along_y + along_z * along_z;
+            let is_seen = (reach > 0.0) & (reach * reach * square < FARTHEST * FARTHEST);
             let reach = if is_seen { reach } else { f64::NAN };
-            let turned = plane.rise(&[-direction[1], direction[0], 0.0]);
-            let back = -(a * sin + b * cos);
             for k in 0..2 {
                 let tilt = direction[k] * by_rise;
-                let by_right = reach * (right[k] - tilt * rise_right);
-                let by_down = reach * (down[k] - tilt * rise_down);
-                let unit = |axis: usize| if axis == k { 1.0 } else { 0.0 };
-                let yawed = if k == 0 { -direction[1] } else { direction[0] };
-                by.0[Covariance::X][k][i] = unit(0) + tilt * plane.slope[0];
-                by.0[Covariance::Y][k][i] = unit(1) + tilt * plane.slope[1];
-                by.0[Covariance::Z][k][i] = -tilt;
-                by.0[Covariance::YAW][k][i] = reach * (yawed - tilt * turned);
-                by.0[Covariance::PITCH][k][i] = (sin - back * a) * by_right + (cos - back * b) * by_down;
-                by.0[Covariance::ROLL][k][i] = a * by_down - b * by_right;
-                by.0[Covariance::FOCAL][k][i] = -(a * by_right + b * by_down) / focal;
-                let (by_u, by_v) = (by_right / focal, by_down / focal);
-                by_pixel[0][k][i] = unbend[0][i] * by_u + unbend[1][i] * by_v;
-                by_pixel[1][k][i] = unbend[1][i] * by_u + unbend[2][i] * by_v;
+                slopes.0[k][0][i] = reach * (right[k] - tilt * rise_right);
+                slopes.0[k][1][i] = reach * (down[k] - tilt * rise_down);
             }
         }
-        if let Some((_, brown)) = self.lens {
-            self.add_lens(&mut by, &by_pixel, &brown, x, y);
-        }
-        (by, by_pixel)
+        slopes
     }
+}
 
-    /// By the coefficients of the lens: a raw pixel that stays is undistorted to another place, by `-A^-1` of what the
-    /// coefficient changes.
+impl Slopes {
+    /// A covariance of (a, b) as one of x and y: xx, xy, yy.
     #[inline(always)]
-    fn add_lens(
-        &self,
-        by: &mut Jacobian,
-        by_pixel: &[[Lanes; 2]; 2],
-        brown: &BrownConrady,
-        x: &Lanes,
-        y: &Lanes,
-    ) {
-        let focal = self.camera.lens.focal;
+    fn carried(&self, of: &[Lanes; 3]) -> [Lanes; 3] {
+        let mut carried = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            let changes = brown.distorted_by_coefficients([x[i], y[i]]);
-            for (index, [dx, dy]) in changes.into_iter().enumerate() {
-                for k in 0..2 {
-                    let moved = by_pixel[0][k][i] * dx + by_pixel[1][k][i] * dy;
-                    by.0[Covariance::LENS + index][k][i] = -focal * moved;
+            let [aa, ab, bb] = [of[0][i], of[1][i], of[2][i]];
+            let [x, y] = [[self.0[0][0][i], self.0[0][1][i]], [self.0[1][0][i], self.0[1][1][i]]];
+            let by_x = [x[0] * aa + x[1] * ab, x[0] * ab + x[1] * bb];
+            let by_y = [y[0] * aa + y[1] * ab, y[0] * ab + y[1] * bb];
+            carried[0][i] = x[0] * by_x[0] + x[1] * by_x[1];
+            carried[1][i] = y[0] * by_x[0] + y[1] * by_x[1];
+            carried[2][i] = y[0] * by_y[0] + y[1] * by_y[1];
+        }
+        carried
+    }
+}
+
+impl Flow {
+    fn new(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], is_bent: bool) -> Self {
+        let flows = flows(camera, plane, axes);
+        let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
+        let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
+        let mut pose = [[[0.0; 5]; 5]; 3];
+        for (of, [i, j]) in pose.iter_mut().zip([[0, 0], [0, 1], [1, 1]]) {
+            for &row in &estimated {
+                for &column in &estimated {
+                    add_product(of, camera.covariance.0[row][column], &flows[row][i], &flows[column][j]);
                 }
             }
         }
+        let with = |coefficient: usize| {
+            let sum = |axis: usize, i: usize, j: usize| -> f64 {
+                let by = |&row: &usize| {
+                    camera.covariance.0[row][Covariance::LENS + coefficient] * flows[row][axis][i][j]
+                };
+                estimated.iter().map(by).sum()
+            };
+            [0, 1].map(|axis| std::array::from_fn(|i| std::array::from_fn(|j| sum(axis, i, j))))
+        };
+        let bends = 0..if is_bent { Distortion::MOST } else { 0 };
+        let bends = bends.filter(|coefficient| is_estimated(&(Covariance::LENS + coefficient)));
+        Self { pose, lens: bends.map(|coefficient| (coefficient, with(coefficient))).collect() }
     }
 
-    /// The covariance of the camera, propagated: xx, xy, yy. It is symmetric: every pair of unknowns counts twice.
     #[inline(always)]
-    fn carried(&self, by: &Jacobian, estimated: &[usize]) -> [Lanes; 3] {
-        let covariance = &self.camera.covariance.0;
-        let mut sum = [[0.0; LANES]; 3];
-        for (first, &row) in estimated.iter().enumerate() {
-            let mut others = [[0.0; LANES]; 2];
-            for &column in &estimated[first + 1..] {
-                let (entry, [x, y]) = (covariance[row][column], &by.0[column]);
+    fn of_pose(&self, a: &Lanes, b: &Lanes) -> [Lanes; 3] {
+        let [aa, ab, bb] = &self.pose;
+        [value(aa, a, b), value(ab, a, b), value(bb, a, b)]
+    }
+
+    /// By the coefficients of the lens, which shift (a, b) so: with each other and with the pose, every pair counts twice.
+    #[inline(always)]
+    fn add_lens(
+        &self,
+        to: &mut [Lanes; 3],
+        Covariance(covariance): &Covariance,
+        [a, b]: [&Lanes; 2],
+        shifts: &[[Lanes; 2]; Distortion::MOST],
+    ) {
+        for (first, (coefficient, with_pose)) in self.lens.iter().enumerate() {
+            let row = &covariance[Covariance::LENS + coefficient][Covariance::LENS..];
+            let mut others = [value(&with_pose[0], a, b), value(&with_pose[1], a, b)];
+            for &(other, _) in &self.lens[first + 1..] {
+                let (entry, [x, y]) = (row[other], &shifts[other]);
                 for i in 0..LANES {
                     others[0][i] += entry * x[i];
                     others[1][i] += entry * y[i];
                 }
             }
-            let (own, [x, y]) = (covariance[row][row], &by.0[row]);
+            let (own, [x, y]) = (row[*coefficient], &shifts[*coefficient]);
             for i in 0..LANES {
-                sum[0][i] += x[i] * (own * x[i] + 2.0 * others[0][i]);
-                sum[1][i] += x[i] * (own * y[i] + others[1][i]) + y[i] * others[0][i];
-                sum[2][i] += y[i] * (own * y[i] + 2.0 * others[1][i]);
+                to[0][i] += x[i] * (own * x[i] + 2.0 * others[0][i]);
+                to[1][i] += x[i] * (own * y[i] + others[1][i]) + y[i] * others[0][i];
+                to[2][i] += y[i] * (own * y[i] + 2.0 * others[1][i]);
             }
         }
-        sum
     }
 }
 
-/// Of a pair of quantities with these derivatives by u and v, row by row: xx, xy, yy.
+/// How (a, b) would move for the point to move as it does with every unknown of pose and focal.
+fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3]) -> [[Polynomial<3>; 2]; Covariance::LENS] {
+    let quadratic =
+        |one: f64, [a, b]: [f64; 2], [aa, ab, bb]: [f64; 3]| [[one, b, bb], [a, ab, 0.0], [aa, 0.0, 0.0]];
+    let (sin, cos) = sin_cos(camera.roll);
+    // One over the reach is linear in a and b.
+    let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
+    let [right, down, forward] = axes.map(|axis| plane.rise(&axis) / drop);
+    let moved = |axis: usize| {
+        let [r, d, f] = axes.map(|of| of[axis]);
+        [
+            quadratic(r * forward, [r * right - f * forward, r * down], [-f * right, -f * down, 0.0]),
+            quadratic(d * forward, [d * right, d * down - f * forward], [0.0, -f * right, -f * down]),
+        ]
+    };
+    let [r, d, f] = axes.map(|of| of[2]);
+    let mut flows = [[[[0.0; 3]; 3]; 2]; Covariance::LENS];
+    flows[Covariance::X] = moved(0);
+    flows[Covariance::Y] = moved(1);
+    flows[Covariance::Z] = moved(2);
+    flows[Covariance::YAW] = [quadratic(d, [0.0, -f], [d, -r, 0.0]), quadratic(-r, [f, 0.0], [0.0, d, -r])];
+    flows[Covariance::PITCH] =
+        [quadratic(sin, [0.0; 2], [sin, cos, 0.0]), quadratic(cos, [0.0; 2], [0.0, sin, cos])];
+    flows[Covariance::ROLL] = [quadratic(0.0, [0.0, -1.0], [0.0; 3]), quadratic(0.0, [1.0, 0.0], [0.0; 3])];
+    let shrunk = -camera.focal.recip();
+    flows[Covariance::FOCAL] =
+        [quadratic(0.0, [shrunk, 0.0], [0.0; 3]), quadratic(0.0, [0.0, shrunk], [0.0; 3])];
+    flows
+}
+
+fn add_product(to: &mut Polynomial<5>, factor: f64, left: &Polynomial<3>, right: &Polynomial<3>) {
+    for i in 0..3 {
+        for j in 0..3 - i {
+            for k in 0..3 {
+                for l in 0..3 - k {
+                    to[i + k][j + l] += factor * left[i][j] * right[k][l];
+                }
+            }
+        }
+    }
+}
+
+/// By Horner's rule.
 #[inline(always)]
-fn covariance(by_pixel: impl Fn(usize, usize) -> [f64; 2], variance: f64) -> [Lanes; 3] {
-    [(0, 0), (0, 1), (1, 1)].map(|(row, column)| {
-        std::array::from_fn(|i| {
-            let ([a, b], [c, d]) = (by_pixel(row, i), by_pixel(column, i));
-            variance * (a * c + b * d)
-        })
-    })
+fn value<const N: usize>(of: &Polynomial<N>, a: &Lanes, b: &Lanes) -> Lanes {
+    let mut value = [of[N - 1][0]; LANES];
+    for i in (0..N - 1).rev() {
+        let mut row = [of[i][N - 1 - i]; LANES];
+        for j in (0..N - 1 - i).rev() {
+            for lane in 0..LANES {
+                row[lane] = row[lane] * b[lane] + of[i][j];
+            }
+        }
+        for lane in 0..LANES {
+            value[lane] = value[lane] * a[lane] + row[lane];
+        }
+    }
+    value
+}
+
+/// The covariance of (a, b) for raw pixels of this variance, in squares of a focal: aa, ab, bb.
+#[inline(always)]
+fn of_pixel(unbend: &[Lanes; 3], variance: f64) -> [Lanes; 3] {
+    let mut of = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        let [a, b, d] = [unbend[0][i], unbend[1][i], unbend[2][i]];
+        of[0][i] = variance * (a * a + b * b);
+        of[1][i] = variance * b * (a + d);
+        of[2][i] = variance * (b * b + d * d);
+    }
+    of
+}
+
+/// How (a, b) moves with every coefficient of a lens: a raw pixel that stays is undistorted to another place, by `-A^-1`
+/// of what the coefficient changes.
+#[inline(always)]
+fn shifts(
+    brown: &BrownConrady,
+    x: &Lanes,
+    y: &Lanes,
+    unbend: &[Lanes; 3],
+    scale: f64,
+) -> [[Lanes; 2]; Distortion::MOST] {
+    let mut shifts = [[[0.0; LANES]; 2]; Distortion::MOST];
+    for i in 0..LANES {
+        let [a, b, d] = [scale * unbend[0][i], scale * unbend[1][i], scale * unbend[2][i]];
+        let changes = brown.distorted_by_coefficients([x[i], y[i]]);
+        for coefficient in 0..Distortion::MOST {
+            let [dx, dy] = changes[coefficient];
+            shifts[coefficient][0][i] = a * dx + b * dy;
+            shifts[coefficient][1][i] = b * dx + d * dy;
+        }
+    }
+    shifts
 }
 
 #[cfg(test)]

@@ -66,7 +66,7 @@ impl BrownConrady {
     }
 
     /// Derivative of the formula by every coefficient, the undistorted point staying.
-    #[inline]
+    #[inline(always)]
     #[expect(clippy::unused_self, reason = "the formula is linear in its coefficients")]
     pub(crate) fn distorted_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
         let square = x * x + y * y;
@@ -77,7 +77,7 @@ impl BrownConrady {
     }
 
     /// Derivative of the formula, which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         let square = x * x + y * y;
         let radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3));
