@@ -5,8 +5,8 @@ mod measure;
 use std::hint::black_box;
 
 use calib_core::{
-    BrownConrady, Camera, CameraView, Covariance, Distortion, FloorCovariance, FloorProjector, Lens, Pixel,
-    WorldPoint, default_efov,
+    BrownConrady, Camera, CameraView, Covariance, Distortion, FloorProjector, Lens, Pixel, WorldPoint,
+    default_efov,
 };
 use measure::{median, report};
 use rand::{Rng as _, SeedableRng as _};
@@ -75,9 +75,12 @@ fn floor_covariances(distortion: Distortion) -> f64 {
     for i in 0..Covariance::CENTRE {
         camera.covariance.0[i][i] = 1e-4;
     }
-    let mut of = vec![FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }; count];
+    let mut of = [(); 6].map(|()| vec![0.0; count]);
     let projector = FloorProjector::new(&camera, 0.0);
-    let all = median(9, || projector.floor_covariances(black_box(&u), black_box(&v), 1.0, &mut of));
+    let all = median(9, || {
+        let [xx, xy, yy, calibration @ ..] = of.each_mut().map(|column| &mut column[..]);
+        projector.floor_covariances([black_box(&u), black_box(&v)], 1.0, [[xx, xy, yy], calibration]);
+    });
     1e9 * all / count as f64
 }
 

@@ -300,15 +300,18 @@ impl CameraView {
     ) {
         let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
         assert!(pixel.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, still @ [u, v]| {
-            let found = &mut [FloorCovariance::NONE; CHUNK][..range.len()];
-            if self.surfaces.is_empty() {
-                plane.floor_covariances(u, v, sigma, found);
-            } else {
-                self.covariances_on_surfaces(height, still, sigma, found);
+        self.in_still(pixels, |range, still| {
+            let (pixel, calibration) = (&mut pixel[range.clone()], &mut calibration[range.clone()]);
+            if !self.surfaces.is_empty() {
+                return self.covariances_on_surfaces(height, still, sigma, [pixel, calibration]);
             }
-            let to = pixel[range.clone()].iter_mut().zip(&mut calibration[range]);
-            found.iter().zip(to).for_each(|(one, (pixel, calibration))| [*pixel, *calibration] = one.rows());
+            let mut found = [[[0.0; CHUNK]; 3]; 2];
+            let columns =
+                found.each_mut().map(|part| part.each_mut().map(|column| &mut column[..range.len()]));
+            plane.floor_covariances(still, sigma, columns);
+            for (part, [xx, xy, yy]) in [pixel, calibration].into_iter().zip(&found) {
+                part.iter_mut().enumerate().for_each(|(i, of)| *of = [xx[i], xy[i], xy[i], yy[i]]);
+            }
         });
     }
 
@@ -317,14 +320,14 @@ impl CameraView {
         height: f64,
         [u, v]: [&[f64]; 2],
         sigma: f64,
-        of: &mut [FloorCovariance],
+        [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
         let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
-        for ((of, &u), &v) in of.iter_mut().zip(u).zip(v) {
-            let pixel = Pixel { u, v };
-            let shown = self.camera().pixel_to_surface(pixel, height, &self.surfaces);
-            let found = shown.and_then(|shown| projector.covariance(pixel, sigma, shown.surface));
-            *of = found.unwrap_or(FloorCovariance::NONE);
+        for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
+            let at = Pixel { u, v };
+            let shown = self.camera().pixel_to_surface(at, height, &self.surfaces);
+            let found = shown.and_then(|shown| projector.covariance(at, sigma, shown.surface));
+            [pixel[i], calibration[i]] = found.unwrap_or(FloorCovariance::NONE).rows();
         }
     }
 

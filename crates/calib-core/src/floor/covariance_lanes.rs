@@ -1,40 +1,71 @@
-//! Covariances of many floor points at once, in step, so that the compiler can use vector instructions: what
+//! Covariances of many points of a plane at once, in step, so that the compiler can use vector instructions: what
 //! [`Camera::covariance_on`] says of one.
 //!
-//! A change c of a ray's direction d moves its point of the plane by `D(c) = t (c - d (n . c) / (n . d))`, which is
-//! linear, and `D(d) = 0`. With `d = a right + b down + forward` every change of the camera moves the point as a shift k
-//! of (a, b) does, by `T k` with `T = [D(right), D(down)]`. Of the pose and the focal k is quadratic in a and b, the flow
-//! of an image of a plane (Longuet-Higgins and Prazdny 1980); so the covariance is `T Q T'`, and Q is quartic, with
-//! coefficients that are the same for all pixels.
+//! Let `d = (x, y, z)` be the way from the camera to a point of the plane, whose normal is `n = (-slope, 1)`: `n . d` is the
+//! drop q to the plane, the same for all points. A change c of d moves the point where its ray meets the plane by
+//! `D(c) = c - d (n . c) / q`.
+//!
+//! **By the camera.** A shift c of its place is the same for all points, a turn makes `c = w x d`, a longer focal
+//! `c = forward (forward . d) / f`; z is linear in x and y on the plane, and so c is. Hence
+//!
+//! ```text
+//! D(c) = m + (x, y) l,    m = (m0 + m1 x + m2 y, m3 + m4 x + m5 y),    l = m6 x + m7 y,
+//! ```
+//!
+//! the flow of a plane, of eight numbers (Longuet-Higgins and Prazdny 1980), which are linear in the errors of the camera:
+//! they have a covariance of their own, the same for all points.
+//!
+//! **By the pixel.** A ray is `a right + b down + forward`, `d = t (a right + b down + forward)` with `t = q / r`, and r is
+//! linear in a and b. So the point moves with (a, b) by `T = t [D(right), D(down)]`, in which what is quadratic cancels:
+//! `T = q / r^2 (M + b m, N - a m)`, with columns M, N and m that are the same for all points.
 
 use crate::camera::{
-    BrownConrady, BrownInverse, Camera, Covariance, Distortion, FloorCovariance, LANES, Pixel, Plane, sin_cos,
+    BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
 };
 
 type Lanes = [f64; LANES];
-/// Of a polynomial of a and b: the coefficient of `a^i b^j` in row i and column j; of less than N degrees.
-type Polynomial<const N: usize> = [[f64; N]; N];
+
+/// Where nothing is known of the errors of a camera.
+const UNKNOWN: [Lanes; 3] = [[f64::NAN; LANES]; 3];
 
 /// A camera and a plane prepared for covariances.
 #[derive(Clone, Debug)]
 pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
-    plane: &'a Plane,
-    /// The lens, if it bends.
-    lens: Option<(&'a BrownInverse, BrownConrady)>,
-    /// Rows right, down, forward.
+    /// From the camera to the plane, along the vertical, in metres: q.
+    drop: f64,
+    /// Rows right, down, forward; the height of the last column above the plane's own slope: `n .` each of them.
     axes: [[f64; 3]; 3],
+    /// M, N and m, of x and of y.
+    minors: [[f64; 3]; 2],
     /// None where nothing is known of the errors.
-    flow: Option<Flow>,
+    flow: Option<FlowCovariance>,
 }
 
-/// The covariance of (a, b) by the errors of a camera.
+/// The eight numbers of a flow of the plane.
+type Flow = [f64; 8];
+
+/// The covariance of the flow that the errors of a camera make.
 #[derive(Clone, Debug)]
-struct Flow {
-    /// By the pose and the focal: aa, ab, bb.
-    pose: [Polynomial<5>; 3],
-    /// Which coefficients of the lens were estimated, with the covariance of each with the flow of pose and focal.
-    lens: Vec<(usize, [Polynomial<3>; 2])>,
+struct FlowCovariance {
+    /// Of m: xx, xy, yy, each by 1, x, y, xx, xy, yy.
+    affine: [[f64; 6]; 3],
+    /// Of l with m: with its x and with its y, each by x, y, xx, xy, yy.
+    mixed: [[f64; 5]; 2],
+    /// Half that of l, by xx, xy, yy.
+    linear: [f64; 3],
+    /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
+    lens_with_pose: [Flow; Distortion::MOST],
+    /// Of the coefficients of the lens with each other.
+    lens: [[f64; Distortion::MOST]; Distortion::MOST],
+}
+
+/// Points of the plane, from the point above which the camera is.
+struct Points {
+    x: Lanes,
+    y: Lanes,
+    /// `q / r^2`; NaN where the plane is not seen.
+    scale: Lanes,
 }
 
 /// How points of the plane move with (a, b), as rows x and y of T.
@@ -42,262 +73,274 @@ struct Flow {
 struct Slopes([[Lanes; 2]; 2]);
 
 impl<'a> CovarianceLanes<'a> {
-    pub(super) fn new(
-        camera: &'a Camera,
-        plane: &'a Plane,
-        lens: Option<(&'a BrownInverse, BrownConrady)>,
-    ) -> Self {
+    pub(super) fn new(camera: &'a Camera, plane: &Plane) -> Self {
         let axes = camera.rotation();
-        let flow = camera.covariance.is_known().then(|| Flow::new(camera, plane, &axes, lens.is_some()));
-        Self { camera, plane, lens, axes, flow }
+        let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
+        let rise = axes.map(|axis| plane.rise(&axis));
+        let minors = [0, 1].map(|k| {
+            let minor = |i: usize, j: usize| axes[i][k] * rise[j] - axes[j][k] * rise[i];
+            [minor(0, 2), minor(1, 2), minor(0, 1)]
+        });
+        let flow = camera.covariance.is_known().then(|| FlowCovariance::new(camera, plane, &axes, drop));
+        let axes = [0, 1, 2].map(|i| [axes[i][0], axes[i][1], rise[i]]);
+        Self { camera, drop, axes, minors, flow }
     }
 
-    /// Of as many pixels as there are lanes; `variance` that of a coordinate of a pixel.
+    /// Of as many pixels of a straight lens as there are lanes; `sigma` is that of a coordinate of a pixel. That of the pixel
+    /// and that of the calibration, each xx, xy, yy: NaN where the plane is not seen, and where nothing is known of the
+    /// errors.
     #[inline(always)]
-    pub(super) fn of(&self, u: &Lanes, v: &Lanes, variance: f64) -> [FloorCovariance; LANES] {
+    pub(super) fn straight(&self, u: &Lanes, v: &Lanes, sigma: f64) -> [[Lanes; 3]; 2] {
+        let (Pixel { u: cu, v: cv }, inverse) = (self.camera.lens.principal_point, self.camera.focal.recip());
+        let (a, b) = (u.map(|u| (u - cu) * inverse), v.map(|v| (v - cv) * inverse));
+        let points = self.points(&a, &b);
+        let pixel = self.slopes(&a, &b, &points.scale, sigma * inverse).squared();
+        // No closure: it would be compiled without the instructions of who calls.
+        let Some(flow) = &self.flow else { return [pixel, UNKNOWN] };
+        [pixel, flow.of_pose(&points)]
+    }
+
+    /// The same of a lens that bends.
+    #[inline(always)]
+    pub(super) fn bent(
+        &self,
+        (inverse, brown): (&BrownInverse, &BrownConrady),
+        u: &Lanes,
+        v: &Lanes,
+        sigma: f64,
+    ) -> [[Lanes; 3]; 2] {
         let (Pixel { u: cu, v: cv }, lens_focal) = (self.camera.lens.principal_point, self.camera.lens.focal);
         let mut x = u.map(|u| (u - cu) / lens_focal);
         let mut y = v.map(|v| (v - cv) / lens_focal);
-        // The inverse of the Jacobian of the lens, which is symmetric.
-        let mut unbend = [[1.0; LANES], [0.0; LANES], [1.0; LANES]];
-        if let Some((inverse, brown)) = self.lens {
-            inverse.undistort(&mut x, &mut y);
-            for i in 0..LANES {
-                let [a, b, d] = brown.jacobian([x[i], y[i]]);
-                let scale = (a * d - b * b).recip();
-                [unbend[0][i], unbend[1][i], unbend[2][i]] = [d * scale, -b * scale, a * scale];
-            }
-        }
+        inverse.undistort(&mut x, &mut y);
         let ratio = lens_focal / self.camera.focal;
         let (a, b) = (x.map(|x| ratio * x), y.map(|y| ratio * y));
-        let slopes = self.slopes(&a, &b);
-        let pixel = slopes.carried(&of_pixel(&unbend, variance / (self.camera.focal * self.camera.focal)));
-        let calibration = match &self.flow {
-            None => None,
-            Some(flow) => {
-                let mut covariance = flow.of_pose(&a, &b);
-                if let Some((_, brown)) = self.lens {
-                    let shifts = shifts(&brown, &x, &y, &unbend, -ratio);
-                    flow.add_lens(&mut covariance, &self.camera.covariance, [&a, &b], &shifts);
-                }
-                Some(slopes.carried(&covariance))
-            }
-        };
-        let mut of = [FloorCovariance::NONE; LANES];
+        let points = self.points(&a, &b);
+        let by_raw = self.slopes(&a, &b, &points.scale, 1.0).by_raw(brown, &x, &y);
+        let pixel = by_raw.times(sigma / self.camera.focal).squared();
+        let Some(flow) = &self.flow else { return [pixel, UNKNOWN] };
+        let mut calibration = flow.of_pose(&points);
+        let mut changes = [[[0.0; LANES]; 2]; Distortion::MOST];
         for i in 0..LANES {
-            if pixel[0][i].is_finite() {
-                let pixel = [[pixel[0][i], pixel[1][i]], [pixel[1][i], pixel[2][i]]];
-                let calibration = calibration.as_ref().map(|of| [[of[0][i], of[1][i]], [of[1][i], of[2][i]]]);
-                of[i] = FloorCovariance { pixel, calibration };
+            let by = brown.distorted_by_coefficients([x[i], y[i]]);
+            for coefficient in 0..Distortion::MOST {
+                changes[coefficient][0][i] = by[coefficient][0];
+                changes[coefficient][1][i] = by[coefficient][1];
             }
         }
-        of
+        flow.add_lens(&mut calibration, &points, &by_raw.times(ratio), &changes);
+        [pixel, calibration]
     }
 
-    /// NaN where the plane is not seen.
     #[inline(always)]
-    fn slopes(&self, a: &Lanes, b: &Lanes) -> Slopes {
+    fn points(&self, a: &Lanes, b: &Lanes) -> Points {
         /// As for one pixel: what is farther is the horizon's rounding.
         const FARTHEST: f64 = 1e12;
         let [right, down, forward] = self.axes;
-        let drop = self.plane.height_at(self.camera.position.on_floor()) - self.camera.position.z;
-        let [rise_right, rise_down, rise_forward] = self.axes.map(|axis| self.plane.rise(&axis));
-        let mut slopes = Slopes([[[0.0; LANES]; 2]; 2]);
+        let mut points = Points { x: [0.0; LANES], y: [0.0; LANES], scale: [0.0; LANES] };
         for i in 0..LANES {
-            let mut direction = [0.0; 3];
-            for k in 0..3 {
-                direction[k] = a[i] * right[k] + b[i] * down[k] + forward[k];
-            }
-            let by_rise = (a[i] * rise_right + b[i] * rise_down + rise_forward).recip();
-            let reach = drop * by_rise;
-            let [along_x, along_y, along_z] = direction;
-            let square = along_x * along_x + along_y * along_y + along_z * along_z;
+            let along = |k: usize| a[i] * right[k] + b[i] * down[k] + forward[k];
+            let by_rise = along(2).recip();
+            let reach = self.drop * by_rise;
+            // The axes are orthonormal.
+            let square = a[i] * a[i] + b[i] * b[i] + 1.0;
             let is_seen = (reach > 0.0) & (reach * reach * square < FARTHEST * FARTHEST);
             let reach = if is_seen { reach } else { f64::NAN };
-            for k in 0..2 {
-                let tilt = direction[k] * by_rise;
-                slopes.0[k][0][i] = reach * (right[k] - tilt * rise_right);
-                slopes.0[k][1][i] = reach * (down[k] - tilt * rise_down);
-            }
+            [points.x[i], points.y[i], points.scale[i]] =
+                [reach * along(0), reach * along(1), reach * by_rise];
+        }
+        points
+    }
+
+    /// T times a factor.
+    #[inline(always)]
+    fn slopes(&self, a: &Lanes, b: &Lanes, scale: &Lanes, factor: f64) -> Slopes {
+        let mut slopes = Slopes([[[0.0; LANES]; 2]; 2]);
+        let [x, y] = self.minors;
+        for i in 0..LANES {
+            let scale = factor * scale[i];
+            slopes.0[0][0][i] = scale * (x[0] + b[i] * x[2]);
+            slopes.0[0][1][i] = scale * (x[1] - a[i] * x[2]);
+            slopes.0[1][0][i] = scale * (y[0] + b[i] * y[2]);
+            slopes.0[1][1][i] = scale * (y[1] - a[i] * y[2]);
         }
         slopes
     }
 }
 
 impl Slopes {
-    /// A covariance of (a, b) as one of x and y: xx, xy, yy.
     #[inline(always)]
-    fn carried(&self, of: &[Lanes; 3]) -> [Lanes; 3] {
-        let mut carried = [[0.0; LANES]; 3];
-        for i in 0..LANES {
-            let [aa, ab, bb] = [of[0][i], of[1][i], of[2][i]];
-            let [x, y] = [[self.0[0][0][i], self.0[0][1][i]], [self.0[1][0][i], self.0[1][1][i]]];
-            let by_x = [x[0] * aa + x[1] * ab, x[0] * ab + x[1] * bb];
-            let by_y = [y[0] * aa + y[1] * ab, y[0] * ab + y[1] * bb];
-            carried[0][i] = x[0] * by_x[0] + x[1] * by_x[1];
-            carried[1][i] = y[0] * by_x[0] + y[1] * by_x[1];
-            carried[2][i] = y[0] * by_y[0] + y[1] * by_y[1];
+    fn times(mut self, factor: f64) -> Self {
+        for column in self.0.as_flattened_mut() {
+            for i in 0..LANES {
+                column[i] *= factor;
+            }
         }
-        carried
+        self
+    }
+
+    /// How the points move with the raw pixel, normalised: T times the inverse of the Jacobian of the lens, which is
+    /// symmetric.
+    #[inline(always)]
+    fn by_raw(mut self, brown: &BrownConrady, x: &Lanes, y: &Lanes) -> Self {
+        let mut unbend = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let [a, b, d] = brown.jacobian([x[i], y[i]]);
+            let scale = (a * d - b * b).recip();
+            [unbend[0][i], unbend[1][i], unbend[2][i]] = [d * scale, -b * scale, a * scale];
+        }
+        for [by_a, by_b] in &mut self.0 {
+            for i in 0..LANES {
+                let [a, b] = [by_a[i], by_b[i]];
+                by_a[i] = a * unbend[0][i] + b * unbend[1][i];
+                by_b[i] = a * unbend[1][i] + b * unbend[2][i];
+            }
+        }
+        self
+    }
+
+    /// The covariance of x and y by two independent coordinates of the variance 1: xx, xy, yy.
+    #[inline(always)]
+    fn squared(&self) -> [Lanes; 3] {
+        let mut squared = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let [x, y] = [[self.0[0][0][i], self.0[0][1][i]], [self.0[1][0][i], self.0[1][1][i]]];
+            squared[0][i] = x[0] * x[0] + x[1] * x[1];
+            squared[1][i] = x[0] * y[0] + x[1] * y[1];
+            squared[2][i] = y[0] * y[0] + y[1] * y[1];
+        }
+        squared
     }
 }
 
-impl Flow {
-    fn new(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], is_bent: bool) -> Self {
-        let flows = flows(camera, plane, axes);
+impl FlowCovariance {
+    fn new(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> Self {
+        let Covariance(covariance) = &camera.covariance;
+        let flows = flows(camera, plane, axes, drop);
         let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
         let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
-        let mut pose = [[[0.0; 5]; 5]; 3];
-        for (of, [i, j]) in pose.iter_mut().zip([[0, 0], [0, 1], [1, 1]]) {
-            for &row in &estimated {
-                for &column in &estimated {
-                    add_product(of, camera.covariance.0[row][column], &flows[row][i], &flows[column][j]);
-                }
-            }
-        }
-        let with = |coefficient: usize| {
-            let sum = |axis: usize, i: usize, j: usize| -> f64 {
-                let by = |&row: &usize| {
-                    camera.covariance.0[row][Covariance::LENS + coefficient] * flows[row][axis][i][j]
-                };
-                estimated.iter().map(by).sum()
-            };
-            [0, 1].map(|axis| std::array::from_fn(|i| std::array::from_fn(|j| sum(axis, i, j))))
+        // With everything of the camera that has a flow.
+        let with = |row: usize| -> Flow {
+            std::array::from_fn(|k| {
+                estimated.iter().map(|&other| covariance[row][other] * flows[other][k]).sum()
+            })
         };
-        let bends = 0..if is_bent { Distortion::MOST } else { 0 };
-        let bends = bends.filter(|coefficient| is_estimated(&(Covariance::LENS + coefficient)));
-        Self { pose, lens: bends.map(|coefficient| (coefficient, with(coefficient))).collect() }
+        let rows: Vec<Flow> = estimated.iter().map(|&row| with(row)).collect();
+        let of = |i: usize, j: usize| -> f64 {
+            estimated.iter().zip(&rows).map(|(&row, with)| flows[row][i] * with[j]).sum()
+        };
+        let product = |i: usize, j: usize| {
+            let both = |k: usize, l: usize| of(i + k, j + l) + if k == l { 0.0 } else { of(i + l, j + k) };
+            [both(0, 0), both(0, 1), both(0, 2), both(1, 1), both(1, 2), both(2, 2)]
+        };
+        let mixed = |j: usize| [of(6, j), of(7, j), of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
+        let lens = |i: usize, j: usize| {
+            let [i, j] = [i, j].map(|bend| Covariance::LENS + bend);
+            if is_estimated(&i) && is_estimated(&j) { covariance[i][j] } else { 0.0 }
+        };
+        let lens_with_pose = |bend: usize| {
+            let bend = Covariance::LENS + bend;
+            if is_estimated(&bend) { with(bend) } else { [0.0; 8] }
+        };
+        Self {
+            affine: [product(0, 0), product(0, 3), product(3, 3)],
+            mixed: [mixed(0), mixed(3)],
+            linear: [0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
+            lens_with_pose: std::array::from_fn(lens_with_pose),
+            lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
+        }
     }
 
+    /// By the pose and the focal: xx, xy, yy. With the point p, `cov(m + p l) = cov(m) + p k' + k p'`, where
+    /// `k = cov(m, l) + p var(l) / 2`.
     #[inline(always)]
-    fn of_pose(&self, a: &Lanes, b: &Lanes) -> [Lanes; 3] {
-        let [aa, ab, bb] = &self.pose;
-        [value(aa, a, b), value(ab, a, b), value(bb, a, b)]
+    fn of_pose(&self, points: &Points) -> [Lanes; 3] {
+        let mut of = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let (x, y) = (points.x[i], points.y[i]);
+            let affine = |&[one, by_x, by_y, xx, xy, yy]: &[f64; 6]| {
+                one + x * (by_x + x * xx + y * xy) + y * (by_y + y * yy)
+            };
+            let mixed =
+                |&[by_x, by_y, xx, xy, yy]: &[f64; 5]| x * (by_x + x * xx + y * xy) + y * (by_y + y * yy);
+            let half = x * (x * self.linear[0] + y * self.linear[1]) + y * (y * self.linear[2]);
+            let [with_x, with_y] = [mixed(&self.mixed[0]) + x * half, mixed(&self.mixed[1]) + y * half];
+            of[0][i] = affine(&self.affine[0]) + (x + x) * with_x;
+            of[1][i] = affine(&self.affine[1]) + (x * with_y + y * with_x);
+            of[2][i] = affine(&self.affine[2]) + (y + y) * with_y;
+        }
+        of
     }
 
-    /// By the coefficients of the lens, which shift (a, b) so: with each other and with the pose, every pair counts twice.
+    /// By the coefficients of the lens: with each other and with the pose, every pair counts twice.
     #[inline(always)]
     fn add_lens(
         &self,
         to: &mut [Lanes; 3],
-        Covariance(covariance): &Covariance,
-        [a, b]: [&Lanes; 2],
-        shifts: &[[Lanes; 2]; Distortion::MOST],
+        points: &Points,
+        by_raw: &Slopes,
+        changes: &[[Lanes; 2]; Distortion::MOST],
     ) {
-        for (first, (coefficient, with_pose)) in self.lens.iter().enumerate() {
-            let row = &covariance[Covariance::LENS + coefficient][Covariance::LENS..];
-            let mut others = [value(&with_pose[0], a, b), value(&with_pose[1], a, b)];
-            for &(other, _) in &self.lens[first + 1..] {
-                let (entry, [x, y]) = (row[other], &shifts[other]);
-                for i in 0..LANES {
-                    others[0][i] += entry * x[i];
-                    others[1][i] += entry * y[i];
-                }
+        let [[xa, xb], [ya, yb]] = &by_raw.0;
+        let [to_xx, to_xy, to_yy] = to;
+        for i in 0..LANES {
+            // A raw pixel that stays is undistorted to another place.
+            let mut moves = [[0.0; 2]; Distortion::MOST];
+            for (moved, [dx, dy]) in moves.iter_mut().zip(changes) {
+                *moved = [-(xa[i] * dx[i] + xb[i] * dy[i]), -(ya[i] * dx[i] + yb[i] * dy[i])];
             }
-            let (own, [x, y]) = (row[*coefficient], &shifts[*coefficient]);
-            for i in 0..LANES {
-                to[0][i] += x[i] * (own * x[i] + 2.0 * others[0][i]);
-                to[1][i] += x[i] * (own * y[i] + others[1][i]) + y[i] * others[0][i];
-                to[2][i] += y[i] * (own * y[i] + 2.0 * others[1][i]);
+            for first in 0..Distortion::MOST {
+                let mut with = moved_by(&self.lens_with_pose[first], points.x[i], points.y[i]);
+                for other in first + 1..Distortion::MOST {
+                    with[0] += self.lens[first][other] * moves[other][0];
+                    with[1] += self.lens[first][other] * moves[other][1];
+                }
+                let (own, [x, y]) = (self.lens[first][first], moves[first]);
+                to_xx[i] += x * (own * x + 2.0 * with[0]);
+                to_xy[i] += x * (own * y + with[1]) + y * with[0];
+                to_yy[i] += y * (own * y + 2.0 * with[1]);
             }
         }
     }
 }
 
-/// How (a, b) would move for the point to move as it does with every unknown of pose and focal.
-fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3]) -> [[Polynomial<3>; 2]; Covariance::LENS] {
-    let quadratic =
-        |one: f64, [a, b]: [f64; 2], [aa, ab, bb]: [f64; 3]| [[one, b, bb], [a, ab, 0.0], [aa, 0.0, 0.0]];
-    let (sin, cos) = sin_cos(camera.roll);
-    // One over the reach is linear in a and b.
-    let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
-    let [right, down, forward] = axes.map(|axis| plane.rise(&axis) / drop);
-    let moved = |axis: usize| {
-        let [r, d, f] = axes.map(|of| of[axis]);
-        [
-            quadratic(r * forward, [r * right - f * forward, r * down], [-f * right, -f * down, 0.0]),
-            quadratic(d * forward, [d * right, d * down - f * forward], [0.0, -f * right, -f * down]),
-        ]
+/// The flow of the plane by every unknown of pose and focal.
+fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
+    // What moves d, of neither x nor y, by x, and by y.
+    let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
+        let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
+        [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
     };
-    let [r, d, f] = axes.map(|of| of[2]);
-    let mut flows = [[[[0.0; 3]; 3]; 2]; Covariance::LENS];
-    flows[Covariance::X] = moved(0);
-    flows[Covariance::Y] = moved(1);
-    flows[Covariance::Z] = moved(2);
-    flows[Covariance::YAW] = [quadratic(d, [0.0, -f], [d, -r, 0.0]), quadratic(-r, [f, 0.0], [0.0, d, -r])];
-    flows[Covariance::PITCH] =
-        [quadratic(sin, [0.0; 2], [sin, cos, 0.0]), quadratic(cos, [0.0; 2], [0.0, sin, cos])];
-    flows[Covariance::ROLL] = [quadratic(0.0, [0.0, -1.0], [0.0; 3]), quadratic(0.0, [1.0, 0.0], [0.0; 3])];
-    let shrunk = -camera.focal.recip();
-    flows[Covariance::FOCAL] =
-        [quadratic(0.0, [shrunk, 0.0], [0.0; 3]), quadratic(0.0, [0.0, shrunk], [0.0; 3])];
+    let on_plane = [[0.0, 0.0, drop], [1.0, 0.0, plane.slope[0]], [0.0, 1.0, plane.slope[1]]];
+    let shifted = |axis: usize| {
+        let mut shift = [[0.0; 3]; 3];
+        shift[0][axis] = 1.0;
+        flow(shift)
+    };
+    let [right, down, forward] = axes;
+    let (sin, cos) = sin_cos(camera.roll);
+    let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    // From one axis to another, by the angle between them.
+    let turned = |from: &[f64; 3], to: &[f64; 3]| {
+        flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
+    };
+    let mut flows = [[0.0; 8]; Covariance::LENS];
+    flows[Covariance::X] = shifted(0);
+    flows[Covariance::Y] = shifted(1);
+    flows[Covariance::Z] = shifted(2);
+    flows[Covariance::YAW] = turned(&[1.0, 0.0, 0.0], &[0.0, 1.0, 0.0]);
+    flows[Covariance::PITCH] = turned(forward, &level);
+    flows[Covariance::ROLL] = turned(right, down);
+    flows[Covariance::FOCAL] = flow(on_plane.map(|d| forward.map(|c| c * dot(forward, &d) / camera.focal)));
     flows
 }
 
-fn add_product(to: &mut Polynomial<5>, factor: f64, left: &Polynomial<3>, right: &Polynomial<3>) {
-    for i in 0..3 {
-        for j in 0..3 - i {
-            for k in 0..3 {
-                for l in 0..3 - k {
-                    to[i + k][j + l] += factor * left[i][j] * right[k][l];
-                }
-            }
-        }
-    }
-}
-
-/// By Horner's rule.
+/// How far a flow moves a point.
 #[inline(always)]
-fn value<const N: usize>(of: &Polynomial<N>, a: &Lanes, b: &Lanes) -> Lanes {
-    let mut value = [of[N - 1][0]; LANES];
-    for i in (0..N - 1).rev() {
-        let mut row = [of[i][N - 1 - i]; LANES];
-        for j in (0..N - 1 - i).rev() {
-            for lane in 0..LANES {
-                row[lane] = row[lane] * b[lane] + of[i][j];
-            }
-        }
-        for lane in 0..LANES {
-            value[lane] = value[lane] * a[lane] + row[lane];
-        }
-    }
-    value
-}
-
-/// The covariance of (a, b) for raw pixels of this variance, in squares of a focal: aa, ab, bb.
-#[inline(always)]
-fn of_pixel(unbend: &[Lanes; 3], variance: f64) -> [Lanes; 3] {
-    let mut of = [[0.0; LANES]; 3];
-    for i in 0..LANES {
-        let [a, b, d] = [unbend[0][i], unbend[1][i], unbend[2][i]];
-        of[0][i] = variance * (a * a + b * b);
-        of[1][i] = variance * b * (a + d);
-        of[2][i] = variance * (b * b + d * d);
-    }
-    of
-}
-
-/// How (a, b) moves with every coefficient of a lens: a raw pixel that stays is undistorted to another place, by `-A^-1`
-/// of what the coefficient changes.
-#[inline(always)]
-fn shifts(
-    brown: &BrownConrady,
-    x: &Lanes,
-    y: &Lanes,
-    unbend: &[Lanes; 3],
-    scale: f64,
-) -> [[Lanes; 2]; Distortion::MOST] {
-    let mut shifts = [[[0.0; LANES]; 2]; Distortion::MOST];
-    for i in 0..LANES {
-        let [a, b, d] = [scale * unbend[0][i], scale * unbend[1][i], scale * unbend[2][i]];
-        let changes = brown.distorted_by_coefficients([x[i], y[i]]);
-        for coefficient in 0..Distortion::MOST {
-            let [dx, dy] = changes[coefficient];
-            shifts[coefficient][0][i] = a * dx + b * dy;
-            shifts[coefficient][1][i] = b * dx + d * dy;
-        }
-    }
-    shifts
+fn moved_by(&[x0, xx, xy, y0, yx, yy, lx, ly]: &Flow, x: f64, y: f64) -> [f64; 2] {
+    let along = x * lx + y * ly;
+    [x0 + x * (xx + along) + y * xy, y0 + y * (yy + along) + x * yx]
 }
 
 #[cfg(test)]
@@ -329,11 +372,12 @@ mod tests {
             }
             let plane = Plane { height, slope, anchor: camera.position.on_floor() };
             let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
-            let mut found = vec![FloorCovariance::NONE; at.len()];
-            FloorProjector::on(&camera, &plane).floor_covariances(&u, &v, 0.7, &mut found);
+            let mut found = [(); 6].map(|()| vec![0.0; at.len()]);
+            let [xx, xy, yy, calibration @ ..] = found.each_mut().map(|column| &mut column[..]);
+            FloorProjector::on(&camera, &plane).floor_covariances([&u, &v], 0.7, [[xx, xy, yy], calibration]);
             for i in 0..at.len() {
                 match camera.covariance_on(Pixel { u: u[i], v: v[i] }, 0.7, &plane, &[[0.0; 3]; 3]) {
-                    None => prop_assert!(found[i].pixel[0][0].is_nan()),
+                    None => prop_assert!(found.iter().all(|column| column[i].is_nan())),
                     Some(alone) => {
                         // A ray is right to 1e-13 of a focal in step, its place on the floor to that many times
                         // the distance in heights.
@@ -341,11 +385,13 @@ mod tests {
                             foot.on_floor().distance(camera.position.on_floor()) / (camera.position.z - height)
                         });
                         prop_assume!(range < 1e6);
-                        prop_assert_eq!(alone.calibration.is_some(), found[i].calibration.is_some());
-                        for (alone, found) in alone.rows().iter().zip(found[i].rows()) {
-                            let size = (1e-10 + 1e-12 * range) * (alone[0] + alone[3]);
-                            let near = |k: usize| !(alone[k] - found[k]).is_nan() && (alone[k] - found[k]).abs() <= size;
-                            prop_assert!(alone[0].is_nan() || (0..4).all(near), "{alone:?} {found:?}");
+                        prop_assert_eq!(alone.calibration.is_some(), !found[3][i].is_nan());
+                        for (part, [xx, xy, _, yy]) in alone.rows().into_iter().enumerate() {
+                            let size = (1e-10 + 1e-12 * range) * (xx + yy);
+                            for (column, alone) in found[3 * part..].iter().zip([xx, xy, yy]) {
+                                let off = (alone - column[i]).abs();
+                                prop_assert!(off <= size || alone.is_nan(), "{alone:?} {}", column[i]);
+                            }
                         }
                     }
                 }

@@ -230,38 +230,79 @@ impl FloorProjector {
     }
 
     /// How uncertain the points of the plane are that raw pixels `(u, v)` show, for a standard deviation of
-    /// `pixel_sigma` pixels of each coordinate: [`Camera::floor_covariance`] for this plane.
+    /// `pixel_sigma` pixels of each coordinate: [`Camera::floor_covariance`] for this plane, in square metres. The part of
+    /// the pixel and that of the calibration, each in columns xx, xy, yy.
     ///
-    /// A pixel without a point has NaN.
+    /// A pixel without a point has NaN, and so has what nobody knows of the calibration.
     ///
     /// # Panics
     /// When the slices are not of one length.
-    pub fn floor_covariances(&self, u: &[f64], v: &[f64], pixel_sigma: f64, of: &mut [FloorCovariance]) {
-        assert!(u.len() == v.len() && u.len() == of.len(), "slices of one length");
-        let lens = match (self.camera.lens.distortion, &self.inverse) {
-            (Distortion::None, _) => Some(None),
-            (Distortion::BrownConrady(brown), Some(inverse)) => Some(Some((inverse, brown))),
-            _ => None,
-        };
-        if let Some(lens) = lens {
-            let covariances = CovarianceLanes::new(&self.camera, &self.plane, lens);
-            let (variance, Pixel { u: cu, v: cv }) =
-                (pixel_sigma * pixel_sigma, self.camera.lens.principal_point);
-            dispatch(
+    pub fn floor_covariances(
+        &self,
+        [u, v]: [&[f64]; 2],
+        pixel_sigma: f64,
+        [pixel, calibration]: [[&mut [f64]; 3]; 2],
+    ) {
+        let is_of_one_length = |column: &&mut [f64]| column.len() == u.len();
+        let columns = || pixel.iter().chain(&calibration);
+        assert!(v.len() == u.len() && columns().all(is_of_one_length), "slices of one length");
+        let ([pixel_xx, pixel_xy, pixel_yy], [xx, xy, yy]) = (pixel, calibration);
+        let to = [pixel_xx, pixel_xy, pixel_yy, xx, xy, yy];
+        let of = CovarianceLanes::new(&self.camera, &self.plane);
+        match (&self.camera.lens.distortion, &self.inverse) {
+            (Distortion::None, _) => self.covariances_in_step(
                 #[inline(always)]
-                move || {
-                    for ((u, v), of) in u.chunks(LANES).zip(v.chunks(LANES)).zip(of.chunks_mut(LANES)) {
-                        let found = covariances.of(&lanes(u, cu), &lanes(v, cv), variance);
-                        of.copy_from_slice(&found[..of.len()]);
-                    }
-                },
-            );
-            return;
+                |u, v| of.straight(u, v, pixel_sigma),
+                [u, v],
+                to,
+            ),
+            (Distortion::BrownConrady(brown), Some(inverse)) => self.covariances_in_step(
+                #[inline(always)]
+                |u, v| of.bent((inverse, brown), u, v, pixel_sigma),
+                [u, v],
+                to,
+            ),
+            _ => self.covariances_one_by_one([u, v], pixel_sigma, to),
         }
-        // What has no faster way of its own goes pixel by pixel.
-        for ((&u, &v), of) in u.iter().zip(v).zip(of) {
-            let found = self.camera.covariance_on(Pixel { u, v }, pixel_sigma, &self.plane, &[[0.0; 3]; 3]);
-            *of = found.unwrap_or(FloorCovariance::NONE);
+    }
+
+    #[inline(always)]
+    fn covariances_in_step(
+        &self,
+        of: impl Fn(&[f64; LANES], &[f64; LANES]) -> [[[f64; LANES]; 3]; 2],
+        [u, v]: [&[f64]; 2],
+        to: [&mut [f64]; 6],
+    ) {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        dispatch(
+            #[inline(always)]
+            move || {
+                let ((u, last_u), (v, last_v)) = (u.as_chunks(), v.as_chunks());
+                let mut to = to.map(<[f64]>::as_chunks_mut);
+                let [(xx, _), (xy, _), (yy, _), calibration @ ..] = &mut to;
+                let [(of_xx, _), (of_xy, _), (of_yy, _)] = calibration;
+                let columns = xx.iter_mut().zip(xy.iter_mut()).zip(yy.iter_mut());
+                let columns = columns.zip(of_xx.iter_mut().zip(of_xy.iter_mut()).zip(of_yy.iter_mut()));
+                for ((u, v), (((xx, xy), yy), ((of_xx, of_xy), of_yy))) in u.iter().zip(v).zip(columns) {
+                    [[*xx, *xy, *yy], [*of_xx, *of_xy, *of_yy]] = of(u, v);
+                }
+                if !last_u.is_empty() {
+                    let found = of(&lanes(last_u, cu), &lanes(last_v, cv));
+                    for ((_, last), found) in to.iter_mut().zip(found.as_flattened()) {
+                        last.copy_from_slice(&found[..last.len()]);
+                    }
+                }
+            },
+        );
+    }
+
+    /// What has no faster way of its own.
+    fn covariances_one_by_one(&self, [u, v]: [&[f64]; 2], sigma: f64, mut to: [&mut [f64]; 6]) {
+        for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
+            let found = self.camera.covariance_on(Pixel { u, v }, sigma, &self.plane, &[[0.0; 3]; 3]);
+            let [pixel, calibration] = found.unwrap_or(FloorCovariance::NONE).rows();
+            let six = [pixel[0], pixel[1], pixel[3], calibration[0], calibration[1], calibration[3]];
+            to.iter_mut().zip(six).for_each(|(column, value)| column[i] = value);
         }
     }
 
@@ -408,15 +449,18 @@ mod tests {
             }
             let mut lower = camera;
             lower.position.z -= height;
-            let mut found = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }];
-            FloorProjector::new(&camera, height).floor_covariances(&[u], &[v], 0.7, &mut found);
+            let mut found = [[[0.0]; 3]; 2];
+            let to = found.each_mut().map(|part| part.each_mut().map(|column| &mut column[..]));
+            FloorProjector::new(&camera, height).floor_covariances([&[u], &[v]], 0.7, to);
+            let [pixel, calibration] = found.map(|part| part.map(|[value]| value));
             match lower.floor_covariance(Pixel { u, v }, 0.7) {
                 Some(floor) => {
-                    let (found, floor) = (found[0].total().unwrap().concat(), floor.total().unwrap().concat());
-                    let size = floor[0] + floor[3];
-                    prop_assert!(found.iter().zip(&floor).all(|(a, b)| (a - b).abs() < 1e-6 * size), "{found:?} {floor:?}");
+                    let [[xx, xy], [_, yy]] = floor.total().unwrap();
+                    let off = |i: usize, value: f64| (pixel[i] + calibration[i] - value).abs();
+                    let worst = off(0, xx).max(off(1, xy)).max(off(2, yy));
+                    prop_assert!(worst < 1e-6 * (xx + yy), "{pixel:?} {calibration:?} {floor:?}");
                 }
-                None => prop_assert!(found[0].pixel[0][0].is_nan()),
+                None => prop_assert!(pixel[0].is_nan()),
             }
         }
 

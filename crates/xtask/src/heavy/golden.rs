@@ -11,7 +11,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use calib_core::{
-    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorCovariance, FloorProjector,
+    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector,
     Lens, Method, Pixel, PixelOrigin, PointProjector, Site, SiteCamera, Solution, Stage, Status, Stream,
     StreamFit, StreamMap, WorldPoint,
 };
@@ -136,9 +136,10 @@ fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]:
     let still = Pixel::new(map.in_still(0, u), map.in_still(1, v));
     let (mut x, mut y, mut status) = ([0.0], [0.0], [Status::Ok]);
     projector.pixels_to_floor_within(extent, [&[still.u], &[still.v]], [&mut x, &mut y], &mut status);
-    let mut covariance = [FloorCovariance { pixel: [[0.0; 2]; 2], calibration: None }];
-    projector.floor_covariances(&[still.u], &[still.v], SIGMA * map.still_pixels(), &mut covariance);
-    let [noise, calibration] = covariance[0].rows();
+    let mut covariance = [[[0.0]; 3]; 2];
+    let to = covariance.each_mut().map(|part| part.each_mut().map(|column| &mut column[..]));
+    projector.floor_covariances([&[still.u], &[still.v]], SIGMA * map.still_pixels(), to);
+    let [noise, calibration] = covariance.map(|[[xx], [xy], [yy]]| [xx, xy, xy, yy]);
     let in_stream = |[u, v]: [f64; 2]| [map.in_stream(0, u), map.in_stream(1, v)];
     let (mut back_u, mut back_v) = ([0.0], [0.0]);
     let points = PointProjector::new(camera);
