@@ -1,7 +1,7 @@
 //! The fit of one camera: from constraints to a camera with its covariance.
 //!
-//! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where the constraints
-//!    leave it open (`minima.rs`).
+//! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where it tells something
+//!    beside the constraints (`minima.rs`).
 //! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
 //! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the most plausible one is chosen: of usual
 //!    focal, upright, with the floor in view; those that are not beyond belief are reported as alternatives.
@@ -21,7 +21,9 @@ use crate::single::chi_square::is_misfit;
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
-use crate::single::minima::{Minimum, Solutions, USUAL_FOCAL, weak_prior};
+use crate::single::minima::{
+    Minimum, OPEN_FOCAL, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior,
+};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, solve_without_outliers};
 use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
@@ -114,7 +116,8 @@ pub struct Fit {
     pub inconsistent: bool,
     /// Degrees of freedom from which the drawing noise was estimated; `None` where it was given or assumed.
     pub noise_dof: Option<i64>,
-    /// Other minima that the chi-square does not rule out, and the minimum without the weak prior.
+    /// Other minima that the chi-square does not rule out, and where the constraints leave the focal open that without
+    /// the weak prior.
     pub alternatives: Vec<LocalMinimum>,
     /// Whether one of them is a local minimum of the same problem (rather than the one without the weak
     /// prior).
@@ -152,12 +155,10 @@ impl Fit {
         };
         let (found, rejected) = solve_without_outliers(&problem, search);
         let mut problem = Problem { rejected: &rejected, ..problem.clone() };
+        let found = beside_estimated_noise(found, &problem, options);
         let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma());
-        let weak_prior_used =
-            found.without_weak_prior.is_some() || (found.minima.is_empty() && options.weak_prior);
-        if weak_prior_used {
-            problem.priors.weak_log_focal = Some(weak_prior(options.width()));
-        }
+        let weak_prior_used = found.weak_prior.is_some();
+        problem.priors.weak_log_focal = found.weak_prior;
         let chosen = choose(&found.minima, &problem, options).ok_or(Failure::NoOrientation)?;
         let dof = problem.dof();
         let best = &found.minima[chosen];
@@ -166,7 +167,7 @@ impl Fit {
             None => Noise::estimated(best.chi2, dof, rejected.len()),
         };
         let inconsistent = is_inconsistent(best.chi2, dof);
-        let spread = noise.inflation * noise.widening().powi(2);
+        let spread = noise.spread();
         let camera = Camera {
             covariance: if inconsistent { Covariance::UNKNOWN } else { covariance_of(best, spread) },
             ..camera_of(best, &problem, options)
@@ -176,7 +177,7 @@ impl Fit {
         let core_covariance = best.uncertainty.covariance * spread;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_determined(best, rel, &problem)?;
-        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options);
+        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options, spread);
         // The residuals of outliers are reported, too, where there is a prediction.
         let with_outliers = predictable(constraints, &best.state.parameters);
         let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
@@ -209,12 +210,33 @@ impl Fit {
     }
 }
 
+/// The solutions with the weak prior weighed against the noise that the residuals show, where it was not given.
+fn beside_estimated_noise(found: Solutions, problem: &Problem, options: &FitOptions) -> Solutions {
+    let Solutions { minima, without_weak_prior, .. } = &found;
+    let Some(best) = without_weak_prior.as_ref().or(minima.first()) else { return found };
+    if options.sigma.is_some() || !options.weak_prior {
+        return found;
+    }
+    let mut without_prior = problem.clone();
+    without_prior.priors.weak_log_focal = None;
+    let spread = Noise::estimated(best.chi2, without_prior.dof(), problem.rejected.len()).spread();
+    if spread <= 1.0 {
+        return found;
+    }
+    let without = match without_weak_prior {
+        Some(best) => vec![best.clone()],
+        None => minima.clone(),
+    };
+    with_weak_prior(&without_prior, options.fixed, without, spread)
+}
+
 /// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
 fn alternatives(
     found: &Solutions,
     chosen: usize,
     problem: &Problem,
     options: &FitOptions,
+    spread: f64,
 ) -> (Vec<LocalMinimum>, bool) {
     let limit = found.minima[0].chi2 + RULED_OUT;
     let implausibility =
@@ -225,7 +247,9 @@ fn alternatives(
     let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && is_possible(minimum));
     let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| local_minimum(minimum)).collect();
     let two_solutions = !alternatives.is_empty();
-    alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
+    if found.log_focal_sigma() * spread.sqrt() > OPEN_FOCAL {
+        alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
+    }
     (alternatives, two_solutions)
 }
 

@@ -16,8 +16,11 @@ const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// The focal of usual cameras in widths of their image.
 pub(crate) const USUAL_FOCAL: f64 = 0.8;
-/// Standard deviation of the log focal above which the weak prior enters.
+/// Standard deviation of the log focal above which the constraints leave the focal open.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
+/// Standard deviation of the log focal above which the weak prior enters: where it would tell more than a tenth of what
+/// the constraints do.
+const PRIOR_TELLS: f64 = 0.1;
 /// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the
 /// focal, the weak prior takes over.
 const MAX_STEPS: usize = 60;
@@ -222,13 +225,15 @@ fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State
         .collect()
 }
 
-/// Minima, with the weak prior on the focal if the constraints alone leave the focal open.
+/// Minima, with the weak prior on the focal where it tells something beside the constraints.
 #[derive(Clone, Debug)]
 pub(crate) struct Solutions {
     /// What is reported, the lowest first.
     pub(crate) minima: Vec<Minimum>,
     /// The lowest without the weak prior, where it entered.
     pub(crate) without_weak_prior: Option<Minimum>,
+    /// The weak prior, where it entered.
+    pub(crate) weak_prior: Option<Prior>,
 }
 
 impl Solutions {
@@ -239,14 +244,38 @@ impl Solutions {
     }
 }
 
-/// Solves without the weak prior, and again with it where that leaves the focal open.
+/// Solves without the weak prior, and again with it where it tells something.
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
     let without_prior = minima(problem, fixed);
-    let open = without_prior.first().is_none_or(|best| best.uncertainty.sigma(LOG_FOCAL) > OPEN_FOCAL);
-    if !(open && allow_weak_prior && problem.free[LOG_FOCAL]) {
-        return Solutions { minima: without_prior, without_weak_prior: None };
+    if !allow_weak_prior {
+        return Solutions { minima: without_prior, without_weak_prior: None, weak_prior: None };
     }
+    with_weak_prior(problem, fixed, without_prior, 1.0)
+}
+
+/// These minima, or those with the weak prior where it tells something beside constraints whose covariance is so many
+/// times what their assumed noise makes it.
+///
+/// The cost is in units of the assumed noise, and all of it is of a variance `spread` times as large; the prior is not, so
+/// in these units its own is `1 / spread` times what it says.
+pub(crate) fn with_weak_prior(
+    problem: &Problem,
+    fixed: FixedParameters,
+    without_prior: Vec<Minimum>,
+    spread: f64,
+) -> Solutions {
+    let sigma = |best: &Minimum| best.uncertainty.sigma(LOG_FOCAL) * spread.sqrt();
+    let tells = without_prior.first().is_none_or(|best| sigma(best) > PRIOR_TELLS);
+    if !(tells && problem.free[LOG_FOCAL]) {
+        return Solutions { minima: without_prior, without_weak_prior: None, weak_prior: None };
+    }
+    let Prior { value, sigma } = weak_prior(problem.width);
+    let prior = Prior { value, sigma: sigma / spread.sqrt() };
     let mut with_prior = problem.clone();
-    with_prior.priors.weak_log_focal = Some(weak_prior(problem.width));
-    Solutions { minima: minima(&with_prior, fixed), without_weak_prior: without_prior.into_iter().next() }
+    with_prior.priors.weak_log_focal = Some(prior);
+    Solutions {
+        minima: minima(&with_prior, fixed),
+        without_weak_prior: without_prior.into_iter().next(),
+        weak_prior: Some(prior),
+    }
 }

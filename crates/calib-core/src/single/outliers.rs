@@ -88,6 +88,11 @@ impl Noise {
         Self { inflation, dof: is_estimated.then_some(dof) }
     }
 
+    /// The factor of covariances: by the noise, and by how few residuals tell it.
+    pub(crate) fn spread(&self) -> f64 {
+        self.inflation * self.widening().powi(2)
+    }
+
     /// The factor of standard deviations for so few degrees of freedom ([`student_factor`]).
     pub(crate) fn widening(&self) -> f64 {
         self.dof.map_or(1.0, student_factor)

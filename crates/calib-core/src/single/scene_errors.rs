@@ -16,7 +16,9 @@
 //! angle 0.9 degrees, and 0.45 degrees for floor tilt and level together, which rooms do not tell apart (0.3
 //! and 0.3 is as likely). Falls are usual outdoors: 1 to 2 % for drainage, 2.5 % across roads; two measured
 //! motorways fell by 1.4 and 1.2 degrees. 0.5 degrees stands between both kinds of places; who knows the place
-//! says so (`scene` in the site file). Lengths: tiles are alike to 0.2 %, lane marks to 3 %; 1 % is between.
+//! says so (`scene` in the site file). Lengths: tiles are alike to 0.2 %, lane marks to 3 %. What is of either kind is of
+//! the variance of a mixture of both, which is that of the normal distribution nearest to it (Kullback and Leibler 1951):
+//! 2 %.
 
 use crate::single::annotation::Annotation;
 
@@ -57,7 +59,7 @@ impl SceneErrors {
 impl Default for SceneErrors {
     /// Those of a place of which nothing is known.
     fn default() -> Self {
-        Self { floor_tilt: 0.5_f64.to_radians(), angle: 0.9_f64.to_radians(), length: 0.01 }
+        Self { floor_tilt: 0.5_f64.to_radians(), angle: 0.9_f64.to_radians(), length: 0.02 }
     }
 }
 
