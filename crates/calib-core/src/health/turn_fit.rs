@@ -9,8 +9,22 @@
 //!
 //! with Tukey's `rho` (Beaton and Tukey 1974), from a start of least absolute deviations: things that moved by themselves
 //! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
-//! that of the median. Neighbours share what moves them (one shelf, one shadow, one fault of the lens), so the covariance
-//! is that of the delete-one jackknife over blocks of the image (Efron and Stein 1981), not that of independent places.
+//! that of the median.
+//!
+//! All places of one edge are moved alike by what light, codecs and the detector's own error do to it: an edge has an
+//! offset in common, of the variance `rho^2`, and its places are no more independent than that allows. With `W` the
+//! precisions of its places, `tau` among their noise and without what is in common, the precision of all of them together
+//! is (Woodbury 1950)
+//!
+//! ```text
+//! (W^-1 + rho^2 1 1')^-1 = W - W 1 1' W rho^2 / (1 + rho^2 1' W 1)
+//! ```
+//!
+//! so that an edge of twenty places counts little more than one of five. `tau` and `rho` are those of the median of places
+//! about their edge, and of edges about what the turn tells.
+//!
+//! Neighbours share more than that (one shelf, one shadow, one fault of the lens), so the covariance is that of the
+//! delete-one jackknife over blocks of the image (Efron and Stein 1981), of whole edges.
 //!
 //! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
 //! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
@@ -52,6 +66,8 @@ pub struct EdgeOffset {
     pub step: [f64; STEP],
     /// Which part of the image it is in.
     pub block: usize,
+    /// Of which edge it is one of several places; these stand one after the other.
+    pub edge: Option<usize>,
 }
 
 /// What edges say together.
@@ -61,15 +77,26 @@ pub struct TurnFit {
     pub estimate: DVector<f64>,
     /// Its covariance.
     pub covariance: DMatrix<f64>,
-    /// What its covariance would be if nothing moved neighbours alike: no estimate by these edges can be better (Cramér
-    /// 1946, Rao 1945).
+    /// What its covariance would be if nothing but their edge moved places alike: no estimate by these edges can be better
+    /// (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
-    /// Scatter of places beyond their own noise, in pixels.
-    pub scatter: f64,
+    /// What is added to either by that which moves a whole image alike.
+    pub common: DMatrix<f64>,
+    /// Scatter of places beyond their own noise.
+    pub scatter: Scatter,
     /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
     pub weights: Vec<f64>,
     /// Blocks that tell anything.
     pub blocks: usize,
+}
+
+/// How far places are off beyond their own noise: standard deviations, in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scatter {
+    /// Of a place about its edge.
+    pub place: f64,
+    /// Of an edge, all its places alike.
+    pub edge: f64,
 }
 
 /// Where Tukey's weights end, in scales: 95 % efficient where errors are normal.
@@ -120,20 +147,23 @@ impl TurnFit {
         let rows = Rows { offsets, unknowns: of.unknowns() };
         let mut estimate = rows.least_deviations()?;
         let mut weights = vec![1.0; offsets.len()];
-        let mut scatter = 0.0;
+        let mut precisions = Vec::new();
+        let mut scatter = Scatter::default();
         for _ in 0..ROUNDS {
             let residuals = rows.residuals(&estimate);
-            scatter = excess(&residuals, offsets);
-            let scale = |i: usize| offsets[i].sigma.hypot(scatter).max(FINEST);
+            let together = excess(&residuals, offsets);
+            let scale = |i: usize| offsets[i].sigma.hypot(together).max(FINEST);
             weights = (0..offsets.len()).map(|i| tukey(residuals[i] / scale(i))).collect();
-            let precisions: Vec<f64> = (0..offsets.len()).map(|i| weights[i] / scale(i).powi(2)).collect();
-            estimate = rows.solve(&precisions)?;
+            scatter = rows.scatter(&residuals, &weights).unwrap_or(Scatter { place: together, edge: 0.0 });
+            let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
+            precisions = (0..offsets.len()).map(precision).collect();
+            estimate = rows.sum(&precisions, scatter.edge).solved()?;
         }
-        let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter).max(FINEST).powi(2);
-        let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
-        let (covariance, blocks) = rows.jackknife(&precisions, &estimate)?;
-        let bound = rows.sum(&precisions).believed().cholesky()?.inverse();
-        Some(Self { estimate, covariance, bound, scatter, weights, blocks })
+        let all = rows.sum(&precisions, scatter.edge);
+        let bound = all.believed().cholesky()?.inverse();
+        let common = all.of_common()?;
+        let (scattered, blocks) = rows.jackknife(&all, &precisions, scatter.edge, &estimate)?;
+        Some(Self { estimate, covariance: scattered + &common, bound, common, scatter, weights, blocks })
     }
 
     /// The turn.
@@ -184,31 +214,68 @@ impl Rows<'_> {
         for _ in 0..ROUNDS {
             let residuals = self.residuals(&estimate);
             let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
-            estimate = self.solve(&weights)?;
+            estimate = self.sum(&weights, 0.0).solved()?;
         }
         Some(estimate)
     }
 
-    fn sum(&self, precisions: &[f64]) -> Sum {
+    /// The places of every edge, as ranges of all.
+    fn edges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let edges = self.offsets.chunk_by(|a, b| a.edge.is_some() && a.edge == b.edge);
+        edges.scan(0, |end, edge| {
+            let start = std::mem::replace(end, *end + edge.len());
+            Some(start..*end)
+        })
+    }
+
+    /// Scatter of places about their edges, and of edges; `None` where too few edges have several places.
+    fn scatter(&self, residuals: &[f64], weights: &[f64]) -> Option<Scatter> {
+        /// Fewer places tell no scatter of their own.
+        const PLACES: usize = 3;
+        const EDGES: usize = 12;
+        let (mut about, mut own, mut means, mut of_means) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for edge in self.edges() {
+            let used: Vec<usize> = edge.filter(|&i| weights[i] > 0.0).collect();
+            if used.len() < PLACES {
+                continue;
+            }
+            let count = used.len() as f64;
+            let mean = used.iter().map(|&i| residuals[i]).sum::<f64>() / count;
+            let freedom = (count / (count - 1.0)).sqrt();
+            about.extend(used.iter().map(|&i| freedom * (residuals[i] - mean)));
+            own.extend(used.iter().map(|&i| self.offsets[i].sigma));
+            means.push(mean);
+            of_means.push(count);
+        }
+        if means.len() < EDGES {
+            return None;
+        }
+        let deviation = |values: Vec<f64>| MEDIAN * median(values.iter().map(|value| value.abs()).collect());
+        let place = deviation(about);
+        let by_places = place * place / median(of_means);
+        let edge = (deviation(means).powi(2) - by_places).max(0.0).sqrt();
+        Some(Scatter { place: (place * place - median(own).powi(2)).max(0.0).sqrt(), edge })
+    }
+
+    fn sum(&self, precisions: &[f64], shared: f64) -> Sum {
         let mut sum = Sum::nothing(self.unknowns);
-        self.offsets.iter().zip(precisions).for_each(|(row, &precision)| sum.add(row, precision));
+        self.edges().for_each(|edge| sum.add(&self.offsets[edge.clone()], &precisions[edge], shared));
         sum
     }
 
-    fn solve(&self, precisions: &[f64]) -> Option<DVector<f64>> {
-        self.sum(precisions).solved()
-    }
-
     /// Covariance by leaving out one block after the other, and how many blocks there are.
-    fn jackknife(&self, precisions: &[f64], estimate: &DVector<f64>) -> Option<(DMatrix<f64>, usize)> {
+    fn jackknife(
+        &self,
+        all: &Sum,
+        precisions: &[f64],
+        shared: f64,
+        estimate: &DVector<f64>,
+    ) -> Option<(DMatrix<f64>, usize)> {
         let count = 1 + self.offsets.iter().map(|row| row.block).max()?;
         let mut parts: Vec<Sum> = (0..count).map(|_| Sum::nothing(self.unknowns)).collect();
-        let mut all = Sum::nothing(self.unknowns);
-        for (row, &precision) in
-            self.offsets.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0)
-        {
-            parts[row.block].add(row, precision);
-            all.add(row, precision);
+        for edge in self.edges() {
+            let block = self.offsets[edge.start + edge.len() / 2].block;
+            parts[block].add(&self.offsets[edge.clone()], &precisions[edge], shared);
         }
         parts.retain(|part| part.information.trace() > 0.0);
         let mut covariance = DMatrix::zeros(self.unknowns, self.unknowns);
@@ -217,8 +284,7 @@ impl Rows<'_> {
             covariance += &without * without.transpose();
         }
         let blocks = parts.len();
-        let common = all.of_common(precisions.iter().sum())?;
-        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64) + common, blocks))
+        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64), blocks))
     }
 }
 
@@ -226,17 +292,36 @@ impl Rows<'_> {
 struct Sum {
     information: DMatrix<f64>,
     score: DVector<f64>,
+    /// Of an offset that all places have in common.
+    precision: f64,
 }
 
 impl Sum {
     fn nothing(unknowns: usize) -> Self {
-        Self { information: DMatrix::zeros(unknowns, unknowns), score: DVector::zeros(unknowns) }
+        Self {
+            information: DMatrix::zeros(unknowns, unknowns),
+            score: DVector::zeros(unknowns),
+            precision: 0.0,
+        }
     }
 
-    fn add(&mut self, row: &EdgeOffset, precision: f64) {
-        let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
-        self.score.axpy(precision * row.offset, &by, 1.0);
-        self.information.ger(precision, &by, &by, 1.0);
+    /// The places of one edge, whose offset in common has the standard deviation `shared`.
+    fn add(&mut self, edge: &[EdgeOffset], precisions: &[f64], shared: f64) {
+        // W 1, W d and A' W 1.
+        let (mut total, mut offset) = (0.0, 0.0);
+        let mut together = DVector::zeros(self.score.len());
+        for (row, &precision) in edge.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
+            let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
+            self.score.axpy(precision * row.offset, &by, 1.0);
+            self.information.ger(precision, &by, &by, 1.0);
+            together.axpy(precision, &by, 1.0);
+            offset += precision * row.offset;
+            total += precision;
+        }
+        let known = shared * shared / (1.0 + shared * shared * total);
+        self.score.axpy(-known * offset, &together, 1.0);
+        self.information.ger(-known, &together, &together, 1.0);
+        self.precision += total - known * total * total;
     }
 
     /// What is believed of light before it is seen.
@@ -251,13 +336,17 @@ impl Sum {
             )
     }
 
-    /// The covariance that offsets in common to all places leave, whose precisions sum up to this.
-    fn of_common(&self, precisions: f64) -> Option<DMatrix<f64>> {
-        Some((self.believed() * (precisions.recip() * COMMON.powi(-2))).cholesky()?.inverse())
+    /// The covariance that offsets in common to all places leave.
+    fn of_common(&self) -> Option<DMatrix<f64>> {
+        Some((self.believed() * (self.precision.recip() * COMMON.powi(-2))).cholesky()?.inverse())
     }
 
     fn without(&self, part: &Self) -> Self {
-        Self { information: &self.information - &part.information, score: &self.score - &part.score }
+        Self {
+            information: &self.information - &part.information,
+            score: &self.score - &part.score,
+            precision: self.precision - part.precision,
+        }
     }
 
     fn solved(&self) -> Option<DVector<f64>> {
@@ -323,18 +412,24 @@ mod tests {
 
     /// An edge somewhere in a block of the image, where it was.
     fn edge(camera: &Camera, block: usize, random: &mut ChaCha8Rng) -> EdgeOffset {
-        const ASIDE: f64 = 1e-6;
         let u = 120.0 * ((block % COLUMNS) as f64 + random.random_range(0.0..1.0));
         let v = 90.0 * ((block / COLUMNS) as f64 + random.random_range(0.0..1.0));
+        let angle = random.random_range(0.0..std::f64::consts::TAU);
+        let contrast = if angle.sin() > 0.0 { 1.0 } else { random.random_range(-1.0..1.0) };
+        place(camera, block, [u, v], angle, contrast)
+    }
+
+    /// A place of an edge, across which offsets count in the direction of an angle.
+    fn place(camera: &Camera, block: usize, [u, v]: [f64; 2], angle: f64, contrast: f64) -> EdgeOffset {
+        const ASIDE: f64 = 1e-6;
         let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
-        let (sin, cos) = random.random_range(0.0..std::f64::consts::TAU).sin_cos();
+        let (sin, cos) = angle.sin_cos();
         let slope = |k: usize| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = ASIDE;
             let there = Turn::of(step).at(camera).shown(ray).unwrap();
             ((there.u - u) * cos + (there.v - v) * sin) / ASIDE
         };
-        let contrast = if sin > 0.0 { 1.0 } else { random.random_range(-1.0..1.0) };
         EdgeOffset {
             offset: 0.0,
             sigma: 0.1,
@@ -342,7 +437,31 @@ mod tests {
             tone: [contrast, 0.0, 0.0],
             step: [0.0; STEP],
             block,
+            edge: None,
         }
+    }
+
+    /// Edges of three to twenty places, eight pixels apart, that share an offset of 0.08 px beside the noise of each.
+    fn long_edges(camera: &Camera, truth: &[f64; 4], random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
+        let mut all = Vec::new();
+        for index in 0..4 * BLOCKS {
+            let block = index / 4;
+            let corner = [120.0 * (block % COLUMNS) as f64, 90.0 * (block / COLUMNS) as f64];
+            let start =
+                [corner[0] + random.random_range(0.0..120.0), corner[1] + random.random_range(0.0..90.0)];
+            let (angle, contrast) =
+                (random.random_range(0.0..std::f64::consts::TAU), random.random_range(-1.0..1.0));
+            let shared = 0.08 * normal(random);
+            for far in (0..random.random_range(3..=20)).map(|place| 8.0 * f64::from(place)) {
+                let at = [start[0] - far * angle.sin(), start[1] + far * angle.cos()];
+                let mut place = place(camera, block, at, angle, contrast);
+                let told: f64 = (0..4).map(|k| place.turn[k] * truth[k]).sum();
+                place.offset = told + shared + 0.1 * normal(random);
+                place.edge = Some(index);
+                all.push(place);
+            }
+        }
+        all
     }
 
     /// Edges after a turn: with noise, noise that a block shares, light that moves them to the dark side, and a share
@@ -389,6 +508,25 @@ mod tests {
         };
         let alarms = (0..TRIALS).map(clear).filter(|alarm| *alarm).count();
         assert!(alarms <= 2, "{alarms} of {TRIALS}");
+    }
+
+    #[test]
+    fn errors_are_those_of_the_bound_where_the_places_of_an_edge_are_moved_alike() {
+        const TRIALS: usize = 200;
+        let (camera, mut random) = (camera(), ChaCha8Rng::seed_from_u64(6));
+        let (mut squares, mut shared) = (0.0, 0.0);
+        for _ in 0..TRIALS {
+            let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
+            let offsets = long_edges(&camera, &truth, &mut random);
+            let fit = TurnFit::new(&offsets, Estimated::TurnAndTone).unwrap();
+            let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
+            let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
+            squares += error.dot(&bound.solve(&error)) / 4.0;
+            shared += fit.scatter.edge / TRIALS as f64;
+        }
+        let over_bound = (squares / TRIALS as f64).sqrt();
+        assert!((0.94..1.06).contains(&over_bound), "{over_bound} of the bound");
+        assert!((0.06..0.1).contains(&shared), "{shared} px of an edge, 0.08 in truth");
     }
 
     #[test]

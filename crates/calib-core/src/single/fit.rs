@@ -21,9 +21,7 @@ use crate::single::chi_square::is_misfit;
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
-use crate::single::minima::{
-    Minimum, OPEN_FOCAL, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior,
-};
+use crate::single::minima::{Minimum, OPEN_FOCAL, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, solve_without_outliers};
 use crate::single::plausibility::{BEYOND_BELIEF, implausibility};

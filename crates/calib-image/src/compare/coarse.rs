@@ -167,6 +167,7 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
         tone: [0.0; TONE],
         step: [0.0; STEP],
         block: seen.part,
+        edge: None,
     };
     [0, 1].map(|axis| Some(row(axis)))
 }

@@ -298,7 +298,8 @@ impl Stills<'_> {
     }
 
     fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
-        let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
+        let fit = &found.fit;
+        let [covariance, bound] = [&fit.covariance, &(&fit.bound + &fit.common)]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
         let clear = self.clear(found);
         let shift = self.shift(&found.motion.turn);

@@ -30,6 +30,8 @@ pub(crate) struct Place {
     /// Its contrast, positive where it is brighter across it, by powers of its level.
     pub(crate) tone: [f64; TONE],
     pub(crate) block: usize,
+    /// Index of its edge.
+    pub(crate) edge: usize,
 }
 
 /// Where an edge runs in an image, and which way.
@@ -60,20 +62,22 @@ impl Frame {
 
 /// Places on the edges of an image that the camera has taken: those first in the list are taken first.
 pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place> {
-    let of_edge = |&[a, b]: &Edge| {
+    let of_edge = |(edge, &[a, b]): (usize, &Edge)| {
         let length = a.distance(b);
         let count = (length / APART).clamp(1.0, OF_EDGE) as usize;
         let along = [(b.u - a.u) / length, (b.v - a.v) / length];
         (0..count).filter_map(move |i| {
             let far = length * (i as f64 + 0.5) / count as f64;
-            Place::new(camera, luma, Pixel::new(a.u + far * along[0], a.v + far * along[1]), along)
+            let at = Pixel::new(a.u + far * along[0], a.v + far * along[1]);
+            Place::new(camera, luma, at, along, edge)
         })
     };
-    edges.iter().filter(|[a, b]| a.distance(*b) >= APART).flat_map(of_edge).take(MOST).collect()
+    let long = edges.iter().enumerate().filter(|(_, [a, b])| a.distance(*b) >= APART);
+    long.flat_map(of_edge).take(MOST).collect()
 }
 
 impl Place {
-    fn new(camera: &Camera, luma: &Luma, at: Pixel, along: [f64; 2]) -> Option<Self> {
+    fn new(camera: &Camera, luma: &Luma, at: Pixel, along: [f64; 2], edge: usize) -> Option<Self> {
         /// Contrast of what is an edge, as a standard deviation of the logarithm of brightness.
         const LEAST: f64 = 0.02;
         let across = [-along[1], along[0]];
@@ -89,7 +93,7 @@ impl Place {
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
         let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
         let tone = tone(&profile, mean);
-        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block })
+        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block, edge })
     }
 }
 

@@ -58,6 +58,7 @@ impl<'a> Search<'a> {
             tone: place.tone,
             step: by.step.map(across),
             block: place.block,
+            edge: Some(place.edge),
         })
     }
 

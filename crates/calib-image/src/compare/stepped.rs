@@ -148,5 +148,6 @@ fn rows(moved: &Moved, seen: &Seen) -> Option<[EdgeOffset; 2]> {
         tone: [0.0; TONE],
         step: slopes.step.map(|slope| slope[axis]),
         block: seen.part,
+        edge: None,
     }))
 }

@@ -11,9 +11,9 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use calib_core::{
-    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector,
-    Lens, Method, Pixel, PixelOrigin, PointProjector, Site, SiteCamera, Solution, Stage, Status, Stream,
-    StreamFit, StreamMap, WorldPoint,
+    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector, Lens, Method,
+    Pixel, PixelOrigin, PointProjector, Site, SiteCamera, Solution, Stage, Status, Stream, StreamFit,
+    StreamMap, WorldPoint,
 };
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
