@@ -11,7 +11,7 @@ use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{BlockCovariance, Summary, least_squares};
-use crate::single::{LEVEL, OPEN_FOCAL, chi2_score, is_misfit};
+use crate::single::{LEVEL, PRIOR_TELLS, chi2_score, is_misfit};
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
 const MAX_STEPS: usize = 60;
@@ -149,11 +149,12 @@ impl Converged<'_> {
         (0..self.problem.planes.len()).map(estimate).collect()
     }
 
-    /// Whether the focal of a view is estimated and its log has a large variance, or none that is a number.
-    pub(crate) fn focal_is_open(&self, view: usize) -> bool {
+    /// Whether the focal of a view is estimated and its log has so large a variance that the weak prior tells something, or
+    /// none that is a number.
+    pub(crate) fn prior_tells(&self, view: usize) -> bool {
         let Some((block, place)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
         let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));
-        !own.is_some_and(|own| own[(place, place)] < OPEN_FOCAL * OPEN_FOCAL)
+        !own.is_some_and(|own| own[(place, place)] < PRIOR_TELLS * PRIOR_TELLS)
     }
 
     /// What may be rejected, with its chi-square.

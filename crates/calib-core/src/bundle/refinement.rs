@@ -151,7 +151,7 @@ impl Refinement<'_> {
     }
 
     /// The minimum without the rejected, from another one or from the start. The weak prior on a focal enters
-    /// where nothing else, the landmarks included, determines it.
+    /// where everything else, the landmarks included, tells little of it.
     fn solve_without(
         &self,
         rejected: &[OutlierCandidate],
@@ -167,7 +167,7 @@ impl Refinement<'_> {
         };
         without_prior.covariance = without_prior.covariance();
         let is_open: Vec<bool> = (0..self.views.len())
-            .map(|view| has_weak_prior[view] && without_prior.focal_is_open(view))
+            .map(|view| has_weak_prior[view] && without_prior.prior_tells(view))
             .collect();
         if is_open.contains(&true) {
             converged(self.problem(rejected, &is_open, from))

@@ -80,8 +80,6 @@ pub struct TurnFit {
     /// What its covariance would be if nothing but their edge moved places alike: no estimate by these edges can be better
     /// (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
-    /// What is added to either by that which moves a whole image alike.
-    pub common: DMatrix<f64>,
     /// Scatter of places beyond their own noise.
     pub scatter: Scatter,
     /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
@@ -161,9 +159,8 @@ impl TurnFit {
         }
         let all = rows.sum(&precisions, scatter.edge);
         let bound = all.believed().cholesky()?.inverse();
-        let common = all.of_common()?;
-        let (scattered, blocks) = rows.jackknife(&all, &precisions, scatter.edge, &estimate)?;
-        Some(Self { estimate, covariance: scattered + &common, bound, common, scatter, weights, blocks })
+        let (covariance, blocks) = rows.jackknife(&all, &precisions, scatter.edge, &estimate)?;
+        Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
     /// The turn.
@@ -284,7 +281,7 @@ impl Rows<'_> {
             covariance += &without * without.transpose();
         }
         let blocks = parts.len();
-        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64), blocks))
+        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64) + all.of_common()?, blocks))
     }
 }
 

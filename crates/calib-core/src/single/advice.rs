@@ -106,9 +106,7 @@ pub(crate) fn floor_finding(
 /// was chosen so that the rest agree, and takes away one.
 fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
     const LEAST: i64 = 2;
-    // The weak prior is no drawing.
-    let dof = fit.dof - i64::from(fit.weak_prior_used);
-    let rejected = fit.outliers.len();
+    let (dof, rejected) = (fit.dof, fit.outliers.len());
     (dof - (rejected as i64) < LEAST).then_some(Finding::Unchecked { dof, rejected, next })
 }
 

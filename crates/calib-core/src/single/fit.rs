@@ -21,7 +21,9 @@ use crate::single::chi_square::is_misfit;
 use crate::single::constraints::{Constraints, Source};
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
-use crate::single::minima::{Minimum, OPEN_FOCAL, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior};
+use crate::single::minima::{
+    Minimum, OPEN_FOCAL, PRIOR_TELLS, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior,
+};
 use crate::single::orientation::Orientation;
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, solve_without_outliers};
 use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
@@ -44,7 +46,7 @@ pub struct FitOptions<'a> {
     pub priors: Priors,
     /// Standard deviation of a drawn coordinate, in pixels; estimated from the residuals if absent.
     pub sigma: Option<f64>,
-    /// Whether the weak prior on the focal may enter where the constraints do not determine it.
+    /// Whether the weak prior on the focal may enter where the constraints tell little of it.
     pub weak_prior: bool,
     /// Annotations that are never rejected, by index.
     pub keep: &'a [usize],
@@ -96,9 +98,9 @@ pub struct LocalMinimum {
 pub struct Fit {
     /// The camera at (0, 0, z0), yaw 0, with the covariance of what was estimated.
     pub camera: Camera,
-    /// Chi-square at the solution.
+    /// Chi-square at the solution, without the weak prior.
     pub chi2: f64,
-    /// Residuals minus unknowns.
+    /// Residuals minus unknowns, without the weak prior.
     pub dof: i64,
     /// Standard deviation of a drawn coordinate, in pixels: as given, or as estimated from the residuals.
     pub sigma: f64,
@@ -153,18 +155,20 @@ impl Fit {
         };
         let (found, rejected) = solve_without_outliers(&problem, search);
         let mut problem = Problem { rejected: &rejected, ..problem.clone() };
-        let found = beside_estimated_noise(found, &problem, options);
-        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma());
-        let weak_prior_used = found.weak_prior.is_some();
-        problem.priors.weak_log_focal = found.weak_prior;
-        let chosen = choose(&found.minima, &problem, options).ok_or(Failure::NoOrientation)?;
         let dof = problem.dof();
-        let best = &found.minima[chosen];
-        let noise = match options.sigma {
+        let noise_at = |chi2: f64| match options.sigma {
             Some(_) => Noise::GIVEN,
-            None => Noise::estimated(best.chi2, dof, rejected.len()),
+            None => Noise::estimated(chi2, dof, rejected.len()),
         };
-        let inconsistent = is_inconsistent(best.chi2, dof);
+        let of_lines = found.without_weak_prior().first().map(|lowest| noise_at(lowest.chi2));
+        let found = weighed(found, of_lines, &problem, options);
+        problem.priors.weak_log_focal = found.weak_prior.as_ref().map(|weak| weak.prior);
+        let chosen = choose(&found, &problem, options).ok_or(Failure::NoOrientation)?;
+        let best = &found.minima[chosen];
+        let chi2 = found.chi2_of_drawings(best);
+        // What the prior was weighed by is what is stated.
+        let noise = of_lines.filter(|_| found.weak_prior.is_some()).unwrap_or_else(|| noise_at(chi2));
+        let inconsistent = is_inconsistent(chi2, dof);
         let spread = noise.spread();
         let camera = Camera {
             covariance: if inconsistent { Covariance::UNKNOWN } else { covariance_of(best, spread) },
@@ -175,25 +179,26 @@ impl Fit {
         let core_covariance = best.uncertainty.covariance * spread;
         let rel = floor_length_rel(&best.state.parameters, &grid, &core_covariance, height_known);
         check_determined(best, rel, &problem)?;
-        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options, spread);
+        let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma() * spread.sqrt());
+        let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options, log_focal_sigma);
         // The residuals of outliers are reported, too, where there is a prediction.
         let with_outliers = predictable(constraints, &best.state.parameters);
         let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
         Ok(Self {
             camera,
-            chi2: best.chi2,
+            chi2,
             dof,
             sigma: sigma * noise.inflation.sqrt(),
             floor_length_rel: rel.filter(|_| !inconsistent),
             floor_shape_rel: floor_length_rel(&best.state.parameters, &grid, &core_covariance, false),
             residuals: everything.residuals_in_pixels(&best.state).unwrap_or_default(),
-            misfit: is_misfit(best.chi2, dof),
+            misfit: is_misfit(chi2, dof),
             inconsistent,
             noise_dof: noise.dof,
             alternatives,
             two_solutions,
-            log_focal_sigma: log_focal_sigma.map(|s| s * spread.sqrt()),
-            weak_prior_used,
+            log_focal_sigma,
+            weak_prior_used: found.weak_prior.is_some(),
             height_known,
             state: best.state.clone(),
             core_covariance,
@@ -208,47 +213,61 @@ impl Fit {
     }
 }
 
-/// The solutions with the weak prior weighed against the noise that the residuals show, where it was not given.
-fn beside_estimated_noise(found: Solutions, problem: &Problem, options: &FitOptions) -> Solutions {
-    let Solutions { minima, without_weak_prior, .. } = &found;
-    let Some(best) = without_weak_prior.as_ref().or(minima.first()) else { return found };
-    if options.sigma.is_some() || !options.weak_prior {
+/// The solutions with the weak prior where it tells something beside the lines, weighed against the noise that their
+/// residuals show. Of a focal that someone stated it tells nothing more.
+fn weighed(found: Solutions, noise: Option<Noise>, problem: &Problem, options: &FitOptions) -> Solutions {
+    let spread = noise.map_or(1.0, |noise| noise.spread());
+    let tells = found.log_focal_sigma() * spread.sqrt() > PRIOR_TELLS;
+    let is_asked = options.weak_prior && problem.free[LOG_FOCAL] && problem.priors.focal.is_none();
+    let is_weighed = found.weak_prior.is_some() && spread <= 1.0;
+    if !(is_asked && tells) || is_weighed {
         return found;
     }
-    let mut without_prior = problem.clone();
-    without_prior.priors.weak_log_focal = None;
-    let spread = Noise::estimated(best.chi2, without_prior.dof(), problem.rejected.len()).spread();
-    if spread <= 1.0 {
-        return found;
-    }
-    let without = match without_weak_prior {
-        Some(best) => vec![best.clone()],
-        None => minima.clone(),
-    };
-    with_weak_prior(&without_prior, options.fixed, without, spread)
+    with_weak_prior(problem, options.fixed, found.without_weak_prior().to_vec(), spread)
 }
 
 /// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
+///
+/// The weak prior rules out none where the lines tell the focal: it chooses between them.
 fn alternatives(
     found: &Solutions,
     chosen: usize,
     problem: &Problem,
     options: &FitOptions,
-    spread: f64,
+    log_focal_sigma: Option<f64>,
 ) -> (Vec<LocalMinimum>, bool) {
-    let limit = found.minima[0].chi2 + RULED_OUT;
     let implausibility =
         |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov, options.size);
-    let beyond = implausibility(&found.minima[chosen]) + BEYOND_BELIEF;
-    let is_possible =
-        |minimum: &Minimum| minimum.chi2 < limit && (!options.weak_prior || implausibility(minimum) < beyond);
-    let others = found.minima.iter().enumerate().filter(|&(i, minimum)| i != chosen && is_possible(minimum));
-    let mut alternatives: Vec<LocalMinimum> = others.map(|(_, minimum)| local_minimum(minimum)).collect();
+    let best = &found.minima[chosen];
+    let beyond = implausibility(best) + BEYOND_BELIEF;
+    let is_open = log_focal_sigma.is_some_and(|sigma| sigma > OPEN_FOCAL);
+    let lines_decide = found.weak_prior.is_some() && !is_open;
+    let minima = if lines_decide { found.without_weak_prior() } else { &found.minima };
+    let chi2 = |minimum: &Minimum| if lines_decide { minimum.chi2 } else { found.chi2_with_prior(minimum) };
+    let limit = minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + RULED_OUT;
+    let own = if lines_decide { nearest(minima, best) } else { Some(chosen) };
+    let is_possible = |minimum: &Minimum| {
+        chi2(minimum) < limit && (!options.weak_prior || implausibility(minimum) < beyond)
+    };
+    let others = minima.iter().enumerate().filter(|&(i, minimum)| Some(i) != own && is_possible(minimum));
+    let mut alternatives: Vec<LocalMinimum> = others
+        .map(|(_, minimum)| LocalMinimum { orientation: minimum.state.orientation(), chi2: chi2(minimum) })
+        .collect();
     let two_solutions = !alternatives.is_empty();
-    if found.log_focal_sigma() * spread.sqrt() > OPEN_FOCAL {
-        alternatives.extend(found.without_weak_prior.as_ref().map(local_minimum));
+    if is_open && found.weak_prior.is_some() {
+        alternatives.extend(found.without_weak_prior().first().map(local_minimum));
     }
     (alternatives, two_solutions)
+}
+
+/// Which of the minima without the weak prior has become this one with it.
+fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
+    let distance = |minimum: &Minimum| -> f64 {
+        let [turn, pitch, log_focal] =
+            [ROLL, PITCH, LOG_FOCAL].map(|i| minimum.state.parameters[i] - to.state.parameters[i]);
+        (0.5 * turn).sin().abs().hypot(0.5 * pitch).hypot(log_focal)
+    };
+    (0..minima.len()).min_by(|&a, &b| distance(&minima[a]).total_cmp(&distance(&minima[b])))
 }
 
 /// The grid of the EFOV that was drawn, or of the default EFOV.
@@ -263,13 +282,14 @@ pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
 /// Of the minima that the chi-square does not rule out, the most plausible one: of usual focal, upright, with
 /// the floor in view. The focal counts where it has no prior of its own, or else the chi-square does; the
 /// lowest where no weak prior may enter.
-fn choose(minima: &[Minimum], problem: &Problem, options: &FitOptions) -> Option<usize> {
-    let lowest = minima.first()?;
-    if !options.weak_prior {
-        return Some(0);
+fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<usize> {
+    if found.minima.is_empty() || !options.weak_prior {
+        return (!found.minima.is_empty()).then_some(0);
     }
     let usual = weak_prior(problem.width);
-    let possible = minima.iter().enumerate().filter(|(_, m)| m.chi2 < lowest.chi2 + RULED_OUT);
+    let chi2 = |minimum: &Minimum| found.chi2_with_prior(minimum);
+    let limit = found.minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + RULED_OUT;
+    let possible = found.minima.iter().enumerate().filter(|(_, minimum)| chi2(minimum) < limit);
     let badness = |m: &Minimum| {
         let camera = camera_of(m, problem, options);
         let of_focal = match problem.priors.focal {

@@ -1,5 +1,5 @@
 //! All minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and
-//! the weak prior on the focal where the constraints leave it open.
+//! the weak prior on the focal beside constraints that tell little of it.
 
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares};
@@ -18,9 +18,9 @@ const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 pub(crate) const USUAL_FOCAL: f64 = 0.8;
 /// Standard deviation of the log focal above which the constraints leave the focal open.
 pub(crate) const OPEN_FOCAL: f64 = 0.2;
-/// Standard deviation of the log focal above which the weak prior enters: where it would tell more than a tenth of what
-/// the constraints do.
-const PRIOR_TELLS: f64 = 0.1;
+/// Standard deviation of the log focal above which the weak prior enters: where it tells a twelfth of what the constraints
+/// do, and more.
+pub(crate) const PRIOR_TELLS: f64 = 0.1;
 /// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the
 /// focal, the weak prior takes over.
 const MAX_STEPS: usize = 60;
@@ -230,52 +230,75 @@ fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State
 pub(crate) struct Solutions {
     /// What is reported, the lowest first.
     pub(crate) minima: Vec<Minimum>,
-    /// The lowest without the weak prior, where it entered.
-    pub(crate) without_weak_prior: Option<Minimum>,
     /// The weak prior, where it entered.
-    pub(crate) weak_prior: Option<Prior>,
+    pub(crate) weak_prior: Option<WeakPrior>,
+}
+
+/// The weak prior beside constraints.
+#[derive(Clone, Debug)]
+pub(crate) struct WeakPrior {
+    /// As it stands in the cost, which is in units of the noise that was assumed: where the noise is larger, its sigma is
+    /// as much smaller there.
+    pub(crate) prior: Prior,
+    /// How many times as large as assumed the variance of drawings was taken to be.
+    pub(crate) spread: f64,
+    /// The minima without it, the lowest first.
+    pub(crate) without: Vec<Minimum>,
 }
 
 impl Solutions {
-    /// Standard deviation of the log focal without the weak prior.
+    /// The minima without the weak prior, the lowest first.
+    pub(crate) fn without_weak_prior(&self) -> &[Minimum] {
+        self.weak_prior.as_ref().map_or(&self.minima, |weak| &weak.without)
+    }
+
+    /// Standard deviation of the log focal without the weak prior, for the noise that was assumed.
     pub(crate) fn log_focal_sigma(&self) -> f64 {
-        let best = self.without_weak_prior.as_ref().or(self.minima.first());
-        best.map_or(f64::INFINITY, |minimum| minimum.uncertainty.sigma(LOG_FOCAL))
+        self.without_weak_prior().first().map_or(f64::INFINITY, |best| best.uncertainty.sigma(LOG_FOCAL))
+    }
+
+    /// What the weak prior has in the cost of one of the minima.
+    fn square_of_prior(&self, minimum: &Minimum) -> f64 {
+        let off =
+            |weak: &WeakPrior| (minimum.state.parameters[LOG_FOCAL] - weak.prior.value) / weak.prior.sigma;
+        self.weak_prior.as_ref().map_or(0.0, |weak| off(weak).powi(2))
+    }
+
+    /// The chi-square of one of the minima without that of the weak prior.
+    pub(crate) fn chi2_of_drawings(&self, minimum: &Minimum) -> f64 {
+        minimum.chi2 - self.square_of_prior(minimum)
+    }
+
+    /// The same with that of the weak prior, by its sigma as it is stated.
+    pub(crate) fn chi2_with_prior(&self, minimum: &Minimum) -> f64 {
+        let spread = self.weak_prior.as_ref().map_or(1.0, |weak| weak.spread);
+        self.chi2_of_drawings(minimum) + self.square_of_prior(minimum) / spread
     }
 }
 
-/// Solves without the weak prior, and again with it where it tells something.
+/// Solves without the weak prior, and again with it where that leaves the focal open.
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
-    let without_prior = minima(problem, fixed);
-    if !allow_weak_prior {
-        return Solutions { minima: without_prior, without_weak_prior: None, weak_prior: None };
+    let minima = minima(problem, fixed);
+    let found = Solutions { minima, weak_prior: None };
+    let is_open = found.log_focal_sigma() > OPEN_FOCAL;
+    if is_open && allow_weak_prior && problem.free[LOG_FOCAL] {
+        with_weak_prior(problem, fixed, found.minima, 1.0)
+    } else {
+        found
     }
-    with_weak_prior(problem, fixed, without_prior, 1.0)
 }
 
-/// These minima, or those with the weak prior where it tells something beside constraints whose covariance is so many
-/// times what their assumed noise makes it.
-///
-/// The cost is in units of the assumed noise, and all of it is of a variance `spread` times as large; the prior is not, so
-/// in these units its own is `1 / spread` times what it says.
+/// The minima with the weak prior, beside drawings whose variance is so many times what was assumed.
 pub(crate) fn with_weak_prior(
     problem: &Problem,
     fixed: FixedParameters,
-    without_prior: Vec<Minimum>,
+    without: Vec<Minimum>,
     spread: f64,
 ) -> Solutions {
-    let sigma = |best: &Minimum| best.uncertainty.sigma(LOG_FOCAL) * spread.sqrt();
-    let tells = without_prior.first().is_none_or(|best| sigma(best) > PRIOR_TELLS);
-    if !(tells && problem.free[LOG_FOCAL]) {
-        return Solutions { minima: without_prior, without_weak_prior: None, weak_prior: None };
-    }
     let Prior { value, sigma } = weak_prior(problem.width);
     let prior = Prior { value, sigma: sigma / spread.sqrt() };
     let mut with_prior = problem.clone();
     with_prior.priors.weak_log_focal = Some(prior);
-    Solutions {
-        minima: minima(&with_prior, fixed),
-        without_weak_prior: without_prior.into_iter().next(),
-        weak_prior: Some(prior),
-    }
+    let minima = minima(&with_prior, fixed);
+    Solutions { minima, weak_prior: Some(WeakPrior { prior, spread, without }) }
 }

@@ -85,7 +85,7 @@ pub(crate) use constraints::Source;
 pub(crate) use fit::grid;
 pub(crate) use lens_prior::{LensResidual, lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
-pub(crate) use minima::{OPEN_FOCAL, weak_prior};
+pub(crate) use minima::{OPEN_FOCAL, PRIOR_TELLS, weak_prior};
 pub(crate) use outliers::{inflation, is_inconsistent, is_significant, student_factor};
 pub(crate) use overlaps::{BESIDE, lies_on};
 pub(crate) use prediction::{Held, predictable, residuals_at, residuals_held};

@@ -20,7 +20,6 @@ pub struct Priors {
     pub focal: Option<Prior>,
     /// In metres.
     pub height: Option<Prior>,
-    /// The weak prior, on the log of the focal in pixels: it enters where the constraints do not determine
-    /// the focal.
+    /// The weak prior, on the log of the focal in pixels: it enters where the constraints tell little of the focal.
     pub weak_log_focal: Option<Prior>,
 }

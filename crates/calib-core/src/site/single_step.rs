@@ -195,7 +195,7 @@ fn likelihood(
     solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
-    solution.dof = usize::try_from(fit.dof).ok();
+    solution.dof = usize::try_from(fit.dof.max(0)).ok();
     solution.alternatives =
         fit.alternatives.iter().map(|other| alternative(other, entry, &fit.camera.lens)).collect();
     let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));

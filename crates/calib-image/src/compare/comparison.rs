@@ -138,7 +138,7 @@ pub struct Comparison {
     pub turn: Turn,
     /// Covariance of a turn after it: vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
-    /// The same if every edge had its own noise alone: what no estimate by these edges can be better than.
+    /// The same if nothing but their edge moved places alike: what no estimate by these edges can be better than.
     pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
     /// How clear it is that it moved, as sigmas of a normal number.
     pub clear: f64,
@@ -298,8 +298,7 @@ impl Stills<'_> {
     }
 
     fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
-        let fit = &found.fit;
-        let [covariance, bound] = [&fit.covariance, &(&fit.bound + &fit.common)]
+        let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
         let clear = self.clear(found);
         let shift = self.shift(&found.motion.turn);
