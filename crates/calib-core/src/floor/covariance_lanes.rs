@@ -5,19 +5,20 @@
 //! drop q to the plane, the same for all points. A change c of d moves the point where its ray meets the plane by
 //! `D(c) = c - d (n . c) / q`.
 //!
-//! **By the camera.** A shift c of its place is the same for all points, a turn makes `c = w x d`, a longer focal
-//! `c = forward (forward . d) / f`; z is linear in x and y on the plane, and so c is. Hence
+//! **By the camera.** A shift of its place is a c that is the same for all points, a turn makes `c = w x d`, a longer focal
+//! `c = forward (forward . d) / f` but for a multiple of d, and `D(d) = 0`. On the plane z is affine in x and y, and so is
+//! c. Hence
 //!
 //! ```text
 //! D(c) = m + (x, y) l,    m = (m0 + m1 x + m2 y, m3 + m4 x + m5 y),    l = m6 x + m7 y,
 //! ```
 //!
-//! the flow of a plane, of eight numbers (Longuet-Higgins and Prazdny 1980), which are linear in the errors of the camera:
-//! they have a covariance of their own, the same for all points.
+//! an infinitesimal homography of the plane, of eight numbers (the "pure parameters" of Tsai and Huang 1981), which are
+//! linear in the errors of the camera: they have a covariance of their own, the same for all points.
 //!
 //! **By the pixel.** A ray is `a right + b down + forward`, `d = t (a right + b down + forward)` with `t = q / r`, and r is
-//! linear in a and b. So the point moves with (a, b) by `T = t [D(right), D(down)]`, in which what is quadratic cancels:
-//! `T = q / r^2 (M + b m, N - a m)`, with columns M, N and m that are the same for all points.
+//! affine in a and b. So the point moves with (a, b) by `T = t [D(right), D(down)]`, in which what is quadratic cancels:
+//! `T = q / r^2 (M + b K, N - a K)`, with columns M, N and K that are the same for all pixels.
 
 use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
@@ -34,9 +35,9 @@ pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
     /// From the camera to the plane, along the vertical, in metres: q.
     drop: f64,
-    /// Rows right, down, forward; the height of the last column above the plane's own slope: `n .` each of them.
+    /// Rows right, down, forward, of each axis its x, its y and `n . axis`.
     axes: [[f64; 3]; 3],
-    /// M, N and m, of x and of y.
+    /// M, N and K, of x and of y.
     minors: [[f64; 3]; 2],
     /// None where nothing is known of the errors.
     flow: Option<FlowCovariance>,

@@ -11,17 +11,16 @@
 //! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
 //! that of the median.
 //!
-//! All places of one edge are moved alike by what light, codecs and the detector's own error do to it: an edge has an
-//! offset in common, of the variance `rho^2`, and its places are no more independent than that allows. With `W` the
-//! precisions of its places, `tau` among their noise and without what is in common, the precision of all of them together
-//! is (Woodbury 1950)
+//! All places of one edge are moved alike by what light, codecs and the detector's own error do to it: an edge is off by an
+//! amount in common, of the variance `e^2` ([`Scatter::edge`]), and its places are no more independent than that allows.
+//! With W the precisions of its places about their edge (`p` is [`Scatter::place`])
 //!
 //! ```text
-//! (W^-1 + rho^2 1 1')^-1 = W - W 1 1' W rho^2 / (1 + rho^2 1' W 1)
+//! W = diag(w / (sigma^2 + p^2)),    (W^-1 + e^2 1 1')^-1 = W - W 1 1' W e^2 / (1 + e^2 1' W 1)
 //! ```
 //!
-//! so that an edge of twenty places counts little more than one of five. `tau` and `rho` are those of the median of places
-//! about their edge, and of edges about what the turn tells.
+//! (Woodbury 1950), w being Tukey's weights, so that an edge of twenty places counts little more than one of five. p and e
+//! are those of the median of places about their edge, and of edges about what the turn tells.
 //!
 //! Neighbours share more than that (one shelf, one shadow, one fault of the lens), so the covariance is that of the
 //! delete-one jackknife over blocks of the image (Efron and Stein 1981), of whole edges.
@@ -77,8 +76,8 @@ pub struct TurnFit {
     pub estimate: DVector<f64>,
     /// Its covariance.
     pub covariance: DMatrix<f64>,
-    /// What its covariance would be if nothing but their edge moved places alike: no estimate by these edges can be better
-    /// (Cramér 1946, Rao 1945).
+    /// What its covariance would be if nothing but their edge moved places alike: about what no estimate by these edges can
+    /// be better than (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
     /// Scatter of places beyond their own noise.
     pub scatter: Scatter,
@@ -339,11 +338,8 @@ impl Sum {
     }
 
     fn without(&self, part: &Self) -> Self {
-        Self {
-            information: &self.information - &part.information,
-            score: &self.score - &part.score,
-            precision: self.precision - part.precision,
-        }
+        let (information, score) = (&self.information - &part.information, &self.score - &part.score);
+        Self { information, score, precision: self.precision - part.precision }
     }
 
     fn solved(&self) -> Option<DVector<f64>> {

@@ -16,9 +16,9 @@
 //! angle 0.9 degrees, and 0.45 degrees for floor tilt and level together, which rooms do not tell apart (0.3
 //! and 0.3 is as likely). Falls are usual outdoors: 1 to 2 % for drainage, 2.5 % across roads; two measured
 //! motorways fell by 1.4 and 1.2 degrees. 0.5 degrees stands between both kinds of places; who knows the place
-//! says so (`scene` in the site file). Lengths: tiles are alike to 0.2 %, lane marks to 3 %. What is of either kind is of
-//! the variance of a mixture of both, which is that of the normal distribution nearest to it (Kullback and Leibler 1951):
-//! 2 %.
+//! says so (`scene` in the site file). Lengths: tiles are alike to 0.2 %, lane marks to 3 %. A length may be of either
+//! kind, and the normal distribution nearest to the mixture of both (Kullback and Leibler 1951) has its variance: that of
+//! 2.1 %.
 
 use crate::single::annotation::Annotation;
 
