@@ -309,6 +309,33 @@ fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
 }
 
 #[test]
+fn the_belief_hides_no_camera_that_the_lines_allow() {
+    let mut two = 0;
+    for (index, azimuth) in (0..60).map(|index| (index, 20.0 + f64::from(index % 12) * 5.0)) {
+        let mut studio = Studio::new(25.0 + f64::from(index % 7) * 5.0, 45.0 + f64::from(index % 5) * 15.0);
+        studio.noise = 0.5;
+        let drawn = vec![studio.verticals(), studio.right_angle(azimuth)];
+        let camera = studio.site(drawn);
+        let lines = solve_with(camera.clone(), &Options { prior: false, ..Options::default() });
+        let (Ok(lines), Ok(solution)) = (lines, solve_with(camera, &Options::default())) else { continue };
+        let focals = |solution: &Solution| -> Vec<f64> {
+            solution.alternatives.iter().map(|other| other.focal_px).chain([solution.focal_px]).collect()
+        };
+        let sigma = lines.sigma.as_ref().and_then(|sigma| sigma.focal_px).map(|sigma| sigma / lines.focal_px);
+        if sigma.is_none_or(|sigma| sigma > 0.2) || lines.alternatives.is_empty() {
+            continue;
+        }
+        two += 1;
+        for focal in focals(&lines) {
+            let is_told = focals(&solution).iter().any(|told| (told / focal).ln().abs() < 0.2);
+            assert!(is_told, "{azimuth}: {focal} is not among {:?}, sigma {sigma:?}", focals(&solution));
+        }
+        assert!(codes(&solution).contains(&Code::TwoSolutions), "{azimuth}: {:?}", codes(&solution));
+    }
+    assert!(two >= 5, "two solutions of lines that tell the focal: {two}");
+}
+
+#[test]
 fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     studio.camera.roll = 0.0;
