@@ -311,9 +311,10 @@ fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
 #[test]
 fn the_belief_hides_no_camera_that_the_lines_allow() {
     let mut two = 0;
-    for (index, azimuth) in (0..60).map(|index| (index, 20.0 + f64::from(index % 12) * 5.0)) {
-        let mut studio = Studio::new(25.0 + f64::from(index % 7) * 5.0, 45.0 + f64::from(index % 5) * 15.0);
-        studio.noise = 0.5;
+    for (index, azimuth) in (0..2000).map(|index| (index, 15.0 + f64::from(index % 13) * 5.0)) {
+        let mut studio = Studio::new(20.0 + f64::from(index % 7) * 5.0, 40.0 + f64::from(index % 8) * 10.0);
+        studio.noise = 1.0 + f64::from(index % 3);
+        studio.random = ChaCha8Rng::seed_from_u64(index as u64);
         let drawn = vec![studio.verticals(), studio.right_angle(azimuth)];
         let camera = studio.site(drawn);
         let lines = solve_with(camera.clone(), &Options { prior: false, ..Options::default() });
@@ -322,7 +323,8 @@ fn the_belief_hides_no_camera_that_the_lines_allow() {
             solution.alternatives.iter().map(|other| other.focal_px).chain([solution.focal_px]).collect()
         };
         let sigma = lines.sigma.as_ref().and_then(|sigma| sigma.focal_px).map(|sigma| sigma / lines.focal_px);
-        if sigma.is_none_or(|sigma| sigma > 0.2) || lines.alternatives.is_empty() {
+        // Where the belief enters, and the lines tell the focal all the same.
+        if !sigma.is_some_and(|sigma| (0.1..0.2).contains(&sigma)) || lines.alternatives.is_empty() {
             continue;
         }
         two += 1;
