@@ -20,7 +20,8 @@
 //! ```
 //!
 //! (Woodbury 1950), w being Tukey's weights, so that an edge of twenty places counts little more than one of five. p and e
-//! are those of the median of places about their edge, and of edges about what the turn tells.
+//! are those of the median of places about their edge, and of edges about what the turn tells. Where a step is estimated,
+//! e is none: what edges of unknown depth are off by is what tells it.
 //!
 //! Neighbours share more than that (one shelf, one shadow, one fault of the lens), so the covariance is that of the
 //! delete-one jackknife over blocks of the image (Efron and Stein 1981), of whole edges.
@@ -151,7 +152,8 @@ impl TurnFit {
             let together = excess(&residuals, offsets);
             let scale = |i: usize| offsets[i].sigma.hypot(together).max(FINEST);
             weights = (0..offsets.len()).map(|i| tukey(residuals[i] / scale(i))).collect();
-            scatter = rows.scatter(&residuals, &weights).unwrap_or(Scatter { place: together, edge: 0.0 });
+            let of_edges = if of == Estimated::Step { None } else { rows.scatter(&residuals, &weights) };
+            scatter = of_edges.unwrap_or(Scatter { place: together, edge: 0.0 });
             let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
             precisions = (0..offsets.len()).map(precision).collect();
             estimate = rows.sum(&precisions, scatter.edge).solved()?;
