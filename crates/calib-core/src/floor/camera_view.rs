@@ -303,7 +303,8 @@ impl CameraView {
         self.in_still(pixels, |range, still| {
             let (pixel, calibration) = (&mut pixel[range.clone()], &mut calibration[range.clone()]);
             if !self.surfaces.is_empty() {
-                return self.covariances_on_surfaces(height, still, sigma, [pixel, calibration]);
+                let surfaces = SurfaceProjector::new(self.camera(), height, &self.surfaces);
+                return surfaces.covariances(still, sigma, [pixel, calibration]);
             }
             let mut found = [[[0.0; CHUNK]; 3]; 2];
             let columns =
@@ -313,22 +314,6 @@ impl CameraView {
                 part.iter_mut().enumerate().for_each(|(i, of)| *of = [xx[i], xy[i], xy[i], yy[i]]);
             }
         });
-    }
-
-    fn covariances_on_surfaces(
-        &self,
-        height: f64,
-        [u, v]: [&[f64]; 2],
-        sigma: f64,
-        [pixel, calibration]: [&mut [[f64; 4]]; 2],
-    ) {
-        let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
-        for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
-            let at = Pixel { u, v };
-            let shown = self.camera().pixel_to_surface(at, height, &self.surfaces);
-            let found = shown.and_then(|shown| projector.covariance(at, sigma, shown.surface));
-            [pixel[i], calibration[i]] = found.unwrap_or(FloorCovariance::NONE).rows();
-        }
     }
 
     /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.

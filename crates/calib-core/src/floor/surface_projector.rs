@@ -116,6 +116,23 @@ impl<'a> SurfaceProjector<'a> {
             }
         }
     }
+
+    /// How uncertain the points are that raw pixels `(u, v)` show first, of the pixel and of the calibration, as
+    /// [`FloorCovariance::rows`] has them.
+    pub(super) fn covariances(
+        &self,
+        [u, v]: [&[f64]; 2],
+        pixel_sigma: f64,
+        [pixel, calibration]: [&mut [[f64; 4]]; 2],
+    ) {
+        let (camera, height) = (self.floor.camera(), self.floor.height());
+        for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
+            let at = Pixel { u, v };
+            let shown = camera.pixel_to_surface(at, height, self.surfaces);
+            let found = shown.and_then(|shown| self.covariance(at, pixel_sigma, shown.surface));
+            [pixel[i], calibration[i]] = found.unwrap_or(FloorCovariance::NONE).rows();
+        }
+    }
 }
 
 /// The rectangle about a region: most points lie outside it, and outside of few corners.

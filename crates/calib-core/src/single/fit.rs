@@ -181,9 +181,6 @@ impl Fit {
         check_determined(best, rel, &problem)?;
         let log_focal_sigma = problem.free[LOG_FOCAL].then(|| found.log_focal_sigma() * spread.sqrt());
         let (alternatives, two_solutions) = alternatives(&found, chosen, &problem, options, log_focal_sigma);
-        // The residuals of outliers are reported, too, where there is a prediction.
-        let with_outliers = predictable(constraints, &best.state.parameters);
-        let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
         Ok(Self {
             camera,
             chi2,
@@ -191,7 +188,7 @@ impl Fit {
             sigma: sigma * noise.inflation.sqrt(),
             floor_length_rel: rel.filter(|_| !inconsistent),
             floor_shape_rel: floor_length_rel(&best.state.parameters, &grid, &core_covariance, false),
-            residuals: everything.residuals_in_pixels(&best.state).unwrap_or_default(),
+            residuals: residuals(constraints, &problem, &best.state),
             misfit: is_misfit(chi2, dof),
             inconsistent,
             noise_dof: noise.dof,
@@ -211,6 +208,13 @@ impl Fit {
     pub fn log_focal_sigma_of_answer(&self) -> f64 {
         self.core_covariance[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt()
     }
+}
+
+/// The residuals of all constraints in pixels, of outliers too, where there is a prediction.
+fn residuals(constraints: &Constraints, problem: &Problem, state: &State) -> Vec<(Source, f64)> {
+    let with_outliers = predictable(constraints, &state.parameters);
+    let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
+    everything.residuals_in_pixels(state).unwrap_or_default()
 }
 
 /// The solutions with the weak prior where it tells something beside the lines, weighed against the noise that their
