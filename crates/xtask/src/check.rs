@@ -138,7 +138,7 @@ const CHECKS: &[Check] = &[
     },
     Check {
         name: "tests",
-        command: &["cargo", "test", "--workspace", "--all-features"],
+        command: &["cargo", "test", "--workspace", "--all-features", "--no-fail-fast"],
         // The cases of properties, too, from one seed; `cargo test` alone draws others every time.
         environment: &[("PROPTEST_RNG_SEED", "1")],
         tools: &[&PEERS, &ENGINES, &JAVA],
