@@ -248,17 +248,16 @@ impl FloorProjector {
         assert!(v.len() == u.len() && columns().all(is_of_one_length), "slices of one length");
         let ([pixel_xx, pixel_xy, pixel_yy], [xx, xy, yy]) = (pixel, calibration);
         let to = [pixel_xx, pixel_xy, pixel_yy, xx, xy, yy];
-        let of = CovarianceLanes::new(&self.camera, &self.plane);
         match (&self.camera.lens.distortion, &self.inverse) {
             (Distortion::None, _) => self.covariances_in_step(
                 #[inline(always)]
-                |u, v| of.straight(u, v, pixel_sigma),
+                |of, u, v| of.straight(u, v, pixel_sigma),
                 [u, v],
                 to,
             ),
             (Distortion::BrownConrady(brown), Some(inverse)) => self.covariances_in_step(
                 #[inline(always)]
-                |u, v| of.bent((inverse, brown), u, v, pixel_sigma),
+                |of, u, v| of.bent((inverse, brown), u, v, pixel_sigma),
                 [u, v],
                 to,
             ),
@@ -269,10 +268,11 @@ impl FloorProjector {
     #[inline(always)]
     fn covariances_in_step(
         &self,
-        of: impl Fn(&[f64; LANES], &[f64; LANES]) -> [[[f64; LANES]; 3]; 2],
+        of: impl Fn(&CovarianceLanes<'_>, &[f64; LANES], &[f64; LANES]) -> [[[f64; LANES]; 3]; 2],
         [u, v]: [&[f64]; 2],
         to: [&mut [f64]; 6],
     ) {
+        let prepared = CovarianceLanes::new(&self.camera, &self.plane);
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         dispatch(
             #[inline(always)]
@@ -284,10 +284,10 @@ impl FloorProjector {
                 let columns = xx.iter_mut().zip(xy.iter_mut()).zip(yy.iter_mut());
                 let columns = columns.zip(of_xx.iter_mut().zip(of_xy.iter_mut()).zip(of_yy.iter_mut()));
                 for ((u, v), (((xx, xy), yy), ((of_xx, of_xy), of_yy))) in u.iter().zip(v).zip(columns) {
-                    [[*xx, *xy, *yy], [*of_xx, *of_xy, *of_yy]] = of(u, v);
+                    [[*xx, *xy, *yy], [*of_xx, *of_xy, *of_yy]] = of(&prepared, u, v);
                 }
                 if !last_u.is_empty() {
-                    let found = of(&lanes(last_u, cu), &lanes(last_v, cv));
+                    let found = of(&prepared, &lanes(last_u, cu), &lanes(last_v, cv));
                     for ((_, last), found) in to.iter_mut().zip(found.as_flattened()) {
                         last.copy_from_slice(&found[..last.len()]);
                     }

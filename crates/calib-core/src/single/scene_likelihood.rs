@@ -16,7 +16,6 @@ use crate::single::constraints::Constraints;
 use crate::single::fit::{Fit, FitOptions};
 use crate::single::likelihood::Problem;
 use crate::single::minima::weak_prior;
-use crate::single::prior::Prior;
 
 impl Fit {
     /// Minus twice the log of the restricted likelihood of the scene's sigmas in `constraints` and the drawing's
@@ -30,15 +29,12 @@ impl Fit {
         let fit = Self::new(constraints, options).ok()?;
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
         let mut problem = Problem { rejected: &fit.outliers, ..problem };
-        let prior = fit.weak_prior_used.then(|| weak_prior(options.size[0]));
-        problem.priors.weak_log_focal = prior;
-        let off = |prior: Prior| (fit.camera.focal.ln() - prior.value) / prior.sigma;
-        let of_prior = prior.map_or(0.0, |prior| off(prior).powi(2));
+        problem.priors.weak_log_focal = fit.weak_prior_used.then(|| weak_prior(options.size[0]));
         let drawn = problem.lines().count() + problem.lengths().count() + 2 * problem.uprights().count();
         let mut of_sigmas = 2.0 * drawn as f64 * sigma.ln();
         constraints.each_scene_prior(|_, sigma| of_sigmas += 2.0 * sigma.ln());
         let of_outliers = 2.0 * fit.outliers.len() as f64 * OUTLIER_PX.ln();
         let determinant = problem.normal(&fit.state)?.log_determinant(problem.free);
-        Some(fit.chi2 + of_prior + determinant + of_sigmas + of_outliers)
+        Some(problem.cost(&fit.state)? + determinant + of_sigmas + of_outliers)
     }
 }

@@ -165,8 +165,7 @@ mod tests {
 
     #[test]
     fn a_camera_without_a_result_says_that_its_drawing_is_of_another_image() {
-        let without_prior = crate::site::Options { prior: false, ..crate::site::Options::default() };
-        let report = site([1080, 1920], &POINTS).calibrate(&without_prior);
+        let report = site([1080, 1920], &POINTS).calibrate(&crate::site::Options::default());
         let failure = report.cameras[0].1.as_ref().unwrap_err();
         assert!(failure.message.contains("With u and v exchanged"), "{}", failure.message);
         assert!(failure.advice.contains("size_px"), "{}", failure.advice);
