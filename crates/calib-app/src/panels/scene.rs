@@ -18,6 +18,7 @@ const PLACES: [(&str, Option<SceneEntry>, &str); 4] = [
 const fn tilt(degrees: f64) -> SceneEntry {
     SceneEntry::Sigmas(SceneSigmas {
         floor_tilt_sigma_deg: Some(degrees),
+        crossfall_sigma_deg: None,
         angle_sigma_deg: None,
         length_sigma_rel: None,
     })
@@ -58,11 +59,21 @@ fn errors(scene: Option<SceneEntry>) -> SceneErrors {
 /// What is taken for possible, in words.
 fn summary(errors: SceneErrors) -> String {
     format!(
-        "One sigma: floor falls {:.1}\u{b0}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
+        "One sigma: floor falls {:.1}\u{b0}{}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
         errors.floor_tilt.to_degrees(),
+        to_the_side(errors.crossfall.to_degrees()),
         errors.angle.to_degrees(),
         100.0 * errors.length,
     )
+}
+
+/// What more marked ground may fall, if it may.
+fn to_the_side(degrees: f64) -> String {
+    if degrees > 0.0 {
+        format!(" and {degrees:.1}\u{b0} to the side of marks of equal length")
+    } else {
+        String::new()
+    }
 }
 
 #[cfg(test)]
@@ -72,11 +83,13 @@ mod tests {
     #[test]
     fn what_is_said_of_any_place_is_what_the_core_takes_for_usual() {
         assert_eq!(errors(None), SceneErrors::default());
-        let SceneErrors { floor_tilt, angle, .. } = SceneErrors::default();
+        let SceneErrors { floor_tilt, crossfall, angle, .. } = SceneErrors::default();
         let said = summary(errors(None));
-        for angle in [floor_tilt, angle] {
+        for angle in [floor_tilt, crossfall, angle] {
             assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
         }
-        assert_eq!(errors(Some(tilt(1.5))).angle, angle, "a place that says how floors fall says no more");
+        let falling = errors(Some(tilt(1.5)));
+        assert_eq!(falling.angle, angle, "a place that says how floors fall says no more");
+        assert!(!summary(falling).contains("side"), "which way they fall is said with it");
     }
 }

@@ -124,8 +124,11 @@ impl LayoutBuilder {
 
     /// The block of the tilt of the floor that more than one view shows.
     fn common_tilt(&mut self, views: &[View]) -> Option<CommonTilt> {
-        let mut showing = (0..views.len()).filter(|&view| shows_tilt(&views[view]));
-        let (first, _) = (showing.next()?, showing.next()?);
+        let showing: Vec<usize> = (0..views.len()).filter(|&view| shows_tilt(&views[view])).collect();
+        let [first, _, ..] = showing[..] else { return None };
+        // The fall to the side of marks is known from who shows them.
+        let is_marked = |&view: &usize| views[view].stage_1.constraints.has_crossfall();
+        let first = showing.into_iter().find(is_marked).unwrap_or(first);
         let block = self.block(2, true)?;
         Some(CommonTilt { block, first })
     }

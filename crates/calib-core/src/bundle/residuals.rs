@@ -154,7 +154,7 @@ mod tests {
     use crate::single::{Annotation, FixedParameters, Kind, Known, Priors, Repeats, SceneErrors};
     use proptest::prelude::*;
 
-    const SCENE: SceneErrors = SceneErrors { floor_tilt: 0.02, angle: 0.01, length: 0.01 };
+    const SCENE: SceneErrors = SceneErrors { floor_tilt: 0.02, crossfall: 0.03, angle: 0.01, length: 0.01 };
 
     fn any_lens() -> impl Strategy<Value = Lens> {
         let brown = (-0.3..0.1_f64, -0.05..0.05_f64, -0.01..0.01_f64, -0.003..0.003_f64, -0.003..0.003_f64)

@@ -80,6 +80,7 @@ impl<'a> Problem<'a> {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
         self.constraints.each_scene_prior(|_, _| count += 1);
+        count += if self.constraints.tilt_sigma().is_some() { 2 } else { 0 };
         count += self.lengths_known_about().count() as i64;
         let nuisances = self.used().iter().filter(|&&used| used).count();
         let unknowns = self.free.iter().filter(|&&free| free).count() + nuisances;
@@ -117,6 +118,10 @@ impl<'a> Problem<'a> {
             used[self.nuisances().length(length.group)] = true;
         }
         self.constraints.each_scene_prior(|index, _| used[index] = true);
+        if self.constraints.tilt_sigma().is_some() {
+            let tilt = self.nuisances().tilt();
+            used[tilt..tilt + 2].fill(true);
+        }
         used
     }
 
@@ -301,6 +306,7 @@ impl<'a, E: Number> Problem<'a, E> {
         self.each_upright(&at, &planes, &mut sink)?;
         self.each_length_prior(state, &mut sink);
         self.each_prior(parameters, |residual| sink(residual, NuisanceJacobian::NONE, None));
+        self.each_lean_prior(state, &at, |residual, by| sink(residual, by, None));
         self.constraints.each_scene_prior(|index, sigma| {
             let by = NuisanceJacobian::of(index, sigma.recip());
             sink(N::constant(state.nuisance[index] / sigma), by, None);

@@ -56,8 +56,8 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .into_iter()
                 .enumerate()
                 .map(|(i, (ends, group))| {
-                    // Those of the first group lie on a plane.
-                    let plane = (group == 0).then_some(0);
+                    // Every second one of the first group lies on a plane.
+                    let plane = (group == 0 && i % 2 == 0).then_some(0);
                     Length { chart: None, ends, group, spread: 0.01, plane, source: source(100 + i) }
                 })
                 .collect(),
@@ -76,7 +76,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005, plane: Some(0) },
             ],
             planes: vec![DrawnPlane { index: 0, prior: ramp() }],
-            scene: SceneErrors { floor_tilt: 0.02, ..SceneErrors::EXACT },
+            scene: SceneErrors { floor_tilt: 0.02, crossfall: 0.03, ..SceneErrors::EXACT },
             repeats: crate::single::Repeats::NONE,
             sigma_px: Vec::new(),
             invalid: Vec::new(),

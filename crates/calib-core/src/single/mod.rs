@@ -11,7 +11,7 @@
 //!   are informative, the fit of a lens;
 //! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
 //! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `nuisances`, `residual`, `size_residual`, `directions`, `likelihood`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
+//! - `prior`, `nuisances`, `residual`, `size_residual`, `directions`, `likelihood`, `crossfall`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
 //!   every other constraint is in `residual` and `size_residual`, with the formula and its Jacobian;
 //! - `chi_square`, `minima`, `outliers` the test of residuals, all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
 //! - `plausibility` what is believed of cameras: they stand upright and show the floor;
@@ -48,6 +48,7 @@ mod size_residual;
 mod plane_frame;
 mod directions;
 mod likelihood;
+mod crossfall;
 mod sizes;
 mod leverage;
 mod prediction;

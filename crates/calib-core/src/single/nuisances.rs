@@ -82,7 +82,8 @@ impl Nuisances {
 }
 
 impl<E> Constraints<E> {
-    /// Calls `sink` with the index of every nuisance parameter that has a prior, and its sigma.
+    /// Calls `sink` with the index of every nuisance parameter that has a prior of its own, and its sigma; the two
+    /// tilts have theirs together (`crossfall.rs`).
     pub(crate) fn each_scene_prior(&self, mut sink: impl FnMut(usize, f64)) {
         let nuisances = Nuisances::of(self);
         let deviations = self.deviations.iter().enumerate().flat_map(|(index, deviation)| {
@@ -90,10 +91,6 @@ impl<E> Constraints<E> {
             [(at, deviation.azimuth), (at + 1, deviation.level)]
         });
         deviations.filter(|&(_, sigma)| sigma > 0.0).for_each(|(index, sigma)| sink(index, sigma));
-        if let Some(sigma) = self.tilt_sigma() {
-            sink(nuisances.tilt(), sigma);
-            sink(nuisances.tilt() + 1, sigma);
-        }
         let planes = self.planes.iter().enumerate().flat_map(|(plane, drawn)| {
             let at = nuisances.plane(plane);
             let (slope, foot) = (drawn.slope_sigma(), drawn.foot_sigma());

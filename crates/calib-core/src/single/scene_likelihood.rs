@@ -16,6 +16,7 @@ use crate::single::constraints::Constraints;
 use crate::single::fit::{Fit, FitOptions};
 use crate::single::likelihood::Problem;
 use crate::single::minima::weak_prior;
+use crate::single::size_residual::CameraTerms;
 
 impl Fit {
     /// Minus twice the log of the restricted likelihood of the scene's sigmas in `constraints` and the drawing's
@@ -33,6 +34,8 @@ impl Fit {
         let drawn = problem.lines().count() + problem.lengths().count() + 2 * problem.uprights().count();
         let mut of_sigmas = 2.0 * drawn as f64 * sigma.ln();
         constraints.each_scene_prior(|_, sigma| of_sigmas += 2.0 * sigma.ln());
+        let at = CameraTerms::<f64>::new(&fit.state.parameters, [0.0; 2]);
+        of_sigmas += problem.lean_spread(&at).map_or(0.0, |spread| spread.log_determinant());
         let of_outliers = 2.0 * fit.outliers.len() as f64 * OUTLIER_PX.ln();
         let determinant = problem.normal(&fit.state)?.log_determinant(problem.free);
         Some(problem.cost(&fit.state)? + determinant + of_sigmas + of_outliers)

@@ -87,6 +87,23 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
     Some((square.ln() * 0.5, noise))
 }
 
+/// The direction on the floor, of any length, in which the plane through the camera and a segment cuts it.
+pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
+    at: &CameraTerms<N>,
+    chart: Option<&Chart>,
+    ends: &[Endpoint<E>; 2],
+) -> [N; 2] {
+    let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *at;
+    let seen = |end: &Endpoint<E>| match chart {
+        Some(chart) => bearing::<E, N>(chart, end.point),
+        None => [N::from(end.point[0]), N::from(end.point[1]), N::constant(1.0)],
+    };
+    let ([x1, y1, w1], [x2, y2, w2]) = (seen(&ends[0]), seen(&ends[1]));
+    let (a, b, c) = (y1 * w2 - w1 * y2, w1 * x2 - x1 * w2, x1 * y2 - y1 * x2);
+    let (across, down) = (cr * a - sr * b, sr * a + cr * b);
+    [cp * c - sp * f * down, -(f * across)]
+}
+
 /// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
 /// ends and of the height.
 ///

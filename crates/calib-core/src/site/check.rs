@@ -312,6 +312,7 @@ fn check_like(at: &At, annotation: &Annotation) -> Checked {
 fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
     let Some(SceneEntry::Sigmas(sigmas)) = scene else { return Ok(()) };
     optional(&at.key("floor_tilt_sigma_deg"), sigmas.floor_tilt_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("crossfall_sigma_deg"), sigmas.crossfall_sigma_deg, Bounds::SCENE_DEGREES)?;
     optional(&at.key("angle_sigma_deg"), sigmas.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
     optional(&at.key("length_sigma_rel"), sigmas.length_sigma_rel, Bounds::SHARE)
 }

@@ -18,7 +18,7 @@ pub enum ExactScene {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected \"exact\", or an object of floor_tilt_sigma_deg, angle_sigma_deg and length_sigma_rel"
+    expecting = "expected \"exact\", or an object of floor_tilt_sigma_deg, crossfall_sigma_deg, angle_sigma_deg and length_sigma_rel"
 )]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SceneEntry {
@@ -35,6 +35,10 @@ document! {
         /// Of the lean of verticals against the normal of the floor, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_tilt_sigma_deg: Option<f64>,
+        /// Of the fall of the floor to the side of marks of equal length, in degrees, besides its tilt; where that
+        /// is given, there is none unless this is, too.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crossfall_sigma_deg: Option<f64>,
         /// Of a right angle, in degrees; a direction is off level by a quarter of it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         angle_sigma_deg: Option<f64>,
@@ -53,8 +57,10 @@ impl SceneEntry {
     pub fn errors(&self) -> SceneErrors {
         let Self::Sigmas(sigmas) = self else { return SceneErrors::EXACT };
         let usual = SceneErrors::default();
+        let usual_crossfall = if sigmas.floor_tilt_sigma_deg.is_some() { 0.0 } else { usual.crossfall };
         SceneErrors {
             floor_tilt: sigmas.floor_tilt_sigma_deg.map_or(usual.floor_tilt, f64::to_radians),
+            crossfall: sigmas.crossfall_sigma_deg.map_or(usual_crossfall, f64::to_radians),
             angle: sigmas.angle_sigma_deg.map_or(usual.angle, f64::to_radians),
             length: sigmas.length_sigma_rel.unwrap_or(usual.length),
         }
