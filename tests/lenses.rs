@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Code, Distortion, DistortionModel, Edge, Fitted, Kind, Lens, LensCache,
-    LensFit, LensOptions, Options, Pixel, Site, Source, UndistortedPixel,
+    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Edge, Fitted, Kind, Lens,
+    LensCache, LensFit, LensOptions, Options, Pixel, SceneEntry, Site, SiteCamera, Source, UndistortedPixel,
+    WorldPoint,
 };
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
@@ -612,4 +613,76 @@ fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
     };
     let fit = LensFit::new(&edges, &options).unwrap();
     assert_eq!(fit.fitted, None, "a bent rail is no lens: {:?}", fit.lens);
+}
+
+/// Parallels and verticals of twelve points each under a lens, drawn to 0.7 px; no edge is drawn for the lens alone.
+fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
+    let size = [1920, 1080];
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, 3.0),
+        yaw: 0.4,
+        pitch: 0.45,
+        roll: 0.03,
+        focal: 1100.0,
+        lens: Lens { focal: 1100.0, ..lens },
+        covariance: Covariance::EXACT,
+    };
+    let mut lines = |kind: Kind, way: [f64; 3], count: usize| {
+        let mut segments = Vec::new();
+        while segments.len() < count {
+            let mut at = |most: f64| random.random_range(0.0..most);
+            let pixel = Pixel::new(at(1920.0), at(1080.0));
+            let Some(foot) = camera.pixel_to_floor(pixel, 0.0).filter(|foot| foot.x.hypot(foot.y) < 15.0) else {
+                continue;
+            };
+            let points: Option<Vec<Pixel>> = (0..12)
+                .map(|i| {
+                    let t = 4.0 * f64::from(i) / 11.0;
+                    let point = WorldPoint::new(foot.x + t * way[0], foot.y + t * way[1], 0.6 * t * way[2]);
+                    let shown = camera.world_to_pixel(point)?;
+                    let is_inside = (0.0..1920.0).contains(&shown.u) && (0.0..1080.0).contains(&shown.v);
+                    is_inside.then(|| Pixel::new(shown.u + 0.7 * normal(random), shown.v + 0.7 * normal(random)))
+                })
+                .collect();
+            segments.extend(points.filter(|points| points[0].distance(points[11]) > 250.0));
+        }
+        Annotation::of_segments(kind, segments)
+    };
+    let along = Annotation { id: Some("a".into()), ..lines(Kind::Parallel, [0.6, 0.8, 0.0], 4) };
+    let across = lines(Kind::Parallel, [-0.8, 0.6, 0.0], 4);
+    let across = Annotation { at_right_angles_to: Some("a".into()), ..across };
+    let annotations = vec![lines(Kind::Vertical, [0.0, 0.0, 1.0], 4), along, across];
+    let entry = SiteCamera { annotations, ..SiteCamera::new("room", size) };
+    (Site { cameras: vec![entry], scene: Some(SceneEntry::EXACT), ..Site::new() }, camera)
+}
+
+#[test]
+fn lines_that_a_lens_bends_tell_it_though_none_is_drawn_for_it_alone() {
+    let mut random = ChaCha8Rng::seed_from_u64(77);
+    let centre = Pixel::new(960.0, 540.0);
+    let brown = BrownConrady { k1: -0.3, k2: 0.08, ..BrownConrady::default() };
+    let bent = Lens { distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
+    let (mut inside, mut fitted) = (0, 0);
+    const TRIALS: usize = 40;
+    for _ in 0..TRIALS {
+        let (site, camera) = room(bent, &mut random);
+        let solved = site.calibrate(&Options::default()).write_into(&site);
+        let found = solved.cameras[0].camera().unwrap();
+        let sigma = found.covariance.sigma(Covariance::FOCAL);
+        fitted += usize::from(found.lens.distortion != Distortion::None);
+        inside += usize::from(sigma.is_some_and(|sigma| (found.focal - camera.focal).abs() < 1.96 * sigma));
+    }
+    assert!(fitted == TRIALS && inside >= 35, "{fitted} fitted, {inside} of {TRIALS} inside 95 %");
+    for _ in 0..TRIALS {
+        let (site, _) = room(Lens::pinhole(centre), &mut random);
+        let solved = site.calibrate(&Options::default()).write_into(&site);
+        let solution = solved.cameras[0].solution.as_ref().unwrap();
+        let of_lens = [Code::UninformativePolyline, Code::UnusedAnnotation];
+        assert!(
+            solution.distortion.is_none() && !solution.warnings.iter().any(|w| of_lens.contains(&w.code)),
+            "straight lines say nothing of a lens: {:?} {:?}",
+            solution.distortion,
+            solution.warnings
+        );
+    }
 }

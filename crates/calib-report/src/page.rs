@@ -12,7 +12,7 @@ use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
 use crate::walk_page::WalkPage;
-use crate::words::straight_down;
+use crate::words::{scene_errors, straight_down};
 
 /// A picture that the page shows.
 #[derive(Clone, Debug)]
@@ -191,6 +191,10 @@ fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solut
             "<p class=\"note\">Fits as well: focal {:.0} px, view {:.0}\u{b0}, pitch {:.1}\u{b0} (chi-square {:.1}).</p>",
             other.focal_px, other.hfov_deg, other.pitch_deg, other.chi2
         );
+    }
+    if !camera.annotations.is_empty() {
+        let errors = scene_errors(&site.scene_errors(camera));
+        let _ = writeln!(html, "<p class=dim>The scene. {}.</p>", escape(&errors));
     }
     html.push_str("<table><thead><tr><th>Line or point<th class=n>Residual, px<th></tr></thead><tbody>\n");
     let sigma = solution.sigma_px.unwrap_or(1.0);

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Solution, Stage};
+use calib_core::{SceneErrors, Solution, Stage};
 
 /// Names in a row, cut short: "a, b, c and 997 more".
 #[must_use]
@@ -28,6 +28,25 @@ pub fn centimetres(metres: f64) -> String {
 #[must_use]
 pub fn distance(metres: f64) -> String {
     if metres < 1.0 { format!("{} cm", centimetres(metres)) } else { format!("{metres:.1} m") }
+}
+
+/// How far the scene may be from what is drawn.
+#[must_use]
+pub fn scene_errors(errors: &SceneErrors) -> String {
+    if *errors == SceneErrors::EXACT {
+        return "Taken for exactly what is drawn".into();
+    }
+    let SceneErrors { floor_tilt, crossfall, angle, length } = errors;
+    let to_the_side = match crossfall.to_degrees() {
+        degrees if degrees > 0.0 => format!(" and {degrees:.1}\u{b0} to the side of marks of equal length"),
+        _ => String::new(),
+    };
+    format!(
+        "One sigma: floor falls {:.1}\u{b0}{to_the_side}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
+        floor_tilt.to_degrees(),
+        angle.to_degrees(),
+        100.0 * length,
+    )
 }
 
 /// How a camera that looks straight down looks, in place of its roll and, once it stands somewhere, its yaw; `None`

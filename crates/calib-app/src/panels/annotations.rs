@@ -6,6 +6,7 @@ use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::icons::{self, Icon};
 use crate::panels::measured::empty_field;
+use crate::panels::sigmas::{self, Usual};
 use crate::panels::usual::{self, Chosen};
 use crate::panels::{heading, length_field, number};
 use crate::state::App;
@@ -18,6 +19,7 @@ enum Wish {
     Length(usize, f64),
     Height(usize, f64),
     Usual(usize, Chosen),
+    Sure(usize, Box<Annotation>),
 }
 
 /// The panel.
@@ -27,6 +29,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let Some(entry) = app.editor.session().entry() else { return };
     let annotations = entry.annotations.clone();
     let sigma = entry.sigma_px.unwrap_or(1.0);
+    let usual = Usual { click: sigma, scene: app.editor.session().site.scene_errors(entry) };
     if annotations.is_empty() {
         let palette = theme::palette(ui.ctx());
         ui.label(
@@ -59,6 +62,10 @@ pub fn show(app: &mut App, ui: &mut Ui) {
                     if row.constraint == ConstraintKind::StraightEdge {
                         point_rows(app, ui, &line);
                     }
+                }
+                if is_in_hand(app, index) {
+                    let changed = sigmas::fields(ui, annotation, usual);
+                    wishes.extend(changed.map(|changed| Wish::Sure(index, Box::new(changed))));
                 }
             }
         }
@@ -194,6 +201,15 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
     }
 }
 
+/// Whether a line of an annotation is selected.
+fn is_in_hand(app: &App, index: usize) -> bool {
+    let is_own = |part: &Part| match *part {
+        Part::Line { annotation, .. } | Part::Vertex { annotation, .. } => annotation == index,
+        _ => false,
+    };
+    app.editor.session().selection.iter().any(is_own)
+}
+
 /// How far every point of a straight edge in the hand is from straight once the lens is taken out: the bad one is
 /// seen before the line is drawn again.
 fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
@@ -269,6 +285,7 @@ fn grant(app: &mut App, wish: Wish) {
         }),
         Wish::Usual(index, chosen) => drawn(index)
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "say what it is like")),
+        Wish::Sure(index, annotation) => Some(annotate(index, *annotation, "say how sure a drawing is")),
         Wish::Height(index, value) => drawn(index).map(|mut annotation| {
             if let Some(height) = &mut annotation.height_m {
                 height.value = value;

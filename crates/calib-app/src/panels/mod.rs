@@ -3,6 +3,7 @@
 mod out_of_date;
 mod scene;
 mod usual;
+mod sigmas;
 mod circle;
 pub mod lens;
 pub mod tour;

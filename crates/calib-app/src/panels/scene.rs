@@ -2,78 +2,84 @@
 
 use calib_core::{SceneEntry, SceneErrors, SceneSigmas};
 use calib_editor::Action;
+use calib_report::scene_errors;
 use egui::{ComboBox, RichText, Ui};
 
 use crate::state::App;
 use crate::theme;
 
-/// The kinds of places that are offered, with where they are.
-const PLACES: [(&str, Option<SceneEntry>, &str); 4] = [
+/// A kind of place: its name, what it may be off, where it is.
+type Place = (&'static str, Option<SceneEntry>, &'static str);
+
+/// The kinds of places that are offered.
+const PLACES: [Place; 4] = [
     ("Any place", None, "Where nothing is known"),
-    ("Level floors", Some(tilt(0.3)), "Shops, factories"),
-    ("Falling floors", Some(tilt(1.5)), "Streets, yards"),
+    ("Level floors", Some(falls(0.3, 0.0)), "Shops, factories"),
+    ("Falling floors", Some(falls(1.5, 2.0)), "Streets, yards"),
     ("As drawn", Some(SceneEntry::EXACT), "Measured: verticals, corners and levels are what lines say"),
 ];
 
-const fn tilt(degrees: f64) -> SceneEntry {
+const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
     SceneEntry::Sigmas(SceneSigmas {
-        floor_tilt_sigma_deg: Some(degrees),
-        crossfall_sigma_deg: None,
+        floor_tilt_sigma_deg: Some(tilt),
+        crossfall_sigma_deg: Some(crossfall),
         angle_sigma_deg: None,
         length_sigma_rel: None,
     })
 }
 
-/// The choice for the whole site.
+/// The choice for the whole site, and for a camera whose place is of another kind.
 pub(crate) fn show(app: &mut App, ui: &mut Ui) {
+    let session = app.editor.session();
+    let site = session.site.scene;
+    let Some(own) = session.entry().map(|entry| entry.scene) else { return };
+    let chosen = choice(ui, "Scene", site, PLACES[0], errors(None));
+    let as_site = ("As the site", None, "Where the site says");
+    let own_chosen = choice(ui, "This camera", own, as_site, errors(site));
+    if chosen == site && own_chosen == own {
+        return;
+    }
+    let (mut changed, index) = (session.site.clone(), session.camera);
+    changed.scene = chosen;
+    if let Some(entry) = changed.cameras.get_mut(index) {
+        entry.scene = own_chosen;
+    }
+    app.send(Action::Change { site: Box::new(changed), name: "change what the scene may be off".into() });
+}
+
+/// A list of places; `usual` is that of which nothing is said, and `unsaid` what is possible then.
+fn choice(
+    ui: &mut Ui,
+    title: &str,
+    now: Option<SceneEntry>,
+    usual: Place,
+    unsaid: SceneErrors,
+) -> Option<SceneEntry> {
     let palette = theme::palette(ui.ctx());
-    let now = app.editor.session().site.scene;
+    let possible = |scene: Option<SceneEntry>| scene.map_or(unsaid, |scene| scene.errors());
     let mut chosen = now;
+    let places = || std::iter::once(usual).chain(PLACES[1..].iter().copied());
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Scene").color(palette.text2));
-        let title = PLACES.iter().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| *title);
-        ComboBox::from_id_salt("scene")
-            .selected_text(title)
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        let named = places().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| title);
+        ComboBox::from_id_salt(title)
+            .selected_text(named)
             .show_ui(ui, |ui| {
-                for (title, scene, place) in PLACES {
-                    let says = format!("{place}. {}", summary(errors(scene)));
+                for (title, scene, place) in places() {
+                    let says = format!("{place}. {}", scene_errors(&possible(scene)));
                     ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
                 }
             })
             .response
             .labelled_by(label.id)
-            .on_hover_text(summary(errors(now)));
+            .on_hover_text(scene_errors(&possible(now)));
     });
-    if chosen != now {
-        let mut site = app.editor.session().site.clone();
-        site.scene = chosen;
-        app.send(Action::Change { site: Box::new(site), name: "change what the scene may be off".into() });
-    }
+    chosen
 }
 
 /// What a scene may be off; of one of which the site says nothing, what the core takes for usual.
 fn errors(scene: Option<SceneEntry>) -> SceneErrors {
     scene.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors()
-}
-
-/// What is taken for possible, in words.
-fn summary(errors: SceneErrors) -> String {
-    format!(
-        "One sigma: floor falls {:.1}\u{b0}{}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
-        errors.floor_tilt.to_degrees(),
-        to_the_side(errors.crossfall.to_degrees()),
-        errors.angle.to_degrees(),
-        100.0 * errors.length,
-    )
-}
-
-/// What more marked ground may fall, if it may.
-fn to_the_side(degrees: f64) -> String {
-    if degrees > 0.0 {
-        format!(" and {degrees:.1}\u{b0} to the side of marks of equal length")
-    } else {
-        String::new()
-    }
 }
 
 #[cfg(test)]
@@ -84,12 +90,12 @@ mod tests {
     fn what_is_said_of_any_place_is_what_the_core_takes_for_usual() {
         assert_eq!(errors(None), SceneErrors::default());
         let SceneErrors { floor_tilt, crossfall, angle, .. } = SceneErrors::default();
-        let said = summary(errors(None));
+        let said = scene_errors(&errors(None));
         for angle in [floor_tilt, crossfall, angle] {
             assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
         }
-        let falling = errors(Some(tilt(1.5)));
-        assert_eq!(falling.angle, angle, "a place that says how floors fall says no more");
-        assert!(!summary(falling).contains("side"), "which way they fall is said with it");
+        let level = errors(Some(falls(0.3, 0.0)));
+        assert_eq!(level.angle, angle, "a place that says how floors fall says no more");
+        assert!(!scene_errors(&level).contains("side"), "a level floor falls to no side");
     }
 }

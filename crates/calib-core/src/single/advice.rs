@@ -250,6 +250,7 @@ impl Candidate {
                         ends,
                         group,
                         spread,
+                        is_mark: !is_known,
                         plane: None,
                         source: source(i),
                     });

@@ -53,6 +53,8 @@ pub struct Length<E = f64> {
     pub group: usize,
     /// Standard deviation of its log against that of its group.
     pub spread: f64,
+    /// Whether it is one of several marks of equal length on the floor, to whose side ground falls.
+    pub is_mark: bool,
     /// The plane it lies on, an index into [`Constraints::planes`]; the floor without.
     pub plane: Option<usize>,
     /// The drawing that it comes from.

@@ -12,7 +12,7 @@
 //! The directions are those at the state, with their derivatives.
 
 use crate::optimize::{NuisanceJacobian, Number, NumberOver};
-use crate::single::constraints::{Constraints, Length};
+use crate::single::constraints::Constraints;
 use crate::single::likelihood::{Problem, State};
 use crate::single::size_residual::{CameraTerms, floor_direction};
 
@@ -25,17 +25,11 @@ pub(super) struct LeanSpread<N> {
 }
 
 impl<E> Constraints<E> {
-    /// The marks that ground falls to the side of: lengths on the floor that are equal, and of which no more is
-    /// known.
-    fn is_mark(&self, length: &Length<E>) -> bool {
-        length.plane.is_none() && self.length_groups[length.group].is_none()
-    }
-
     /// Whether the floor may fall to the side of what is drawn on it.
     pub(crate) fn has_crossfall(&self) -> bool {
         self.tilt_sigma().is_some()
             && self.scene.crossfall > 0.0
-            && self.lengths.iter().any(|length| self.is_mark(length))
+            && self.lengths.iter().any(|length| length.is_mark)
     }
 }
 
@@ -61,7 +55,7 @@ impl<E: Number> Problem<'_, E> {
     /// The mean of cosine and sine of the doubled directions of marks.
     fn mean_direction<N: NumberOver<E>>(&self, at: &CameraTerms<N>) -> [N; 2] {
         let (mut sums, mut count) = ([N::constant(0.0); 2], 0.0);
-        for mark in self.lengths().filter(|length| self.constraints.is_mark(length)) {
+        for mark in self.lengths().filter(|length| length.is_mark) {
             let [x, y] = floor_direction(at, mark.chart.as_ref(), &mark.ends);
             let square = x * x + y * y;
             sums = [sums[0] + (x * x - y * y) / square, sums[1] + x * y * 2.0 / square];

@@ -174,6 +174,9 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let spread = if known.is_some() { 0.0 } else { self.constraints.scene.of(annotation).length };
         self.constraints.length_groups.push(known);
         let plane = self.plane(annotation);
+        // What has a usual size lies as it happens to, and one length alone is a measured distance.
+        let is_along = annotation.usual().is_none_or(|usual| usual.lies_along);
+        let is_mark = is_along && segments.len() > 1 && plane.is_none();
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
             let chart = Chart::toward(self.charts, points);
@@ -181,7 +184,15 @@ impl<'a, E: OfLens> Builder<'a, E> {
             let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
                 Ok(ends) => {
-                    self.constraints.lengths.push(Length { chart, ends, group, spread, plane, source });
+                    self.constraints.lengths.push(Length {
+                        chart,
+                        ends,
+                        group,
+                        spread,
+                        is_mark,
+                        plane,
+                        source,
+                    });
                 }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }

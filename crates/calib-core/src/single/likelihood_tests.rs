@@ -58,7 +58,15 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .map(|(i, (ends, group))| {
                     // Every second one of the first group lies on a plane.
                     let plane = (group == 0 && i % 2 == 0).then_some(0);
-                    Length { chart: None, ends, group, spread: 0.01, plane, source: source(100 + i) }
+                    Length {
+                        chart: None,
+                        ends,
+                        group,
+                        spread: 0.01,
+                        is_mark: plane.is_none(),
+                        plane,
+                        source: source(100 + i),
+                    }
                 })
                 .collect(),
             length_groups: vec![None, Some(Known::fixed(2.0)), Some(Known::prior(3.0, 0.1))],

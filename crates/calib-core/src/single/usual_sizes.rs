@@ -16,6 +16,8 @@ pub struct UsualSize {
     pub size: Known,
     /// Whether it is a length on the floor or the height of something upright.
     pub constraint: ConstraintKind,
+    /// Whether it lies along the way, as a mark does.
+    pub lies_along: bool,
     /// Where the numbers come from.
     pub source: &'static str,
 }
@@ -37,7 +39,7 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
         constraint: ConstraintKind,
         source: &'static str,
     ) -> UsualSize {
-        UsualSize { id, title, size: Known::prior(value, sigma), constraint, source }
+        UsualSize { id, title, size: Known::prior(value, sigma), constraint, lies_along: false, source }
     }
     [
         row(
@@ -65,12 +67,15 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
             Length,
             "11 to 12 ft (AASHTO Green Book)",
         ),
-        row(
-            ("lane-mark-us", "Broken lane line, US, length of a mark"),
-            (3.05, 0.1),
-            Length,
-            "10 ft (MUTCD 3A.06)",
-        ),
+        UsualSize {
+            lies_along: true,
+            ..row(
+                ("lane-mark-us", "Broken lane line, US, length of a mark"),
+                (3.05, 0.1),
+                Length,
+                "10 ft (MUTCD 3A.06)",
+            )
+        },
         row(("parking-bay", "Parking bay, width"), (2.5, 0.1), Length, "2.3 to 2.7 m (EAR, IStructE)"),
         row(
             ("car-width", "Passenger car without mirrors, width"),
@@ -94,6 +99,19 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
         ),
     ]
 };
+
+/// The names of things with what is known of each.
+#[cfg(feature = "schema")]
+pub(super) fn schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    let row = |usual: &UsualSize| {
+        let Known { value, sigma, .. } = usual.size;
+        let description = format!("{value} +- {} m: {}", sigma.unwrap_or_default(), usual.source);
+        schemars::json_schema!({ "const": usual.id, "title": usual.title, "description": description })
+    };
+    let nothing = schemars::json_schema!({ "type": "null" });
+    let rows: Vec<schemars::Schema> = USUAL_SIZES.iter().map(row).chain([nothing]).collect();
+    schemars::json_schema!({ "oneOf": rows })
+}
 
 impl Annotation {
     /// The thing of a usual size that it is like.

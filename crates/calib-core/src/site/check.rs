@@ -312,7 +312,15 @@ fn check_like(at: &At, annotation: &Annotation) -> Checked {
 fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
     let Some(SceneEntry::Sigmas(sigmas)) = scene else { return Ok(()) };
     optional(&at.key("floor_tilt_sigma_deg"), sigmas.floor_tilt_sigma_deg, Bounds::SCENE_DEGREES)?;
-    optional(&at.key("crossfall_sigma_deg"), sigmas.crossfall_sigma_deg, Bounds::SCENE_DEGREES)?;
+    let crossfall = at.key("crossfall_sigma_deg");
+    optional(&crossfall, sigmas.crossfall_sigma_deg, Bounds::SCENE_DEGREES)?;
+    let falls = sigmas.crossfall_sigma_deg.is_some_and(|sigma| sigma > 0.0);
+    if falls && sigmas.floor_tilt_sigma_deg == Some(0.0) {
+        return crossfall.expected(
+            sigmas.crossfall_sigma_deg.unwrap_or_default(),
+            "0 where floor_tilt_sigma_deg is 0: a floor that is known to be level has none",
+        );
+    }
     optional(&at.key("angle_sigma_deg"), sigmas.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
     optional(&at.key("length_sigma_rel"), sigmas.length_sigma_rel, Bounds::SHARE)
 }

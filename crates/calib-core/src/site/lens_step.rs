@@ -45,6 +45,12 @@ fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 
+/// Whether edges are drawn for the lens alone, or a lens is to be fitted.
+fn is_lens_asked_for(entry: &SiteCamera) -> bool {
+    let is_entered = entry.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+    is_entered || entry.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
+}
+
 /// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
 fn reaches_rim(entry: &SiteCamera) -> bool {
     /// Of the radius of the image circle.
@@ -75,6 +81,8 @@ impl Site {
             return LensEstimate { lens: solution.lens(), fit: None, straightness: Vec::new() };
         }
         let fit = self.lens_problem(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
+        // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
+        let fit = fit.filter(|fit| fit.fitted.is_some() || is_lens_asked_for(entry));
         let lens = fit.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
         LensEstimate { lens, fit, straightness: Vec::new() }
     }
@@ -83,9 +91,7 @@ impl Site {
     fn lens_problem(&self, entry: &SiteCamera) -> Option<(Vec<Edge>, LensOptions)> {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let fitted = distortion.map(fitted_coefficients);
-        // Without straight edges the lens is not fitted to other lines that have a third point.
-        let straight = entry.annotations.iter().any(|a| a.is_straight_edge() && !a.off);
-        if fitted == Some(None) || !straight && fitted.is_none() || entry.is_given() {
+        if fitted == Some(None) || entry.is_given() {
             return None;
         }
         let fitted = fitted.flatten();

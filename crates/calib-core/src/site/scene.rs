@@ -24,7 +24,7 @@ pub enum ExactScene {
 pub enum SceneEntry {
     /// The scene is what the drawing says.
     Exact(ExactScene),
-    /// Standard deviations; those left out are the usual ones.
+    /// Standard deviations; those left out are the usual ones, but for the crossfall of who says how floors tilt.
     Sigmas(SceneSigmas),
 }
 

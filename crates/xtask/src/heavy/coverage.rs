@@ -1,6 +1,9 @@
 //! Whether what is stated holds: errors on real data beside their sigmas, and the share inside intervals.
 
-use calib_core::{Camera, Code, Covariance, Options, Pixel, Site, Solution};
+use calib_core::{
+    Annotation, Camera, Code, Covariance, DistortionEntry, DistortionModel, Kind, LensEntry, Options, Pixel,
+    Site, SiteCamera, Solution,
+};
 use serde_json::Value;
 
 use crate::workspace;
@@ -11,7 +14,9 @@ const LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.95];
 /// Errors of one quantity on one set of data.
 struct Errors {
     name: &'static str,
-    /// Error in per cent, and error over sigma.
+    /// Of the error.
+    unit: &'static str,
+    /// Error, and error over sigma.
     each: Vec<(f64, f64)>,
 }
 
@@ -30,11 +35,12 @@ pub(crate) fn run() -> anyhow::Result<()> {
         roads("motorways: ratios of distances", &road, &["s1_center.json", "s1_right.json"])?,
         roads("motorways, two cameras jointly", &road, &["joint_s1.json"])?,
     ];
+    let [focal, turns] = shelter(&real.join("meva/meva.json"))?;
     println!(
         "| data | results | mean error | median | 90th | > 20 % off | 50 % holds | 80 % holds | 95 % holds |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    sets.iter().for_each(print_row);
+    sets.iter().chain([&focal, &turns]).for_each(print_row);
     let plot = workspace::root().join(".github/coverage.svg");
     std::fs::write(&plot, svg(&sets))?;
     println!("\n{}", plot.display());
@@ -46,16 +52,22 @@ fn print_row(set: &Errors) {
     errors.sort_by(f64::total_cmp);
     let at =
         |share: f64| errors.get((share * (errors.len() as f64 - 1.0)) as usize).copied().unwrap_or(f64::NAN);
-    let gross = errors.iter().filter(|error| **error > 20.0).count() as f64 / errors.len() as f64;
+    let gross = match set.unit {
+        "%" => {
+            let gross = errors.iter().filter(|error| **error > 20.0).count() as f64 / errors.len() as f64;
+            format!("{:.1} %", 100.0 * gross)
+        }
+        _ => String::new(),
+    };
     let [half, most, nearly] = [0.5, 0.8, 0.95].map(|level| 100.0 * coverage(set, level));
     println!(
-        "| {} | {} | {:.2} % | {:.2} % | {:.1} % | {:.1} % | {half:.0} % | {most:.0} % | {nearly:.1} % |",
+        "| {} | {} | {:.2} {unit} | {:.2} {unit} | {:.1} {unit} | {gross} | {half:.0} % | {most:.0} % | {nearly:.1} % |",
         set.name,
         errors.len(),
         errors.iter().sum::<f64>() / errors.len() as f64,
         at(0.5),
         at(0.9),
-        100.0 * gross,
+        unit = set.unit,
     );
 }
 
@@ -89,13 +101,68 @@ fn focals(name: &'static str, site: &Site, counts: impl Fn(&Solution) -> bool) -
     };
     let solutions = site.cameras.iter().filter_map(|entry| entry.solution.as_ref());
     let cameras = solutions.filter(|solution| counts(solution)).filter_map(Solution::camera);
-    Errors { name, each: cameras.filter_map(error).collect() }
+    Errors { name, unit: "%", each: cameras.filter_map(error).collect() }
 }
 
 /// Whether no warning says that the lines leave the focal open, or contradict themselves.
 fn tells_focal(solution: &Solution) -> bool {
     let doubts = [Code::FocalUnobservable, Code::TwoSolutions, Code::Misfit];
     !solution.warnings.iter().any(|warning| doubts.contains(&warning.code))
+}
+
+/// The surveillance cameras of a shelter with the lines that were drawn for them, under their true lens, each by
+/// itself: the focal, and pitch and roll together, against a calibration by surveyed points.
+fn shelter(path: &std::path::Path) -> anyhow::Result<[Errors; 2]> {
+    /// What the gravity of that calibration is good to, in degrees.
+    const GRAVITY: f64 = 0.8;
+    let data: Value = serde_json::from_str(&std::fs::read_to_string(path)?)?;
+    let (mut focals, mut turns) = (Vec::new(), Vec::new());
+    for (id, camera) in data["cameras"].as_object().into_iter().flatten() {
+        if camera["lines"].is_null() {
+            continue;
+        }
+        let number = |key: &str| camera["truth"][key].as_f64().unwrap_or(f64::NAN);
+        let site = Site { cameras: vec![drawn_shelter(id, camera)?], ..Site::new() };
+        let solved = site.calibrate(&Options::default()).write_into(&site);
+        let Some(found) = solved.cameras[0].camera() else { continue };
+        let sigma = |index: usize| found.covariance.sigma(index).unwrap_or(f64::INFINITY);
+        let focal = found.focal / number("focal_px");
+        focals.push((100.0 * (focal - 1.0), focal.ln() * found.focal / sigma(Covariance::FOCAL)));
+        let angles =
+            [(found.pitch, "pitch_down_deg", Covariance::PITCH), (found.roll, "roll_deg", Covariance::ROLL)];
+        turns.extend(angles.map(|(angle, truth, index)| {
+            let error = angle.to_degrees() - number(truth);
+            (error, error / sigma(index).to_degrees().hypot(GRAVITY))
+        }));
+    }
+    let focals = Errors { name: "surveillance cameras: focal", unit: "%", each: focals };
+    Ok([focals, Errors { name: "the same: pitch and roll", unit: "\u{b0}", each: turns }])
+}
+
+/// A camera of the shelter, its lens known but for the focal.
+fn drawn_shelter(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
+    let truth = |key: &str| camera["truth"][key].as_f64();
+    let distortion = DistortionEntry {
+        k1: truth("k1"),
+        k2: truth("k2"),
+        focal_px: truth("focal_px"),
+        ..DistortionEntry::new(DistortionModel::BrownConrady)
+    };
+    let lens = LensEntry {
+        principal_point_px: serde_json::from_value(camera["truth"]["principal_point"].clone())?,
+        distortion: Some(distortion),
+        ..LensEntry::default()
+    };
+    let lines = |kind, key: &str| -> anyhow::Result<Annotation> {
+        let segments: Vec<Vec<Pixel>> = serde_json::from_value(camera["lines"][key].clone())?;
+        Ok(Annotation::of_segments(kind, segments))
+    };
+    let along = Annotation { id: Some("along".into()), ..lines(Kind::Parallel, "floor_parallel")? };
+    let across =
+        Annotation { at_right_angles_to: along.id.clone(), ..lines(Kind::Parallel, "floor_perpendicular")? };
+    let annotations = vec![lines(Kind::Vertical, "vertical")?, along, across];
+    let size = serde_json::from_value(camera["size"].clone())?;
+    Ok(SiteCamera { lens: Some(lens), annotations, ..SiteCamera::new(id, size) })
 }
 
 /// Motorways: ratios of measured distances.
@@ -114,7 +181,7 @@ fn roads(name: &'static str, folder: &std::path::Path, files: &[&str]) -> anyhow
             each.extend(pairs.filter_map(|(i, j)| ratio_error(&camera, [&distances[i], &distances[j]])));
         }
     }
-    Ok(Errors { name, each })
+    Ok(Errors { name, unit: "%", each })
 }
 
 /// A distance measured on the road.
