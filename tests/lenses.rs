@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Edge, Fitted, Kind, Lens,
-    LensCache, LensFit, LensOptions, Options, Pixel, SceneEntry, Site, SiteCamera, Source, UndistortedPixel,
-    WorldPoint,
+    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Edge, Fitted, Kind,
+    Lens, LensCache, LensFit, LensOptions, Options, Pixel, SceneEntry, Site, SiteCamera, Source,
+    UndistortedPixel, WorldPoint,
 };
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
@@ -632,7 +632,8 @@ fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
         while segments.len() < count {
             let mut at = |most: f64| random.random_range(0.0..most);
             let pixel = Pixel::new(at(1920.0), at(1080.0));
-            let Some(foot) = camera.pixel_to_floor(pixel, 0.0).filter(|foot| foot.x.hypot(foot.y) < 15.0) else {
+            let Some(foot) = camera.pixel_to_floor(pixel, 0.0).filter(|foot| foot.x.hypot(foot.y) < 15.0)
+            else {
                 continue;
             };
             let points: Option<Vec<Pixel>> = (0..12)
@@ -641,7 +642,8 @@ fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
                     let point = WorldPoint::new(foot.x + t * way[0], foot.y + t * way[1], 0.6 * t * way[2]);
                     let shown = camera.world_to_pixel(point)?;
                     let is_inside = (0.0..1920.0).contains(&shown.u) && (0.0..1080.0).contains(&shown.v);
-                    is_inside.then(|| Pixel::new(shown.u + 0.7 * normal(random), shown.v + 0.7 * normal(random)))
+                    is_inside
+                        .then(|| Pixel::new(shown.u + 0.7 * normal(random), shown.v + 0.7 * normal(random)))
                 })
                 .collect();
             segments.extend(points.filter(|points| points[0].distance(points[11]) > 250.0));
@@ -685,4 +687,30 @@ fn lines_that_a_lens_bends_tell_it_though_none_is_drawn_for_it_alone() {
             solution.warnings
         );
     }
+}
+
+#[test]
+fn a_road_that_curves_is_no_lens_and_is_told() {
+    let (mut site, _) = room(Lens::pinhole(Pixel::new(960.0, 540.0)), &mut ChaCha8Rng::seed_from_u64(78));
+    for annotation in &mut site.cameras[0].annotations {
+        let is_road = annotation.id.is_some();
+        for segment in annotation.segments.iter_mut().flatten() {
+            if is_road {
+                let bent = |(i, at): (usize, &Pixel)| Pixel::new(at.u + 0.5 * (i as f64 - 5.5).powi(2), at.v);
+                *segment = segment.iter().enumerate().map(bent).collect();
+            } else {
+                *segment = vec![segment[0], segment[11]];
+            }
+        }
+    }
+    let solved = site.calibrate(&Options::default());
+    let (_, result) = &solved.cameras[0];
+    let said: Vec<String> = match result {
+        Ok(solution) => {
+            assert!(solution.distortion.is_none());
+            solution.warnings.iter().map(|warning| warning.message.clone()).collect()
+        }
+        Err(failure) => panic!("{failure:?}"),
+    };
+    assert!(said.iter().any(|message| message.contains("because what they follow curves")), "{said:?}");
 }

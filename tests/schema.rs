@@ -224,3 +224,12 @@ fn the_site_of_the_readme_is_read_and_solved() {
     let solution = result.as_ref().unwrap();
     assert_eq!(solution.warnings, [], "an example is without fault");
 }
+
+#[test]
+fn things_of_usual_sizes_are_listed_with_spread_and_source() {
+    let schema = Site::json_schema();
+    let rows = schema.pointer("/$defs/Annotation/properties/like/oneOf").unwrap().as_array().unwrap();
+    assert_eq!(rows.len(), calib_core::USUAL_SIZES.len());
+    let door = rows.iter().find(|row| row["const"] == "door").unwrap();
+    assert_eq!(door["description"], "2.03 +- 0.04 m: 1.985 m (DIN 18101) to 2.134 m (7 ft)");
+}

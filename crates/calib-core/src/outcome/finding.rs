@@ -92,6 +92,11 @@ pub enum Finding {
         /// The same without a lens.
         px_without_lens: f64,
     },
+    /// Lines of one direction alone are bent as a lens would, or as a road that curves.
+    BentOneWay {
+        /// Root mean square distance from straight, in pixels.
+        px: f64,
+    },
     /// Straight edges carry next to no information about the lens.
     UninformativeEdges {
         /// Which.
@@ -330,7 +335,9 @@ impl Finding {
             | Self::BentEdges { .. }
             | Self::HiddenControlPoints { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
-            Self::UninformativeEdges { .. } | Self::UncertainCorners { .. } => Code::UninformativePolyline,
+            Self::UninformativeEdges { .. } | Self::UncertainCorners { .. } | Self::BentOneWay { .. } => {
+                Code::UninformativePolyline
+            }
             Self::UnusedEdges { .. }
             | Self::UnusedKind { .. }
             | Self::TooFewSegments { .. }

@@ -26,9 +26,10 @@ impl Finding {
             Self::UninformativeEdges { edges, .. } => {
                 edges.first().map_or(Subject::Lens, |line| Subject::Line(*line))
             }
-            Self::BentEdges { .. } | Self::UncertainCorners { .. } | Self::DistortionNotInvertible => {
-                Subject::Lens
-            }
+            Self::BentEdges { .. }
+            | Self::BentOneWay { .. }
+            | Self::UncertainCorners { .. }
+            | Self::DistortionNotInvertible => Subject::Lens,
             Self::UnusedEdges { first: annotation, .. }
             | Self::UnusedKind { annotation, .. }
             | Self::TooFewSegments { annotation, .. } => Subject::Annotation(*annotation),

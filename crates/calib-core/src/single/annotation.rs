@@ -262,7 +262,6 @@ pub struct Annotation {
     pub plane: Option<String>,
     /// A thing of a usual size, in place of a length or height.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
-    #[cfg_attr(feature = "schema", schemars(schema_with = "crate::single::usual_sizes::schema"))]
     pub like: Option<String>,
     /// Standard deviation of a drawn coordinate, in pixels; that of the camera if absent.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]

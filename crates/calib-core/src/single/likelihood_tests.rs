@@ -24,6 +24,13 @@ fn source(segment: usize) -> Source {
     Source { annotation: 0, segment }
 }
 
+/// A length of a group; every second one of the first group lies on a plane.
+fn length((index, (ends, group)): (usize, ([Endpoint; 2], usize))) -> Length {
+    let plane = (group == 0 && index % 2 == 0).then_some(0);
+    let is_mark = plane.is_none();
+    Length { chart: None, ends, group, spread: 0.01, is_mark, plane, source: source(100 + index) }
+}
+
 /// Constraints drawn at random: a Jacobian can be checked where residuals are large, too.
 fn any_constraints() -> impl Strategy<Value = Constraints> {
     let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
@@ -52,23 +59,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 })
                 .collect(),
             groups: 2,
-            lengths: lengths
-                .into_iter()
-                .enumerate()
-                .map(|(i, (ends, group))| {
-                    // Every second one of the first group lies on a plane.
-                    let plane = (group == 0 && i % 2 == 0).then_some(0);
-                    Length {
-                        chart: None,
-                        ends,
-                        group,
-                        spread: 0.01,
-                        is_mark: plane.is_none(),
-                        plane,
-                        source: source(100 + i),
-                    }
-                })
-                .collect(),
+            lengths: lengths.into_iter().enumerate().map(length).collect(),
             length_groups: vec![None, Some(Known::fixed(2.0)), Some(Known::prior(3.0, 0.1))],
             uprights: uprights
                 .into_iter()

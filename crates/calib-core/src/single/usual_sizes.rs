@@ -100,19 +100,6 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
     ]
 };
 
-/// The names of things with what is known of each.
-#[cfg(feature = "schema")]
-pub(super) fn schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    let row = |usual: &UsualSize| {
-        let Known { value, sigma, .. } = usual.size;
-        let description = format!("{value} +- {} m: {}", sigma.unwrap_or_default(), usual.source);
-        schemars::json_schema!({ "const": usual.id, "title": usual.title, "description": description })
-    };
-    let nothing = schemars::json_schema!({ "type": "null" });
-    let rows: Vec<schemars::Schema> = USUAL_SIZES.iter().map(row).chain([nothing]).collect();
-    schemars::json_schema!({ "oneOf": rows })
-}
-
 impl Annotation {
     /// The thing of a usual size that it is like.
     #[must_use]

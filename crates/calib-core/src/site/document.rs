@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{FloorPoint, ImageCircle, Pixel, PlanPixel, WorldPoint};
 use crate::single::{Annotation, Known};
+#[cfg(feature = "schema")]
+use crate::single::{USUAL_SIZES, UsualSize};
 use crate::site::bounded_list;
 use crate::site::elements::{Distance, Link, Mark};
 use crate::site::planes::PlaneEntry;
@@ -268,8 +270,20 @@ impl Site {
     #[cfg(feature = "schema")]
     #[must_use]
     pub fn json_schema() -> serde_json::Value {
-        schemars::schema_for!(Self).to_value()
+        let mut schema = schemars::schema_for!(Self).to_value();
+        if let Some(like) = schema.pointer_mut("/$defs/Annotation/properties/like") {
+            like["oneOf"] = USUAL_SIZES.iter().map(usual_size_schema).collect();
+        }
+        schema
     }
+}
+
+/// The name of a thing of a usual size, with what is known of it.
+#[cfg(feature = "schema")]
+fn usual_size_schema(usual: &UsualSize) -> serde_json::Value {
+    let Known { value, sigma, .. } = usual.size;
+    let description = format!("{value} +- {} m: {}", sigma.unwrap_or_default(), usual.source);
+    serde_json::json!({ "const": usual.id, "title": usual.title, "description": description })
 }
 
 impl HeldEntry {

@@ -1,5 +1,7 @@
 //! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
 
+use std::collections::BTreeMap;
+
 use crate::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
 use crate::outcome::Finding;
 use crate::single::{
@@ -15,6 +17,9 @@ pub(crate) struct LensEstimate {
     pub(crate) lens: Lens,
     /// Where it was fitted.
     pub(crate) fit: Option<LensFit>,
+    /// How far lines of one direction alone are off straight, in pixels, where that may be a lens and is not taken for
+    /// one.
+    pub(crate) bent_one_way: Option<f64>,
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub(crate) straightness: Vec<(Source, f64)>,
 }
@@ -51,6 +56,19 @@ fn is_lens_asked_for(entry: &SiteCamera) -> bool {
     is_entered || entry.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
 }
 
+/// How many drawings a lens makes very much straighter (Kass and Raftery 1995).
+fn drawings_straightened(fit: &LensFit, edges: &[Edge], options: &LensOptions) -> usize {
+    const STRONG: f64 = 10.0;
+    let pinhole = Lens::pinhole(options.principal_point);
+    let mut gains: BTreeMap<usize, f64> = BTreeMap::new();
+    for Edge { points, source } in edges.iter().filter(|edge| edge.points.len() > 2) {
+        let off = |lens: &Lens| straightness_rms(lens, points).unwrap_or(0.0).powi(2);
+        let gain = points.len() as f64 * (off(&pinhole) - off(&fit.lens)) / options.sigma.powi(2);
+        *gains.entry(source.annotation).or_default() += gain;
+    }
+    gains.values().filter(|&&gain| gain > STRONG).count()
+}
+
 /// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
 fn reaches_rim(entry: &SiteCamera) -> bool {
     /// Of the radius of the image circle.
@@ -78,13 +96,22 @@ impl Site {
 
     fn own_lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            return LensEstimate { lens: solution.lens(), fit: None, straightness: Vec::new() };
+            let (fit, bent_one_way) = (None, None);
+            return LensEstimate { lens: solution.lens(), fit, bent_one_way, straightness: Vec::new() };
         }
-        let fit = self.lens_problem(entry).and_then(|(edges, options)| lenses.fit(&edges, &options));
-        // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
-        let fit = fit.filter(|fit| fit.fitted.is_some() || is_lens_asked_for(entry));
-        let lens = fit.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
-        LensEstimate { lens, fit, straightness: Vec::new() }
+        let problem = self.lens_problem(entry);
+        let fit = problem.as_ref().and_then(|(edges, options)| lenses.fit(edges, options));
+        let (mut own, mut bent_one_way) = (fit, None);
+        if let Some((edges, options)) = problem.filter(|_| !is_lens_asked_for(entry)) {
+            // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
+            own = own.filter(|fit| fit.fitted.is_some());
+            // A road that curves bends all that is parallel to it.
+            if let Some(fit) = own.take_if(|fit| drawings_straightened(fit, &edges, &options) < 2) {
+                bent_one_way = Some(fit.straightness[0]);
+            }
+        }
+        let lens = own.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
+        LensEstimate { lens, fit: own, bent_one_way, straightness: Vec::new() }
     }
 
     /// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
@@ -169,7 +196,7 @@ impl LensEstimate {
     /// The lens of `owner` on another camera.
     pub(crate) fn shared_by(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
         let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
-        let mut lens_estimate = Self { lens, fit: None, straightness: Vec::new() };
+        let mut lens_estimate = Self { lens, fit: None, bent_one_way: None, straightness: Vec::new() };
         lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
         lens_estimate
     }
@@ -190,7 +217,8 @@ impl LensEstimate {
         /// Least number of edges, each uninformative by itself, that may determine a lens together.
         const ENOUGH: usize = 5;
         let Some(fit) = &self.fit else {
-            return self.unfitted().into_iter().collect();
+            let bent = self.bent_one_way.map(|px| Finding::BentOneWay { px });
+            return self.unfitted().into_iter().chain(bent).collect();
         };
         let is_round = fit.lens.distortion.is_wide() || entry.image_circle().is_some();
         let is_own = |source: &Source| {

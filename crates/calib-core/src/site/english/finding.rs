@@ -43,6 +43,7 @@ impl English<'_> {
             F::HeightsApart { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
+            F::BentOneWay { px } => bent_one_way(*px),
             F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
             F::UncertainCorners { px, is_round, .. } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
@@ -52,9 +53,7 @@ impl English<'_> {
             F::TooFewSegments { annotation, by, drawn, least } => {
                 self.too_few(*annotation, *by, [*drawn, *least])
             }
-            F::UnusedPrior { parameter } => {
-                format!("The paper's method does not use the prior {}.", field(*parameter))
-            }
+            F::UnusedPrior { parameter } => unused_prior(field(*parameter)),
             F::OutsideLens { line } => {
                 format!("{} has a point where the lens shows nothing.", self.line_of(*line))
             }
@@ -120,7 +119,20 @@ const FLOOR_OR_UPRIGHT: &str =
 const TIE_OR_HOLD: &str =
     "Give two control points, or links with a camera that has some, and refine; or hold what is measured.";
 
+const ANOTHER_EDGE: &str =
+    "If it is the lens, draw a straight edge of another direction with three points and more.";
+
 const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
+
+fn unused_prior(field: &str) -> String {
+    format!("The paper's method does not use the prior {field}.")
+}
+
+fn bent_one_way(px: f64) -> String {
+    format!(
+        "The lines of one direction are bent, {px:.1} px rms: by the lens, or because what they follow curves."
+    )
+}
 
 /// What tells the corners of an image, or the rim of a round one.
 const fn farther_edges(is_round: bool, is_reached: bool) -> &'static str {
@@ -152,6 +164,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
         F::BentEdges { .. } => "Look for a point off its edge, then for an edge that is bent in space.",
+        F::BentOneWay { .. } => ANOTHER_EDGE,
         F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
         F::UncertainCorners { is_round, is_reached, .. } => farther_edges(*is_round, *is_reached),
         F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",

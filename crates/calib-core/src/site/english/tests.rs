@@ -62,6 +62,7 @@ fn number(finding: &Finding) -> usize {
         F::PointsOutside { is_other_image: true, .. } => 40,
         F::HeightsApart { .. } => 41,
         F::PlacedByHand => 42,
+        F::BentOneWay { .. } => 43,
     }
 }
 
@@ -88,6 +89,7 @@ fn of_a_camera() -> Vec<(Finding, Subject)> {
         (F::JointMisfit { chi2: 90.0, dof: 4 }, Subject::Site),
         (F::BentEdges { px: 4.0, px_without_lens: 5.0 }, Subject::Lens),
         (F::UninformativeEdges { edges: vec![LINE], drawn: 3, bend_px: 0.2 }, Subject::Line(LINE)),
+        (F::BentOneWay { px: 5.0 }, Subject::Lens),
         (F::UncertainCorners { px: f64::INFINITY, is_round: false, is_reached: false }, Subject::Lens),
         (F::UnusedEdges { first: 0, count: 1, is_undistorted: true, px: 0.4 }, Subject::Annotation(0)),
         (F::UnusedKind { annotation, by }, Subject::Annotation(0)),
