@@ -8,7 +8,7 @@ use calib_app::files::Images;
 use calib_core::{Kind, Site};
 use calib_editor::Pane;
 use desk::{Desk, demo};
-use egui::{Event, Key};
+use egui::{Event, Key, Role};
 use egui_kittest::kittest::Queryable as _;
 
 /// The first camera of the demonstration with its verticals alone, so that floor lines would help.
@@ -141,4 +141,34 @@ fn a_known_length_says_nothing_before_it_is_entered() {
     assert_eq!(before, after);
     let drawn = desk.site().cameras[0].annotations.iter().rfind(|a| a.kind == Kind::KnownLength).unwrap();
     assert!(drawn.off);
+}
+
+#[test]
+fn a_drawing_says_how_sure_it_is_and_a_camera_what_its_place_is_like() {
+    let mut desk = Desk::new(demo());
+    let index = desk.site().cameras[0].annotations.iter().position(|a| a.kind == Kind::Parallel).unwrap();
+    let name = calib_core::line_name(&desk.site().cameras[0].annotations, index, 0);
+    let drawn = |desk: &Desk| desk.site().cameras[0].annotations[index].clone();
+    assert!(desk.harness.query_by_label("Exact").is_none());
+    desk.harness.get_by_label(&format!("Line {name}")).click_accesskit();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("Exact").click_accesskit();
+    desk.harness.run_steps(3);
+    assert!(drawn(&desk).exact);
+    desk.harness.get_by_label("As usual").click_accesskit();
+    desk.harness.run_steps(3);
+    assert!(!drawn(&desk).exact && desk.harness.query_by_label("As usual").is_none());
+    desk.undo();
+    assert!(drawn(&desk).exact);
+    desk.undo();
+    assert!(!drawn(&desk).exact);
+    desk.harness.get_by_role_and_label(Role::ComboBox, "This camera").click_accesskit();
+    desk.harness.run_steps(3);
+    desk.harness.get_by_label("Level floors").click_accesskit();
+    desk.harness.run_steps(3);
+    let errors = |desk: &Desk, camera: usize| desk.site().scene_errors(&desk.site().cameras[camera]);
+    assert!((errors(&desk, 0).floor_tilt.to_degrees() - 0.3).abs() < 1e-9 && errors(&desk, 0).crossfall == 0.0);
+    assert_eq!(desk.site().cameras[1].scene, None);
+    desk.undo();
+    assert_eq!(desk.site().cameras[0].scene, None);
 }
