@@ -52,7 +52,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         work(Path::new(&folder));
         return;
     }
-    let kills = std::env::var("CALIB_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(50_u64);
+    let kills = std::env::var("CALIB_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(20_u64);
     for kill in 0..kills {
         let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())

@@ -167,7 +167,9 @@ fn a_drawing_says_how_sure_it_is_and_a_camera_what_its_place_is_like() {
     desk.harness.get_by_label("Level floors").click_accesskit();
     desk.harness.run_steps(3);
     let errors = |desk: &Desk, camera: usize| desk.site().scene_errors(&desk.site().cameras[camera]);
-    assert!((errors(&desk, 0).floor_tilt.to_degrees() - 0.3).abs() < 1e-9 && errors(&desk, 0).crossfall == 0.0);
+    assert!(
+        (errors(&desk, 0).floor_tilt.to_degrees() - 0.3).abs() < 1e-9 && errors(&desk, 0).crossfall == 0.0
+    );
     assert_eq!(desk.site().cameras[1].scene, None);
     desk.undo();
     assert_eq!(desk.site().cameras[0].scene, None);

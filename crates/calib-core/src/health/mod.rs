@@ -11,7 +11,7 @@
 //!   since when a camera moved; `watch` the front door: [`Watch`];
 //! - `views`, `walk` one walker before all cameras, who are held against what they claim: [`Walk`]; `zones` the same by parts
 //!   of the floor;
-//! - `turn` where a camera that turned and zoomed shows its old pixels; `turn_fit` the turn that edges say together.
+//! - `turn` where a camera that turned and zoomed shows its old pixels; `edge_offset`, `turn_equations`, `turn_fit` the turn that edges say together.
 
 mod sighting;
 mod movement;
@@ -30,12 +30,15 @@ mod views;
 mod walk;
 mod zones;
 mod turn;
+mod edge_offset;
+mod turn_equations;
 mod turn_fit;
 
+pub use edge_offset::{EdgeOffset, STEP, TONE};
 pub use movement::Movement;
 pub use sighting::Sighting;
 pub use turn::{Turn, Turned, floor_nearness, ray_in_camera};
-pub use turn_fit::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
+pub use turn_fit::{Estimated, TurnFit};
 pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
 pub use watch::{CameraHealth, Change, HeightThen, Memory, Verdict, Watch};
 pub use zones::{Zone, Zones};

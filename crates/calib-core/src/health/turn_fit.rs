@@ -23,22 +23,22 @@
 //! are those of the median of places about their edge, and of edges about what the turn tells. Where a step is estimated,
 //! e is none: what edges of unknown depth are off by is what tells it.
 //!
-//! Neighbours share more than that (one shelf, one shadow, one fault of the lens), so the covariance is that of the
-//! delete-one jackknife over blocks of the image (Efron and Stein 1981), of whole edges.
+//! What is in one block of the image is moved alike in turn (one fault of the lens, one shelf): by a vector of the
+//! variance `b^2` either way ([`Scatter::block`]), eliminated as the offsets of edges are (`turn_equations.rs`). What
+//! blocks share beyond that is in the covariance, that of clusters with the correction of Bell and McCaffrey (2002).
 //!
 //! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
 //! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
 //! is a tilt; so how it depends on contrast and level is estimated along with the turn, as [`EdgeOffset::tone`] has it.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
+use crate::health::edge_offset::{EdgeOffset, STEP, TONE};
 use crate::health::sigmas::sigmas;
 use crate::health::turn::Turn;
-
-/// Parameters of what light does to edges.
-pub const TONE: usize = 3;
-/// Parameters of a step.
-pub const STEP: usize = 3;
+use crate::health::turn_equations::{BlockSum, Sum};
 
 /// What is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -51,25 +51,6 @@ pub enum Estimated {
     Step,
 }
 
-/// How far an edge is, across itself, from where it is looked for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EdgeOffset {
-    /// In pixels.
-    pub offset: f64,
-    /// Its noise, in pixels.
-    pub sigma: f64,
-    /// Derivatives of where the edge is, across itself, by a turn.
-    pub turn: [f64; Turn::SIZE],
-    /// How much the light on it may move it: its contrast towards the side that offsets count to, by powers of its level.
-    pub tone: [f64; TONE],
-    /// Derivatives by a step.
-    pub step: [f64; STEP],
-    /// Which part of the image it is in.
-    pub block: usize,
-    /// Of which edge it is one of several places; these stand one after the other.
-    pub edge: Option<usize>,
-}
-
 /// What edges say together.
 #[derive(Clone, Debug)]
 pub struct TurnFit {
@@ -77,8 +58,8 @@ pub struct TurnFit {
     pub estimate: DVector<f64>,
     /// Its covariance.
     pub covariance: DMatrix<f64>,
-    /// What its covariance would be if nothing but their edge moved places alike: about what no estimate by these edges can
-    /// be better than (Cramér 1946, Rao 1945).
+    /// What its covariance would be if nothing but their edge and their block moved places alike: about what no estimate
+    /// by these edges can be better than (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
     /// Scatter of places beyond their own noise.
     pub scatter: Scatter,
@@ -95,6 +76,8 @@ pub struct Scatter {
     pub place: f64,
     /// Of an edge, all its places alike.
     pub edge: f64,
+    /// Of a block of the image, all its edges alike, along either axis.
+    pub block: f64,
 }
 
 /// Where Tukey's weights end, in scales: 95 % efficient where errors are normal.
@@ -103,10 +86,6 @@ const TUKEY: f64 = 4.685;
 const MEDIAN: f64 = 1.4826;
 /// No offset is known better than this, in pixels.
 const FINEST: f64 = 0.01;
-/// What codecs and interpolation may move a whole image by, in pixels: it does not average.
-const COMMON: f64 = 0.004;
-/// What light moves an edge by, in pixels for a contrast of 1 in the logarithm of brightness: standard deviation.
-const LIGHT: f64 = 0.3;
 /// Rounds of weighing.
 const ROUNDS: usize = 12;
 
@@ -120,24 +99,6 @@ impl Estimated {
     }
 }
 
-impl EdgeOffset {
-    /// Derivatives by everything that may be estimated, in its order.
-    fn by(&self, k: usize) -> f64 {
-        const FROM: usize = Turn::SIZE + TONE;
-        match k {
-            0..Turn::SIZE => self.turn[k],
-            Turn::SIZE..FROM => self.tone[k - Turn::SIZE],
-            _ => self.step[k - FROM],
-        }
-    }
-
-    /// The offset that these parameters tell.
-    #[must_use]
-    pub fn told(&self, estimate: &DVector<f64>) -> f64 {
-        (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
-    }
-}
-
 impl TurnFit {
     /// The fit; `None` where the edges do not determine it.
     #[must_use]
@@ -145,22 +106,23 @@ impl TurnFit {
         let rows = Rows { offsets, unknowns: of.unknowns() };
         let mut estimate = rows.least_deviations()?;
         let mut weights = vec![1.0; offsets.len()];
-        let mut precisions = Vec::new();
-        let mut scatter = Scatter::default();
+        let (mut blocks, mut scatter) = (Vec::new(), Scatter::default());
         for _ in 0..ROUNDS {
             let residuals = rows.residuals(&estimate);
             let together = excess(&residuals, offsets);
             let scale = |i: usize| offsets[i].sigma.hypot(together).max(FINEST);
             weights = (0..offsets.len()).map(|i| tukey(residuals[i] / scale(i))).collect();
             let of_edges = if of == Estimated::Step { None } else { rows.scatter(&residuals, &weights) };
-            scatter = of_edges.unwrap_or(Scatter { place: together, edge: 0.0 });
+            scatter = of_edges.unwrap_or(Scatter { place: together, ..Scatter::default() });
             let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
-            precisions = (0..offsets.len()).map(precision).collect();
-            estimate = rows.sum(&precisions, scatter.edge).solved()?;
+            let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
+            blocks = rows.blocks(&precisions, scatter.edge);
+            estimate = Sum::of(&blocks, scatter.block)?.solved()?;
         }
-        let all = rows.sum(&precisions, scatter.edge);
+        let all = Sum::of(&blocks, scatter.block)?;
         let bound = all.believed().cholesky()?.inverse();
-        let (covariance, blocks) = rows.jackknife(&all, &precisions, scatter.edge, &estimate)?;
+        let covariance = all.covariance(&blocks, scatter.block, &estimate)?;
+        let blocks = blocks.len();
         Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
@@ -212,7 +174,7 @@ impl Rows<'_> {
         for _ in 0..ROUNDS {
             let residuals = self.residuals(&estimate);
             let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
-            estimate = self.sum(&weights, 0.0).solved()?;
+            estimate = Sum::of(&self.blocks(&weights, 0.0), 0.0)?.solved()?;
         }
         Some(estimate)
     }
@@ -226,7 +188,7 @@ impl Rows<'_> {
         })
     }
 
-    /// Scatter of places about their edges, and of edges; `None` where too few edges have several places.
+    /// Scatter of places about their edges, of edges, and of blocks; `None` where too few edges have several places.
     fn scatter(&self, residuals: &[f64], weights: &[f64]) -> Option<Scatter> {
         /// Fewer places tell no scatter of their own.
         const PLACES: usize = 3;
@@ -242,7 +204,7 @@ impl Rows<'_> {
             let freedom = (count / (count - 1.0)).sqrt();
             about.extend(used.iter().map(|&i| freedom * (residuals[i] - mean)));
             own.extend(used.iter().map(|&i| self.offsets[i].sigma));
-            means.push(mean);
+            means.push((mean, &self.offsets[used[used.len() / 2]]));
             of_means.push(count);
         }
         if means.len() < EDGES {
@@ -250,112 +212,45 @@ impl Rows<'_> {
         }
         let deviation = |values: Vec<f64>| MEDIAN * median(values.iter().map(|value| value.abs()).collect());
         let place = deviation(about);
+        let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
         let by_places = place * place / median(of_means);
-        let edge = (deviation(means).powi(2) - by_places).max(0.0).sqrt();
-        Some(Scatter { place: (place * place - median(own).powi(2)).max(0.0).sqrt(), edge })
+        let by_blocks = motion_variance(&means, all);
+        Some(Scatter {
+            place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
+            edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),
+            block: by_blocks.sqrt(),
+        })
     }
 
-    fn sum(&self, precisions: &[f64], shared: f64) -> Sum {
-        let mut sum = Sum::nothing(self.unknowns);
-        self.edges().for_each(|edge| sum.add(&self.offsets[edge.clone()], &precisions[edge], shared));
-        sum
-    }
-
-    /// Covariance by leaving out one block after the other, and how many blocks there are.
-    fn jackknife(
-        &self,
-        all: &Sum,
-        precisions: &[f64],
-        shared: f64,
-        estimate: &DVector<f64>,
-    ) -> Option<(DMatrix<f64>, usize)> {
-        let count = 1 + self.offsets.iter().map(|row| row.block).max()?;
-        let mut parts: Vec<Sum> = (0..count).map(|_| Sum::nothing(self.unknowns)).collect();
-        for edge in self.edges() {
-            let block = self.offsets[edge.start + edge.len() / 2].block;
-            parts[block].add(&self.offsets[edge.clone()], &precisions[edge], shared);
+    /// The normal equations of every block; those of an edge are of the block that its middle is in.
+    fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockSum> {
+        let count = self.offsets.iter().map(|row| row.block + 1).max().unwrap_or(0);
+        let mut blocks: Vec<BlockSum> = (0..count).map(|_| BlockSum::nothing(self.unknowns)).collect();
+        for places in self.edges() {
+            let block = self.offsets[places.start + places.len() / 2].block;
+            blocks[block].add(&self.offsets[places.clone()], &precisions[places], edge);
         }
-        parts.retain(|part| part.information.trace() > 0.0);
-        let mut covariance = DMatrix::zeros(self.unknowns, self.unknowns);
-        for part in &parts {
-            let without = all.without(part).solved()? - estimate;
-            covariance += &without * without.transpose();
-        }
-        let blocks = parts.len();
-        Some((covariance * ((blocks as f64 - 1.0) / blocks as f64) + all.of_common()?, blocks))
+        blocks.retain(|block| block.precision > 0.0);
+        blocks
     }
 }
 
-/// Normal equations.
-struct Sum {
-    information: DMatrix<f64>,
-    score: DVector<f64>,
-    /// Of an offset that all places have in common.
-    precision: f64,
-}
-
-impl Sum {
-    fn nothing(unknowns: usize) -> Self {
-        Self {
-            information: DMatrix::zeros(unknowns, unknowns),
-            score: DVector::zeros(unknowns),
-            precision: 0.0,
+/// The variance, along either axis, of what moves all edges of a block: what the products of two of them have in common,
+/// `E r r' = b^2 n n'` with the directions n that they count along. Edges are off by no more than `usual` thrice.
+fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
+    let mut sums: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (off, EdgeOffset { across: [x, y], block, .. }) in edges {
+        let off = off.clamp(-3.0 * usual, 3.0 * usual);
+        // Sums of r n and of n n' over the edges of the block so far.
+        let sum = sums.entry(*block).or_default();
+        products += off * (sum[0] * x + sum[1] * y);
+        squares += sum[2] * x * x + 2.0 * sum[3] * x * y + sum[4] * y * y;
+        for (sum, own) in sum.iter_mut().zip([off * x, off * y, x * x, x * y, y * y]) {
+            *sum += own;
         }
     }
-
-    /// The places of one edge, whose offset in common has the standard deviation `shared`.
-    fn add(&mut self, edge: &[EdgeOffset], precisions: &[f64], shared: f64) {
-        // W 1, W d and A' W 1.
-        let (mut total, mut offset) = (0.0, 0.0);
-        let mut together = DVector::zeros(self.score.len());
-        for (row, &precision) in edge.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
-            let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
-            self.score.axpy(precision * row.offset, &by, 1.0);
-            self.information.ger(precision, &by, &by, 1.0);
-            together.axpy(precision, &by, 1.0);
-            offset += precision * row.offset;
-            total += precision;
-        }
-        let known = shared * shared / (1.0 + shared * shared * total);
-        self.score.axpy(-known * offset, &together, 1.0);
-        self.information.ger(-known, &together, &together, 1.0);
-        self.precision += total - known * total * total;
-    }
-
-    /// What is believed of light before it is seen.
-    fn believed(&self) -> DMatrix<f64> {
-        let tone = Turn::SIZE..Turn::SIZE + TONE;
-        let precision = |i: usize| if tone.contains(&i) { LIGHT.powi(-2) } else { 0.0 };
-        &self.information
-            + DMatrix::from_fn(
-                self.score.len(),
-                self.score.len(),
-                |i, j| if i == j { precision(i) } else { 0.0 },
-            )
-    }
-
-    /// The covariance that offsets in common to all places leave.
-    fn of_common(&self) -> Option<DMatrix<f64>> {
-        Some((self.believed() * (self.precision.recip() * COMMON.powi(-2))).cholesky()?.inverse())
-    }
-
-    fn without(&self, part: &Self) -> Self {
-        let (information, score) = (&self.information - &part.information, &self.score - &part.score);
-        Self { information, score, precision: self.precision - part.precision }
-    }
-
-    fn solved(&self) -> Option<DVector<f64>> {
-        /// A parameter that edges tell less of than this share of what they tell of it alone is not told.
-        const TOLD: f64 = 1e-9;
-        // In units of what each is told by itself, so that radians and shares are alike.
-        let information = self.believed();
-        let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
-        let scaled =
-            DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
-        let cholesky = scaled.cholesky()?;
-        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
-        is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
-    }
+    if squares > 0.0 { (products / squares).max(0.0) } else { 0.0 }
 }
 
 fn tukey(residual: f64) -> f64 {
@@ -427,6 +322,7 @@ mod tests {
         };
         EdgeOffset {
             offset: 0.0,
+            across: [cos, sin],
             sigma: 0.1,
             turn: std::array::from_fn(slope),
             tone: [contrast, 0.0, 0.0],
@@ -436,11 +332,16 @@ mod tests {
         }
     }
 
-    /// Edges of three to twenty places, eight pixels apart, that share an offset of 0.08 px beside the noise of each.
-    fn long_edges(camera: &Camera, truth: &[f64; 4], random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
+    /// Edges of three to twenty places, eight pixels apart, that share an offset of 0.08 px beside the noise of each, and
+    /// with their block a vector of `moved` pixels either way.
+    fn long_edges(camera: &Camera, truth: &[f64; 4], moved: f64, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
         let mut all = Vec::new();
+        let mut motion = [0.0; 2];
         for index in 0..4 * BLOCKS {
             let block = index / 4;
+            if index % 4 == 0 {
+                motion = [0, 1].map(|_| moved * normal(random));
+            }
             let corner = [120.0 * (block % COLUMNS) as f64, 90.0 * (block / COLUMNS) as f64];
             let start =
                 [corner[0] + random.random_range(0.0..120.0), corner[1] + random.random_range(0.0..90.0)];
@@ -451,7 +352,9 @@ mod tests {
                 let at = [start[0] - far * angle.sin(), start[1] + far * angle.cos()];
                 let mut place = place(camera, block, at, angle, contrast);
                 let told: f64 = (0..4).map(|k| place.turn[k] * truth[k]).sum();
-                place.offset = told + shared + 0.1 * normal(random);
+                let of_block: f64 =
+                    motion.iter().zip(place.across).map(|(motion, across)| motion * across).sum();
+                place.offset = told + shared + of_block + 0.1 * normal(random);
                 place.edge = Some(index);
                 all.push(place);
             }
@@ -506,22 +409,32 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_those_of_the_bound_where_the_places_of_an_edge_are_moved_alike() {
+    fn errors_are_those_of_the_bound_where_edges_and_blocks_are_moved_alike() {
         const TRIALS: usize = 200;
         let (camera, mut random) = (camera(), ChaCha8Rng::seed_from_u64(6));
-        let (mut squares, mut shared) = (0.0, 0.0);
-        for _ in 0..TRIALS {
-            let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
-            let offsets = long_edges(&camera, &truth, &mut random);
-            let fit = TurnFit::new(&offsets, Estimated::TurnAndTone).unwrap();
-            let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
-            let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
-            squares += error.dot(&bound.solve(&error)) / 4.0;
-            shared += fit.scatter.edge / TRIALS as f64;
+        for moved in [0.0, 0.03, 0.1] {
+            let (mut squares, mut inside, mut edge, mut block) = (0.0, 0, 0.0, 0.0);
+            for _ in 0..TRIALS {
+                let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
+                let offsets = long_edges(&camera, &truth, moved, &mut random);
+                let fit = TurnFit::new(&offsets, Estimated::TurnAndTone).unwrap();
+                let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
+                let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
+                squares += error.dot(&bound.solve(&error)) / 4.0;
+                inside += (0..4).filter(|&k| error[k].abs() < 1.96 * fit.covariance[(k, k)].sqrt()).count();
+                edge += fit.scatter.edge / TRIALS as f64;
+                block += fit.scatter.block / TRIALS as f64;
+            }
+            let over_bound = (squares / TRIALS as f64).sqrt();
+            let share = inside as f64 / (4 * TRIALS) as f64;
+            println!(
+                "{moved}: {over_bound:.3} of the bound, {share:.3} inside, edge {edge:.3}, block {block:.3}"
+            );
+            assert!((0.94..1.06).contains(&over_bound), "{over_bound} of the bound");
+            assert!((0.93..0.98).contains(&share), "{share} inside 95 %");
+            assert!((0.06..0.1).contains(&edge), "{edge} px of an edge, 0.08 in truth");
+            assert!((block - moved).abs() < 0.02, "{block} px of a block, {moved} in truth");
         }
-        let over_bound = (squares / TRIALS as f64).sqrt();
-        assert!((0.94..1.06).contains(&over_bound), "{over_bound} of the bound");
-        assert!((0.06..0.1).contains(&shared), "{shared} px of an edge, 0.08 in truth");
     }
 
     #[test]

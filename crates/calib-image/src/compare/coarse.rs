@@ -16,6 +16,8 @@ use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::luma::Luma;
 use crate::compare::motion::Sight;
 
+/// What the coordinates of a point are counted along.
+pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 /// Focals farther from the old one than by this factor are not looked for.
 const ZOOM: f64 = 2.2;
 /// How far a corner may be from where it is told, in pixels of the image it was found in.
@@ -162,6 +164,7 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
     let off = [seen.new.u - here.u, seen.new.v - here.v];
     let row = |axis: usize| EdgeOffset {
         offset: off[axis],
+        across: AXES[axis],
         sigma: 0.2 * seen.near,
         turn: by[axis],
         tone: [0.0; TONE],

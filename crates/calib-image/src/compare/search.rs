@@ -53,6 +53,7 @@ impl<'a> Search<'a> {
         let by = self.moved.slopes(&place.sights[0])?;
         Some(EdgeOffset {
             offset: scale * (start - reach as f64),
+            across: normal,
             sigma: scale * (SHARED * noise / slopes.max(f64::MIN_POSITIVE)).sqrt(),
             turn: by.turn.map(across),
             tone: place.tone,

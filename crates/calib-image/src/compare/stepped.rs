@@ -9,7 +9,7 @@ use calib_core::{Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit};
 use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;
-use crate::compare::coarse::{Chance, Seen, voices_of};
+use crate::compare::coarse::{AXES, Chance, Seen, voices_of};
 use crate::compare::luma::Luma;
 use crate::compare::motion::{Motion, Moved};
 use crate::compare::place::Place;
@@ -143,6 +143,7 @@ fn rows(moved: &Moved, seen: &Seen) -> Option<[EdgeOffset; 2]> {
     let off = [seen.at.u - at.u, seen.at.v - at.v];
     Some([0, 1].map(|axis| EdgeOffset {
         offset: off[axis],
+        across: AXES[axis],
         sigma: 0.2 * seen.near,
         turn: slopes.turn.map(|slope| slope[axis]),
         tone: [0.0; TONE],
