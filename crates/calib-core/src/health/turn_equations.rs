@@ -112,28 +112,36 @@ impl Sum {
     }
 
     /// The covariance that blocks bear out, each by itself: with the information I of all, I_k and score s_k of one, and
-    /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and McCaffrey 2002).
+    /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and McCaffrey 2002);
+    /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
+    /// out, and what is stated is no less than the bound.
     pub(super) fn covariance(
         &self,
         blocks: &[BlockSum],
         block: f64,
         estimate: &DVector<f64>,
     ) -> Option<DMatrix<f64>> {
-        /// A block that tells nearly all is given no more weight.
-        const ALL: f64 = 0.05;
+        /// Share that is nearly all.
+        const ALL: f64 = 0.95;
         let root = self.believed().cholesky()?.l().try_inverse()?;
-        let mut covariance = DMatrix::zeros(self.score.len(), self.score.len());
+        let bound = root.transpose() * &root;
+        let belief = DMatrix::from_diagonal(&(self.believed().diagonal() - self.information.diagonal()));
+        let mut covariance = &bound * belief * &bound;
+        let mut most: f64 = 0.0;
         for one in blocks {
             let (information, score) = one.closed(block)?;
             let told = &root * (score - &information * estimate);
             let eigen = (&root * information * root.transpose()).symmetric_eigen();
             let mut along = eigen.eigenvectors.transpose() * told;
-            along
-                .iter_mut()
-                .zip(&eigen.eigenvalues)
-                .for_each(|(along, share)| *along /= (1.0 - share).max(ALL).sqrt());
+            for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
+                *along /= (1.0 - share).max(1.0 - ALL).sqrt();
+                most = most.max(share);
+            }
             let moved = root.transpose() * (eigen.eigenvectors * along);
             covariance.ger(1.0, &moved, &moved, 1.0);
+        }
+        if most > ALL {
+            covariance += bound;
         }
         Some(covariance + self.of_common()?)
     }

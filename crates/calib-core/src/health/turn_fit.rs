@@ -141,8 +141,8 @@ impl TurnFit {
 
     /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.
     ///
-    /// The covariance is itself estimated from a few blocks: Hotelling's (1931) square is brought to a chi-square by its
-    /// expectation, `(m - k - 1) / m`.
+    /// The covariance is itself estimated from m blocks: Hotelling's (1931) square is brought to a chi-square by its
+    /// expectation, `(m - k - 2) / (m - 1)`.
     #[must_use]
     pub fn clear(&self, from: usize, to: usize) -> f64 {
         let (count, blocks) = (to - from, self.blocks as f64);
@@ -150,7 +150,7 @@ impl TurnFit {
         let estimate = self.estimate.rows(from, count).into_owned();
         let Some(inverse) = part.cholesky() else { return 0.0 };
         let square = estimate.dot(&inverse.solve(&estimate));
-        let shrunk = square * ((blocks - count as f64 - 1.0) / blocks).max(0.0);
+        let shrunk = square * ((blocks - count as f64 - 2.0) / (blocks - 1.0).max(1.0)).max(0.0);
         sigmas(shrunk, count as f64)
     }
 }
@@ -214,7 +214,7 @@ impl Rows<'_> {
         let place = deviation(about);
         let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
         let by_places = place * place / median(of_means);
-        let by_blocks = motion_variance(&means, all);
+        let by_blocks = motion_variance(&means, all).min((all * all - by_places).max(0.0));
         Some(Scatter {
             place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
             edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),
@@ -427,9 +427,6 @@ mod tests {
             }
             let over_bound = (squares / TRIALS as f64).sqrt();
             let share = inside as f64 / (4 * TRIALS) as f64;
-            println!(
-                "{moved}: {over_bound:.3} of the bound, {share:.3} inside, edge {edge:.3}, block {block:.3}"
-            );
             assert!((0.94..1.06).contains(&over_bound), "{over_bound} of the bound");
             assert!((0.93..0.98).contains(&share), "{share} inside 95 %");
             assert!((0.06..0.1).contains(&edge), "{edge} px of an edge, 0.08 in truth");

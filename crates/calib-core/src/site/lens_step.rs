@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use crate::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
 use crate::outcome::Finding;
 use crate::single::{
-    Annotation, Edge, Fitted, LensFit, LensOptions, Source, edges, is_misfit, outermost, straightness_rms,
+    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, outermost,
+    straightness_rms,
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
@@ -50,23 +51,33 @@ fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 
-/// Whether edges are drawn for the lens alone, or a lens is to be fitted.
-fn is_lens_asked_for(entry: &SiteCamera) -> bool {
-    let is_entered = entry.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
-    is_entered || entry.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
-}
-
-/// How many drawings a lens makes very much straighter (Kass and Raftery 1995).
-fn drawings_straightened(fit: &LensFit, edges: &[Edge], options: &LensOptions) -> usize {
+/// How far those drawings are off straight, root mean square in pixels, that a lens makes very much straighter (Kass and
+/// Raftery 1995); the lines of a direction are one.
+fn drawings_straightened(
+    fit: &LensFit,
+    annotations: &[Annotation],
+    edges: &[Edge],
+    options: &LensOptions,
+) -> Vec<f64> {
     const STRONG: f64 = 10.0;
     let pinhole = Lens::pinhole(options.principal_point);
-    let mut gains: BTreeMap<usize, f64> = BTreeMap::new();
-    for Edge { points, source } in edges.iter().filter(|edge| edge.points.len() > 2) {
-        let off = |lens: &Lens| straightness_rms(lens, points).unwrap_or(0.0).powi(2);
-        let gain = points.len() as f64 * (off(&pinhole) - off(&fit.lens)) / options.sigma.powi(2);
-        *gains.entry(source.annotation).or_default() += gain;
+    let mut drawings: BTreeMap<(usize, usize), [f64; 3]> = BTreeMap::new();
+    for (index, Edge { points, source }) in edges.iter().enumerate().filter(|(_, edge)| edge.points.len() > 2)
+    {
+        let drawn = annotations.get(source.annotation);
+        let is_one_direction =
+            drawn.is_some_and(|drawn| matches!(drawn.kind, Kind::Parallel | Kind::Vertical));
+        let square =
+            |lens: &Lens| straightness_rms(lens, points).unwrap_or(0.0).powi(2) * points.len() as f64;
+        let key = (source.annotation, if is_one_direction { 0 } else { index });
+        let sums = drawings.entry(key).or_default();
+        for (sum, own) in sums.iter_mut().zip([square(&pinhole), square(&fit.lens), points.len() as f64]) {
+            *sum += own;
+        }
     }
-    gains.values().filter(|&&gain| gain > STRONG).count()
+    let is_straighter = |[without, with, _]: &[f64; 3]| without - with > STRONG * options.sigma.powi(2);
+    let sums = drawings.into_values().filter(is_straighter);
+    sums.map(|[without, _, points]| (without / points).sqrt()).collect()
 }
 
 /// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
@@ -102,12 +113,15 @@ impl Site {
         let problem = self.lens_problem(entry);
         let fit = problem.as_ref().and_then(|(edges, options)| lenses.fit(edges, options));
         let (mut own, mut bent_one_way) = (fit, None);
-        if let Some((edges, options)) = problem.filter(|_| !is_lens_asked_for(entry)) {
+        if let Some((edges, options)) = problem.filter(|_| !self.is_lens_asked_for(entry)) {
             // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
-            own = own.filter(|fit| fit.fitted.is_some());
             // A road that curves bends all that is parallel to it.
-            if let Some(fit) = own.take_if(|fit| drawings_straightened(fit, &edges, &options) < 2) {
-                bent_one_way = Some(fit.straightness[0]);
+            let straightened = own.as_ref().map_or_else(Vec::new, |fit| {
+                drawings_straightened(fit, &entry.annotations, &edges, &options)
+            });
+            own = own.filter(|_| straightened.len() > 1);
+            if let [px] = straightened[..] {
+                bent_one_way = Some(px);
             }
         }
         let lens = own.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
@@ -136,6 +150,18 @@ impl Site {
             sigma: entry.sigma_px.unwrap_or(1.0),
         };
         Some((self.edges_of(entry), options))
+    }
+
+    /// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
+    fn is_lens_asked_for(&self, owner: &SiteCamera) -> bool {
+        let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+        let is_like = |other: &SiteCamera| {
+            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
+        };
+        let has_edge = |camera: &SiteCamera| {
+            camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
+        };
+        is_entered || has_edge(owner) || self.cameras.iter().any(|other| is_like(other) && has_edge(other))
     }
 
     /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever

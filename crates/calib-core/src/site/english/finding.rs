@@ -130,7 +130,7 @@ fn unused_prior(field: &str) -> String {
 
 fn bent_one_way(px: f64) -> String {
     format!(
-        "The lines of one direction are bent, {px:.1} px rms: by the lens, or because what they follow curves."
+        "The lines of one direction are bent, {px:.1} px rms: by the lens, because what they follow curves, or a point is off."
     )
 }
 
