@@ -25,7 +25,7 @@
 //!
 //! What is in one block of the image is moved alike in turn (one fault of the lens, one shelf): by a vector of the
 //! variance `b^2` either way ([`Scatter::block`]), eliminated as the offsets of edges are (`turn_equations.rs`). What
-//! blocks share beyond that is in the covariance, that of clusters with the correction of Bell and McCaffrey (2002).
+//! blocks share beyond that is in the covariance, that of clusters with the correction of Bell and `McCaffrey` (2002).
 //!
 //! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
 //! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
