@@ -214,7 +214,7 @@ impl Rows<'_> {
         let place = deviation(about);
         let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
         let by_places = place * place / median(of_means);
-        let by_blocks = motion_variance(&means, all).min((all * all - by_places).max(0.0));
+        let by_blocks = motion_variance(&means, all);
         Some(Scatter {
             place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
             edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),

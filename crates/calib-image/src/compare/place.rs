@@ -1,5 +1,7 @@
 //! Places along the edges of the old still, each with what brightness does across it.
 
+use std::collections::HashMap;
+
 use calib_core::{Camera, Pixel, TONE};
 
 use crate::compare::luma::{Luma, cubic};
@@ -32,6 +34,8 @@ pub(crate) struct Place {
     pub(crate) block: usize,
     /// Index of its edge.
     pub(crate) edge: usize,
+    /// Along it, a unit vector.
+    along: [f64; 2],
 }
 
 /// Where an edge runs in an image, and which way.
@@ -60,7 +64,8 @@ impl Frame {
     }
 }
 
-/// Places on the edges of an image that the camera has taken: those first in the list are taken first.
+/// Places on the edges of an image that the camera has taken: those first in the list are taken first, and what lies along
+/// one of them is the same edge, found again.
 pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place> {
     let of_edge = |(edge, &[a, b]): (usize, &Edge)| {
         let length = a.distance(b);
@@ -73,7 +78,39 @@ pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place>
         })
     };
     let long = edges.iter().enumerate().filter(|(_, [a, b])| a.distance(*b) >= APART);
-    long.flat_map(of_edge).take(MOST).collect()
+    let mut taken = Taken::default();
+    long.flat_map(of_edge).filter(|place| taken.is_new(place)).take(MOST).collect()
+}
+
+/// Where edges were taken already, by cells of the image.
+#[derive(Default)]
+struct Taken(HashMap<[i64; 2], Vec<(Pixel, [f64; 2], usize)>>);
+
+impl Taken {
+    /// Pixels along and across an edge within which it is the same.
+    const NEAR: [f64; 2] = [0.75 * APART, 2.0];
+    /// Sine of the angle within which it is.
+    const ALIKE: f64 = 0.1;
+
+    /// Whether no other edge was taken along the place; it is taken then.
+    fn is_new(&mut self, place: &Place) -> bool {
+        let along = place.along;
+        let cell = [place.at.u, place.at.v].map(|c| (c / APART).floor() as i64);
+        let is_same = |&(at, other, edge): &(Pixel, [f64; 2], usize)| {
+            let off = [place.at.u - at.u, place.at.v - at.v];
+            let turned = |v: [f64; 2]| (v[0] * other[1] - v[1] * other[0]).abs();
+            edge != place.edge
+                && turned(along) < Self::ALIKE
+                && turned(off) < Self::NEAR[1]
+                && (off[0] * other[0] + off[1] * other[1]).abs() < Self::NEAR[0]
+        };
+        let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [cell[0] + i, cell[1] + j]));
+        let is_new = !around.filter_map(|near| self.0.get(&near)).flatten().any(is_same);
+        if is_new {
+            self.0.entry(cell).or_default().push((place.at, along, place.edge));
+        }
+        is_new
+    }
 }
 
 impl Place {
@@ -93,7 +130,7 @@ impl Place {
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
         let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
         let tone = tone(&profile, mean);
-        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block, edge })
+        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block, edge, along })
     }
 }
 
@@ -140,4 +177,42 @@ pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> L
         square += (y - b).powi(2);
     }
     Likeness { correlation: both / (old * square).sqrt().max(f64::MIN_POSITIVE), square }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::{Covariance, Lens, WorldPoint};
+    use image::{Rgb, RgbImage};
+
+    #[test]
+    fn an_edge_that_is_found_again_is_taken_once_and_one_across_it_twice() {
+        let camera = Camera {
+            position: WorldPoint::new(0.0, 0.0, 3.0),
+            yaw: 0.0,
+            pitch: 0.4,
+            roll: 0.0,
+            focal: 300.0,
+            lens: Lens::pinhole(Pixel::new(160.0, 120.0)),
+            covariance: Covariance::EXACT,
+        };
+        // Four fields, dark and bright by turns.
+        let image =
+            RgbImage::from_fn(320, 240, |x, y| Rgb([if (x < 160) == (y < 120) { 60 } else { 180 }; 3]));
+        let luma = Luma::new(&image).smoothed(1.0);
+        let line = |a: [f64; 2], b: [f64; 2]| [a, b].map(|[u, v]| Pixel::new(u, v));
+        let drawn = line([160.0, 20.0], [160.0, 100.0]);
+        let found = line([160.6, 10.0], [159.7, 110.0]);
+        let across = line([20.0, 120.0], [300.0, 120.0]);
+        let counted = |edges: &[Edge]| {
+            let places = places(&camera, &luma, edges);
+            (0..edges.len()).map(|edge| places.iter().filter(|place| place.edge == edge).count()).collect()
+        };
+        let alone: Vec<usize> = counted(&[drawn]);
+        let all: Vec<usize> = counted(&[drawn, found, across]);
+        assert_eq!(all[0], alone[0]);
+        assert!(all[0] >= 8 && all[1] <= 4 && all[2] > 15, "{all:?}");
+        let turned: Vec<usize> = counted(&[found, drawn]);
+        assert!(turned[0] > turned[1], "the first is taken: {turned:?}");
+    }
 }
