@@ -86,6 +86,9 @@ const TUKEY: f64 = 4.685;
 const MEDIAN: f64 = 1.4826;
 /// No offset is known better than this, in pixels.
 const FINEST: f64 = 0.01;
+/// What moves a block by more than this, in pixels, is not the lens, light or a codec but how far away it is, which a step
+/// tells and no turn.
+const BLOCK: f64 = 0.2;
 /// Rounds of weighing.
 const ROUNDS: usize = 12;
 
@@ -214,7 +217,7 @@ impl Rows<'_> {
         let place = deviation(about);
         let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
         let by_places = place * place / median(of_means);
-        let by_blocks = motion_variance(&means, all);
+        let by_blocks = motion_variance(&means, all).min(BLOCK * BLOCK);
         Some(Scatter {
             place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
             edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),
