@@ -84,7 +84,10 @@ pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place>
 
 /// Where edges were taken already, by cells of the image.
 #[derive(Default)]
-struct Taken(HashMap<[i64; 2], Vec<(Pixel, [f64; 2], usize)>>);
+struct Taken(HashMap<[i64; 2], Vec<Along>>);
+
+/// Where an edge was taken: the place, a unit vector along it, and its index.
+type Along = (Pixel, [f64; 2], usize);
 
 impl Taken {
     /// Pixels along and across an edge within which it is the same.
@@ -96,7 +99,7 @@ impl Taken {
     fn is_new(&mut self, place: &Place) -> bool {
         let along = place.along;
         let cell = [place.at.u, place.at.v].map(|c| (c / APART).floor() as i64);
-        let is_same = |&(at, other, edge): &(Pixel, [f64; 2], usize)| {
+        let is_same = |&(at, other, edge): &Along| {
             let off = [place.at.u - at.u, place.at.v - at.v];
             let turned = |v: [f64; 2]| (v[0] * other[1] - v[1] * other[0]).abs();
             edge != place.edge
