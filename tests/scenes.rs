@@ -39,8 +39,9 @@ impl Scene {
         let directions = [(azimuth, off(errors.level())), (across, off(errors.level()))];
         let marks: Vec<f64> = (0..marks).map(|_| 3.0 * off(errors.length).exp()).collect();
         if !marks.is_empty() {
-            let fall = off(errors.crossfall);
-            lean = [lean[0] - fall * azimuth.sin(), lean[1] + fall * azimuth.cos()];
+            let (fall, climb) = (off(errors.crossfall), off(0.25 * errors.crossfall));
+            let (sin, cos) = azimuth.sin_cos();
+            lean = [lean[0] - fall * sin + climb * cos, lean[1] + fall * cos + climb * sin];
         }
         let camera = Camera {
             position: WorldPoint::new(0.0, 0.0, random.random_range(2.5..6.0)),

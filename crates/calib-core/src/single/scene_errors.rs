@@ -35,7 +35,8 @@ use crate::single::annotation::Annotation;
 pub struct SceneErrors {
     /// Of the lean of verticals against the normal of the floor, along and across the view, in radians.
     pub floor_tilt: f64,
-    /// Of the fall of the floor to the side of marks of equal length, in radians, besides its tilt.
+    /// Of the fall of the floor to the side of marks of equal length, in radians, besides its tilt; it climbs along them
+    /// by a quarter of that.
     pub crossfall: f64,
     /// Of a right angle, in radians.
     pub angle: f64,

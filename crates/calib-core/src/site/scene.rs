@@ -35,8 +35,8 @@ document! {
         /// Of the lean of verticals against the normal of the floor, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_tilt_sigma_deg: Option<f64>,
-        /// Of the fall of the floor to the side of marks of equal length, in degrees, besides its tilt; where that
-        /// is given, there is none unless this is, too.
+        /// Of the fall of the floor to the side of marks of equal length, in degrees, besides its tilt, and of a quarter
+        /// of that along them; where that is given, there is none unless this is, too.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         crossfall_sigma_deg: Option<f64>,
         /// Of a right angle, in degrees; a direction is off level by a quarter of it.
