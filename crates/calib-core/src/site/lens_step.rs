@@ -98,7 +98,8 @@ impl Site {
         let mut lens_estimate = self.own_lens_estimate(owner, lenses);
         lens_estimate.lens.principal_point = lens_estimate.centre_on(owner, entry);
         if like.is_some() {
-            lens_estimate.fit = None;
+            // What is to be said of them is said of the owner.
+            (lens_estimate.fit, lens_estimate.bent_one_way) = (None, None);
         }
         lens_estimate.straightness =
             lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations);
@@ -155,13 +156,20 @@ impl Site {
     /// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
     fn is_lens_asked_for(&self, owner: &SiteCamera) -> bool {
         let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
-        let is_like = |other: &SiteCamera| {
-            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
-        };
         let has_edge = |camera: &SiteCamera| {
             camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
         };
-        is_entered || has_edge(owner) || self.cameras.iter().any(|other| is_like(other) && has_edge(other))
+        is_entered || has_edge(owner) || self.sharing_edges(owner).any(has_edge)
+    }
+
+    /// The cameras that are like one and have the same image, so that their edges are its edges.
+    fn sharing_edges<'a>(&'a self, owner: &'a SiteCamera) -> impl Iterator<Item = &'a SiteCamera> {
+        let is_like = |other: &&SiteCamera| {
+            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
+                && other.size_px == owner.size_px
+                && given_centre(other) == given_centre(owner)
+        };
+        self.cameras.iter().filter(is_like)
     }
 
     /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
@@ -179,11 +187,6 @@ impl Site {
 
     /// The edges of a camera and of those that are like it and have the same image.
     fn edges_of(&self, owner: &SiteCamera) -> Vec<Edge> {
-        let is_like = |other: &&SiteCamera| {
-            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
-                && other.size_px == owner.size_px
-                && given_centre(other) == given_centre(owner)
-        };
         // Image circles of one lens lie a little apart in the images of two cameras.
         let shifted = |other: &SiteCamera| {
             let [own, its] = [owner, other].map(SiteCamera::principal_point);
@@ -194,7 +197,7 @@ impl Site {
         };
         // Edges of other cameras belong to no annotation of the owner: their index is out of range.
         let beyond = Source { annotation: usize::MAX, segment: 0 };
-        let shared = self.cameras.iter().filter(is_like).flat_map(shifted);
+        let shared = self.sharing_edges(owner).flat_map(shifted);
         edges(&owner.annotations)
             .into_iter()
             .chain(shared.map(|edge| Edge { source: beyond, ..edge }))
