@@ -2,15 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use arrow_array::cast::AsArray as _;
-use arrow_array::{Array as _, ArrayRef, RecordBatch};
-use arrow_cast::cast;
-use arrow_schema::{DataType, Schema};
+use arrow_array::{Array as _, RecordBatch, StringArray};
+use arrow_schema::Schema;
 use calib_core::{
     Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap, Surface,
 };
 use serde_json::json;
 
+use crate::cast::texts;
 use crate::columns::{AtColumn, BadCells, Place, column, names};
 use crate::sightings::TableCamera;
 use crate::table_error::TableError;
@@ -248,7 +247,7 @@ impl Calibrations {
         for row in 0..batch.num_rows() {
             let id = match &ids {
                 Some(ids) if ids.is_null(row) => "",
-                Some(ids) => ids.as_string::<i32>().value(row),
+                Some(ids) => ids.value(row),
                 None => &only,
             };
             let periods = match last {
@@ -334,11 +333,11 @@ fn map_of(wanted: &Wanted, entry: &SiteCamera) -> Result<StreamMap, TableError> 
 }
 
 /// The ids in a column: text, numbers, or a dictionary of either.
-fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<ArrayRef, TableError> {
+fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<StringArray, TableError> {
     let asked = wording.with("camera-column", name);
     let found = column(batch, name).ok_or_else(|| {
         TableError::Invalid(format!("{asked}: the table has the columns \"{}\"", names(batch)))
     })?;
-    cast(&found, &DataType::Utf8)
+    texts(&found)
         .map_err(|error| TableError::Invalid(format!("{asked}: expected ids as text or numbers: {error}")))
 }

@@ -2,13 +2,11 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use arrow_array::cast::AsArray as _;
-use arrow_array::types::{Float64Type, Int64Type, TimestampNanosecondType};
-use arrow_array::{Array as _, ArrayRef, RecordBatch};
-use arrow_cast::cast;
+use arrow_array::{Array as _, ArrayRef, RecordBatch, StringArray};
 use arrow_cast::parse::string_to_timestamp_nanos;
-use arrow_schema::{DataType, TimeUnit};
+use arrow_schema::DataType;
 
+use crate::cast::{self, nanoseconds, texts, whole_numbers};
 use crate::json_text::{is_json, plain};
 use crate::table_error::TableError;
 use crate::wording::Wording;
@@ -123,18 +121,16 @@ fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> R
             column.data_type()
         ))
     };
+    if let Some(exact) = cast::doubles(column) {
+        return Ok(match exact.nulls() {
+            None => exact.values().to_vec(),
+            Some(_) => exact.iter().map(|value| value.unwrap_or(f64::NAN)).collect(),
+        });
+    }
     match column.data_type() {
-        kind if kind.is_numeric() => {
-            let exact = cast(column, &DataType::Float64).map_err(|_| refused())?;
-            let exact = exact.as_primitive::<Float64Type>();
-            Ok(match exact.nulls() {
-                None => exact.values().to_vec(),
-                Some(_) => exact.iter().map(|value| value.unwrap_or(f64::NAN)).collect(),
-            })
-        }
         DataType::Null => Ok(vec![f64::NAN; column.len()]),
         kind if is_text(kind) => {
-            let texts = cast(column, &DataType::Utf8).map_err(|_| refused())?;
+            let texts = texts(column).map_err(|_| refused())?;
             let number = |text: &str| text.parse().ok();
             let parsed = parsed(&texts, name, place, bad, "a number", number)?;
             Ok(parsed.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
@@ -149,14 +145,14 @@ fn is_text(kind: &DataType) -> bool {
 
 /// The cells of a column of text as values; none where there is no text, or not such a one.
 fn parsed<T>(
-    texts: &ArrayRef,
+    texts: &StringArray,
     name: &str,
     place: Place<'_>,
     bad: &BadCells,
     expected: &str,
     value: impl Fn(&str) -> Option<T>,
 ) -> Result<Vec<Option<T>>, TableError> {
-    let texts = texts.as_string::<i32>().iter().enumerate();
+    let texts = texts.iter().enumerate();
     let parsed = texts.map(|(row, text)| match text.map(str::trim) {
         None | Some("") => Ok(None),
         Some(text) => match value(text) {
@@ -254,20 +250,17 @@ impl AtColumn {
         let column = column(batch, name).ok_or_else(|| {
             TableError::Invalid(format!("{}: the table has the columns \"{}\"", self.asked(), names(batch)))
         })?;
-        let nanoseconds = |zone| DataType::Timestamp(TimeUnit::Nanosecond, zone);
-        let exact = match column.data_type() {
-            DataType::Timestamp(_, zone) => cast(&column, &nanoseconds(zone.clone()))?,
-            DataType::Date32 | DataType::Date64 => cast(&column, &nanoseconds(None))?,
-            kind if is_text(kind) => return self.of_text(&column, place, bad),
-            kind if kind.is_numeric() => return self.of_numbers(&column),
-            other => {
-                return Err(TableError::Invalid(format!(
-                    "{}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z",
-                    self.asked()
-                )));
-            }
-        };
-        Ok(exact.as_primitive::<TimestampNanosecondType>().iter().collect())
+        if let Some(exact) = nanoseconds(&column) {
+            return Ok(exact.iter().collect());
+        }
+        match column.data_type() {
+            kind if is_text(kind) => self.of_text(&column, place, bad),
+            kind if kind.is_numeric() => self.of_numbers(&column),
+            other => Err(TableError::Invalid(format!(
+                "{}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z",
+                self.asked()
+            ))),
+        }
     }
 
     fn units(&self) -> String {
@@ -280,7 +273,7 @@ impl AtColumn {
         place: Place<'_>,
         bad: &BadCells,
     ) -> Result<Vec<Option<i64>>, TableError> {
-        let texts = cast(column, &DataType::Utf8)?;
+        let texts = texts(column)?;
         let time = |text: &str| {
             let number = self.unit.and_then(|unit| unit.time(text));
             number.or_else(|| string_to_timestamp_nanos(text).ok())
@@ -301,14 +294,11 @@ impl AtColumn {
                 self.units()
             )));
         };
-        if column.data_type().is_integer() {
-            let whole = cast(column, &DataType::Int64)?;
-            let times = whole.as_primitive::<Int64Type>().iter();
-            return Ok(times.map(|time| time?.checked_mul(unit.nanoseconds())).collect());
+        if let Some(whole) = whole_numbers(column) {
+            return Ok(whole.iter().map(|time| time?.checked_mul(unit.nanoseconds())).collect());
         }
-        let doubles = cast(column, &DataType::Float64)?;
-        let times = doubles.as_primitive::<Float64Type>().iter();
-        Ok(times.map(|time| unit.of_double(time?)).collect())
+        let doubles = cast::doubles(column);
+        Ok(doubles.iter().flatten().map(|time| unit.of_double(time?)).collect())
     }
 }
 

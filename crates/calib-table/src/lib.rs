@@ -7,6 +7,7 @@
 mod wording;
 mod table_error;
 mod json_text;
+mod cast;
 mod columns;
 mod calibrations;
 mod sigmas;

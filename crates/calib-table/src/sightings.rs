@@ -1,12 +1,11 @@
 //! Rows of a table as people that cameras saw.
 
 use arrow_array::RecordBatch;
-use arrow_array::cast::AsArray as _;
-use arrow_cast::cast;
-use arrow_schema::{DataType, Schema};
+use arrow_schema::Schema;
 use calib_core::{BoxForm, Camera, Pixel, Sighting};
 
 use crate::calibrations::{Calibrations, Choice};
+use crate::cast::texts;
 use crate::columns::{BadCells, Place, column, names, numbers};
 use crate::mapping::{Columns, Rows};
 use crate::table_error::TableError;
@@ -114,13 +113,13 @@ impl SightingColumns {
             let what = format!("--person-column {name}: the table has the columns \"{}\"", names(batch));
             TableError::Invalid(what)
         })?;
-        let texts = cast(&found, &DataType::Utf8)?;
+        let texts = texts(&found)?;
         // FNV-1a, for what is remembered has to mean the same person in any build: Fowler, Noll, Vo 1991.
         let number = |text: &str| {
             let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
             text.bytes().fold(0xCBF2_9CE4_8422_2325, step)
         };
-        Ok(texts.as_string::<i32>().iter().map(|text| text.map(number)).collect())
+        Ok(texts.iter().map(|text| text.map(number)).collect())
     }
 }
 
