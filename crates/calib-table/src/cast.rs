@@ -2,8 +2,6 @@
 //!
 //! Arrow's own `cast` makes every type of every other, and weighs more than all that a table is mapped by.
 
-use std::sync::Arc;
-
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
     Date32Type, Date64Type, Decimal32Type, Decimal64Type, Decimal128Type, Decimal256Type, Float16Type,
@@ -120,11 +118,13 @@ pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
 fn expanded<E: RunEndIndexType>(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     let runs = column.as_run::<E>();
     let of_row = (0..runs.len()).map(|row| runs.get_physical_index(row) as u64);
-    take(runs.values(), &UInt64Array::from_iter_values(of_row), None).map(Arc::from)
+    take(runs.values(), &UInt64Array::from_iter_values(of_row), None)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use arrow_array::{
         BooleanArray, Date32Array, Decimal128Array, Decimal256Array, DictionaryArray, FixedSizeBinaryArray,
         Int32RunArray, RunArray, TimestampSecondArray, UInt8Array,

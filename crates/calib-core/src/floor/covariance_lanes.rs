@@ -24,10 +24,11 @@ use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
 };
 
-type Lanes = [f64; LANES];
+type Lanes<const N: usize = LANES> = [f64; N];
 
-/// Where nothing is known of the errors of a camera.
-const UNKNOWN: [Lanes; 3] = [[f64::NAN; LANES]; 3];
+/// As many pixels of a straight lens as are fastest in step: with two steps of the widest instructions side by side, one
+/// does not wait for the other.
+pub(super) const STRAIGHT_LANES: usize = 2 * LANES;
 
 /// A camera and a plane prepared for covariances.
 #[derive(Clone, Debug)]
@@ -49,12 +50,12 @@ type Flow = [f64; 8];
 /// The covariance of the flow that the errors of a camera make.
 #[derive(Clone, Debug)]
 struct FlowCovariance {
-    /// Of m: xx, xy, yy, each by 1, x, y, xx, xy, yy.
-    affine: [[f64; 6]; 3],
-    /// Of l with m: with its x and with its y, each by x, y, xx, xy, yy.
-    mixed: [[f64; 5]; 2],
-    /// Half that of l, by xx, xy, yy.
-    linear: [f64; 3],
+    /// What is at most quadratic, of xx, xy, yy, each by 1, x, y, xx, xy, yy.
+    quadratic: [[f64; 6]; 3],
+    /// What of k is quadratic, of x and y, each by xx, xy, yy.
+    cubic: [[f64; 3]; 2],
+    /// Half the variance of l, by xx, xy, yy.
+    quartic: [f64; 3],
     /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
     lens_with_pose: [Flow; Distortion::MOST],
     /// Of the coefficients of the lens with each other.
@@ -62,16 +63,16 @@ struct FlowCovariance {
 }
 
 /// Points of the plane, from the point above which the camera is.
-struct Points {
-    x: Lanes,
-    y: Lanes,
+struct Points<const N: usize> {
+    x: Lanes<N>,
+    y: Lanes<N>,
     /// `q / r^2`; NaN where the plane is not seen.
-    scale: Lanes,
+    scale: Lanes<N>,
 }
 
 /// How points of the plane move with (a, b), as rows x and y of T.
 #[derive(Clone, Copy, Debug)]
-struct Slopes([[Lanes; 2]; 2]);
+struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
 impl<'a> CovarianceLanes<'a> {
     pub(super) fn new(camera: &'a Camera, plane: &Plane) -> Self {
@@ -87,17 +88,22 @@ impl<'a> CovarianceLanes<'a> {
         Self { camera, drop, axes, minors, flow }
     }
 
-    /// Of as many pixels of a straight lens as there are lanes; `sigma` is that of a coordinate of a pixel. That of the pixel
+    /// Of pixels of a straight lens; `sigma` is that of a coordinate of a pixel. That of the pixel
     /// and that of the calibration, each xx, xy, yy: NaN where the plane is not seen, and where nothing is known of the
     /// errors.
     #[inline(always)]
-    pub(super) fn straight(&self, u: &Lanes, v: &Lanes, sigma: f64) -> [[Lanes; 3]; 2] {
+    pub(super) fn straight<const N: usize>(
+        &self,
+        u: &Lanes<N>,
+        v: &Lanes<N>,
+        sigma: f64,
+    ) -> [[Lanes<N>; 3]; 2] {
         let (Pixel { u: cu, v: cv }, inverse) = (self.camera.lens.principal_point, self.camera.focal.recip());
         let (a, b) = (u.map(|u| (u - cu) * inverse), v.map(|v| (v - cv) * inverse));
         let points = self.points(&a, &b);
         let pixel = self.slopes(&a, &b, &points.scale, sigma * inverse).squared();
         // No closure: it would be compiled without the instructions of who calls.
-        let Some(flow) = &self.flow else { return [pixel, UNKNOWN] };
+        let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         [pixel, flow.of_pose(&points)]
     }
 
@@ -119,7 +125,7 @@ impl<'a> CovarianceLanes<'a> {
         let points = self.points(&a, &b);
         let by_raw = self.slopes(&a, &b, &points.scale, 1.0).by_raw(brown, &x, &y);
         let pixel = by_raw.times(sigma / self.camera.focal).squared();
-        let Some(flow) = &self.flow else { return [pixel, UNKNOWN] };
+        let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.of_pose(&points);
         let mut changes = [[[0.0; LANES]; 2]; Distortion::MOST];
         for i in 0..LANES {
@@ -134,12 +140,12 @@ impl<'a> CovarianceLanes<'a> {
     }
 
     #[inline(always)]
-    fn points(&self, a: &Lanes, b: &Lanes) -> Points {
+    fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
         /// As for one pixel: what is farther is the horizon's rounding.
         const FARTHEST: f64 = 1e12;
         let [right, down, forward] = self.axes;
-        let mut points = Points { x: [0.0; LANES], y: [0.0; LANES], scale: [0.0; LANES] };
-        for i in 0..LANES {
+        let mut points = Points { x: [0.0; N], y: [0.0; N], scale: [0.0; N] };
+        for i in 0..N {
             let along = |k: usize| a[i] * right[k] + b[i] * down[k] + forward[k];
             let by_rise = along(2).recip();
             let reach = self.drop * by_rise;
@@ -155,10 +161,10 @@ impl<'a> CovarianceLanes<'a> {
 
     /// T times a factor.
     #[inline(always)]
-    fn slopes(&self, a: &Lanes, b: &Lanes, scale: &Lanes, factor: f64) -> Slopes {
-        let mut slopes = Slopes([[[0.0; LANES]; 2]; 2]);
+    fn slopes<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>, scale: &Lanes<N>, factor: f64) -> Slopes<N> {
+        let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
         let [x, y] = self.minors;
-        for i in 0..LANES {
+        for i in 0..N {
             let scale = factor * scale[i];
             slopes.0[0][0][i] = scale * (x[0] + b[i] * x[2]);
             slopes.0[0][1][i] = scale * (x[1] - a[i] * x[2]);
@@ -169,11 +175,11 @@ impl<'a> CovarianceLanes<'a> {
     }
 }
 
-impl Slopes {
+impl<const N: usize> Slopes<N> {
     #[inline(always)]
     fn times(mut self, factor: f64) -> Self {
         for column in self.0.as_flattened_mut() {
-            for i in 0..LANES {
+            for i in 0..N {
                 column[i] *= factor;
             }
         }
@@ -183,15 +189,15 @@ impl Slopes {
     /// How the points move with the raw pixel, normalised: T times the inverse of the Jacobian of the lens, which is
     /// symmetric.
     #[inline(always)]
-    fn by_raw(mut self, brown: &BrownConrady, x: &Lanes, y: &Lanes) -> Self {
-        let mut unbend = [[0.0; LANES]; 3];
-        for i in 0..LANES {
+    fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
+        let mut unbend = [[0.0; N]; 3];
+        for i in 0..N {
             let [a, b, d] = brown.jacobian([x[i], y[i]]);
             let scale = (a * d - b * b).recip();
             [unbend[0][i], unbend[1][i], unbend[2][i]] = [d * scale, -b * scale, a * scale];
         }
         for [by_a, by_b] in &mut self.0 {
-            for i in 0..LANES {
+            for i in 0..N {
                 let [a, b] = [by_a[i], by_b[i]];
                 by_a[i] = a * unbend[0][i] + b * unbend[1][i];
                 by_b[i] = a * unbend[1][i] + b * unbend[2][i];
@@ -202,9 +208,9 @@ impl Slopes {
 
     /// The covariance of x and y by two independent coordinates of the variance 1: xx, xy, yy.
     #[inline(always)]
-    fn squared(&self) -> [Lanes; 3] {
-        let mut squared = [[0.0; LANES]; 3];
-        for i in 0..LANES {
+    fn squared(&self) -> [Lanes<N>; 3] {
+        let mut squared = [[0.0; N]; 3];
+        for i in 0..N {
             let [x, y] = [[self.0[0][0][i], self.0[0][1][i]], [self.0[1][0][i], self.0[1][1][i]]];
             squared[0][i] = x[0] * x[0] + x[1] * x[1];
             squared[1][i] = x[0] * y[0] + x[1] * y[1];
@@ -234,7 +240,18 @@ impl FlowCovariance {
             let both = |k: usize, l: usize| of(i + k, j + l) + if k == l { 0.0 } else { of(i + l, j + k) };
             [both(0, 0), both(0, 1), both(0, 2), both(1, 1), both(1, 2), both(2, 2)]
         };
-        let mixed = |j: usize| [of(6, j), of(7, j), of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
+        // With l: what of k is linear makes something quadratic.
+        let sum = |affine: [f64; 6], [xx, xy, yy]: [f64; 3]| {
+            let [one, by_x, by_y, with_xx, with_xy, with_yy] = affine;
+            [one, by_x, by_y, with_xx + xx, with_xy + xy, with_yy + yy]
+        };
+        let (x, y) = ([of(6, 0), of(7, 0)], [of(6, 3), of(7, 3)]);
+        let quadratic = [
+            sum(product(0, 0), [2.0 * x[0], 2.0 * x[1], 0.0]),
+            sum(product(0, 3), [y[0], x[0] + y[1], x[1]]),
+            sum(product(3, 3), [0.0, 2.0 * y[0], 2.0 * y[1]]),
+        ];
+        let cubic = |j: usize| [of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
         let lens = |i: usize, j: usize| {
             let [i, j] = [i, j].map(|bend| Covariance::LENS + bend);
             if is_estimated(&i) && is_estimated(&j) { covariance[i][j] } else { 0.0 }
@@ -244,9 +261,9 @@ impl FlowCovariance {
             if is_estimated(&bend) { with(bend) } else { [0.0; 8] }
         };
         Self {
-            affine: [product(0, 0), product(0, 3), product(3, 3)],
-            mixed: [mixed(0), mixed(3)],
-            linear: [0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
+            quadratic,
+            cubic: [cubic(0), cubic(3)],
+            quartic: [0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
             lens_with_pose: std::array::from_fn(lens_with_pose),
             lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
         }
@@ -255,20 +272,19 @@ impl FlowCovariance {
     /// By the pose and the focal: xx, xy, yy. With the point p, `cov(m + p l) = cov(m) + p k' + k p'`, where
     /// `k = cov(m, l) + p var(l) / 2`.
     #[inline(always)]
-    fn of_pose(&self, points: &Points) -> [Lanes; 3] {
-        let mut of = [[0.0; LANES]; 3];
-        for i in 0..LANES {
+    fn of_pose<const N: usize>(&self, points: &Points<N>) -> [Lanes<N>; 3] {
+        let mut of = [[0.0; N]; 3];
+        for i in 0..N {
             let (x, y) = (points.x[i], points.y[i]);
-            let affine = |&[one, by_x, by_y, xx, xy, yy]: &[f64; 6]| {
-                one + x * (by_x + x * xx + y * xy) + y * (by_y + y * yy)
-            };
-            let mixed =
-                |&[by_x, by_y, xx, xy, yy]: &[f64; 5]| x * (by_x + x * xx + y * xy) + y * (by_y + y * yy);
-            let half = x * (x * self.linear[0] + y * self.linear[1]) + y * (y * self.linear[2]);
-            let [with_x, with_y] = [mixed(&self.mixed[0]) + x * half, mixed(&self.mixed[1]) + y * half];
-            of[0][i] = affine(&self.affine[0]) + (x + x) * with_x;
-            of[1][i] = affine(&self.affine[1]) + (x * with_y + y * with_x);
-            of[2][i] = affine(&self.affine[2]) + (y + y) * with_y;
+            let squares = [x * x, x * y, y * y];
+            let form = |&[xx, xy, yy]: &[f64; 3]| squares[0] * xx + squares[1] * xy + squares[2] * yy;
+            let quadratic =
+                |&[one, by_x, by_y, xx, xy, yy]: &[f64; 6]| (one + x * by_x + y * by_y) + form(&[xx, xy, yy]);
+            let half = form(&self.quartic);
+            let [with_x, with_y] = [form(&self.cubic[0]) + x * half, form(&self.cubic[1]) + y * half];
+            of[0][i] = quadratic(&self.quadratic[0]) + (x + x) * with_x;
+            of[1][i] = quadratic(&self.quadratic[1]) + (x * with_y + y * with_x);
+            of[2][i] = quadratic(&self.quadratic[2]) + (y + y) * with_y;
         }
         of
     }
@@ -278,8 +294,8 @@ impl FlowCovariance {
     fn add_lens(
         &self,
         to: &mut [Lanes; 3],
-        points: &Points,
-        by_raw: &Slopes,
+        points: &Points<LANES>,
+        by_raw: &Slopes<LANES>,
         changes: &[[Lanes; 2]; Distortion::MOST],
     ) {
         let [[xa, xb], [ya, yb]] = &by_raw.0;

@@ -4,7 +4,7 @@ use crate::camera::{
     BrownInverse, Camera, Distortion, FloorCovariance, FloorPoint, LANES, Lens, Pixel, Plane, WorldPoint,
     dispatch,
 };
-use crate::floor::covariance_lanes::CovarianceLanes;
+use crate::floor::covariance_lanes::{CovarianceLanes, STRAIGHT_LANES};
 use crate::floor::extent::Extent;
 use crate::floor::lanes::{lanes, store};
 use crate::floor::status::Status;
@@ -251,7 +251,7 @@ impl FloorProjector {
         match (&self.camera.lens.distortion, &self.inverse) {
             (Distortion::None, _) => self.covariances_in_step(
                 #[inline(always)]
-                |of, u, v| of.straight(u, v, pixel_sigma),
+                |of, u: &[f64; STRAIGHT_LANES], v| of.straight(u, v, pixel_sigma),
                 [u, v],
                 to,
             ),
@@ -266,9 +266,9 @@ impl FloorProjector {
     }
 
     #[inline(always)]
-    fn covariances_in_step(
+    fn covariances_in_step<const N: usize>(
         &self,
-        of: impl Fn(&CovarianceLanes<'_>, &[f64; LANES], &[f64; LANES]) -> [[[f64; LANES]; 3]; 2],
+        of: impl Fn(&CovarianceLanes<'_>, &[f64; N], &[f64; N]) -> [[[f64; N]; 3]; 2],
         [u, v]: [&[f64]; 2],
         to: [&mut [f64]; 6],
     ) {
