@@ -10,7 +10,7 @@ use crate::bundle::marginals::{are_few, camera_blocks, of_landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
-use crate::optimize::{BlockCovariance, Summary, least_squares};
+use crate::optimize::{BlockCovariance, NormalEquations, Summary, least_squares};
 use crate::single::{LEVEL, PRIOR_TELLS, chi2_score, is_misfit};
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
@@ -72,6 +72,8 @@ pub(crate) struct Converged<'a> {
     pub(crate) state: Vec<f64>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
+    /// At the state.
+    normal: NormalEquations,
     /// Where it has been computed already.
     pub(crate) covariance: Option<BlockCovariance>,
 }
@@ -93,20 +95,22 @@ pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'
 }
 
 fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>> {
-    let Summary { state, cost: chi2, .. } = least_squares(&problem, problem.start(), most)?;
+    let Summary { state, cost: chi2, normal, .. } = least_squares(&problem, problem.start(), most)?;
     let dof = problem.dof(&state)?;
-    Some(Converged { problem, state, chi2, dof, covariance: None })
+    Some(Converged { problem, state, chi2, dof, normal, covariance: None })
 }
 
 impl Converged<'_> {
     pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
-        self.problem.blocks.covariance(self.problem.normal(&self.state)?, REGULARIZATION)
+        self.problem.blocks.covariance(self.normal.clone(), REGULARIZATION)
     }
 
     /// The covariances of all cameras with each other, where they are few.
     pub(crate) fn covariance_between_cameras(&self) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
-        let normal = are_few(self.problem.views.len()).then(|| self.problem.normal(&self.state))??;
-        self.problem.blocks.covariance_between(&normal, REGULARIZATION, &camera_blocks(&self.problem))
+        let blocks = &self.problem.blocks;
+        let between =
+            || blocks.covariance_between(&self.normal, REGULARIZATION, &camera_blocks(&self.problem));
+        are_few(self.problem.views.len()).then(between)?
     }
 
     /// A camera without covariance, a free yaw in [-180, 180) degrees.

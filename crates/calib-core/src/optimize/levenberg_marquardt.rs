@@ -46,7 +46,7 @@ pub(crate) trait LeastSquares {
 /// How a Levenberg-Marquardt run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Termination {
-    /// The relative decrease of the cost or the step is below its tolerance.
+    /// The relative decrease of the cost, made or promised, or the step is below its tolerance.
     Converged,
     /// The steps that were allowed are used up.
     MaxSteps,
@@ -73,7 +73,8 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
 
     /// Makes one accepted step; how the run ended, where it did.
     pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
-        /// Least relative decrease of the cost; exact scenes go down to rounding.
+        /// Least relative decrease of the cost, that a step made or that the linear model promises; exact scenes go down
+        /// to rounding.
         const COST_TOLERANCE: f64 = 1e-13;
         /// Least step in radians and log units, far below the accuracy that pixels give.
         const STEP_TOLERANCE: f64 = 1e-11;
@@ -85,6 +86,9 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 if size < STEP_TOLERANCE {
                     return Some(Termination::Converged);
                 }
+                if (0.0..=COST_TOLERANCE * self.cost).contains(&predicted) {
+                    return Some(Termination::Converged);
+                }
                 match problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
                     Some((cost, normal)) => {
                         let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
@@ -93,8 +97,6 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                         (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
                         return done.then_some(Termination::Converged);
                     }
-                    // What is promised is lost in rounding.
-                    None if (0.0..=COST_TOLERANCE * self.cost).contains(&predicted) => break,
                     None => {}
                 }
             }
