@@ -89,15 +89,12 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 if (0.0..=COST_TOLERANCE * self.cost).contains(&predicted) {
                     return Some(Termination::Converged);
                 }
-                match problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
-                    Some((cost, normal)) => {
-                        let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
-                        let done = self.cost - cost <= COST_TOLERANCE * self.cost;
-                        self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
-                        (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
-                        return done.then_some(Termination::Converged);
-                    }
-                    None => {}
+                if let Some((cost, normal)) = problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
+                    let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
+                    let done = self.cost - cost <= COST_TOLERANCE * self.cost;
+                    self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
+                    (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
+                    return done.then_some(Termination::Converged);
                 }
             }
             self.damping *= self.growth;
