@@ -9,7 +9,7 @@ use wasm_bindgen::prelude::*;
 
 use crate::demo;
 use crate::platform::Recovery;
-use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE};
+use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, message};
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {
@@ -37,8 +37,7 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
         }
         PROPOSE if width > 0 => written(&line_segments(&of_bytes(width, bytes)?)),
         PROPOSE => {
-            let (camera, edges): (SiteCamera, Vec<LineSegment>) =
-                serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+            let (camera, edges): (SiteCamera, Vec<LineSegment>) = message::read(bytes)?;
             written(&Proposal::new(&Still::of_camera(&camera, edges)))
         }
         COMPARE => {

@@ -1,5 +1,9 @@
 //! How far a scene may be from what was drawn, as the site file says it.
 
+use std::fmt;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, Error, MapAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::single::SceneErrors;
@@ -15,11 +19,8 @@ pub enum ExactScene {
 }
 
 /// The scene's own errors: the word "exact", or their standard deviations.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected \"exact\", or an object of floor_tilt_sigma_deg, crossfall_sigma_deg, angle_sigma_deg and length_sigma_rel"
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SceneEntry {
     /// The scene is what the drawing says.
@@ -48,6 +49,37 @@ document! {
     }
 }
 
+/// By hand, so that a key that is wrong is named.
+impl<'de> Deserialize<'de> for SceneEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct WordOrSigmas;
+
+        impl<'de> Visitor<'de> for WordOrSigmas {
+            type Value = SceneEntry;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "\"exact\", or an object of floor_tilt_sigma_deg, crossfall_sigma_deg, angle_sigma_deg and \
+                     length_sigma_rel",
+                )
+            }
+
+            fn visit_str<E: Error>(self, word: &str) -> Result<SceneEntry, E> {
+                if word == "exact" {
+                    return Ok(SceneEntry::EXACT);
+                }
+                Err(E::invalid_value(Unexpected::Str(word), &self))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, sigmas: A) -> Result<SceneEntry, A::Error> {
+                SceneSigmas::deserialize(MapAccessDeserializer::new(sigmas)).map(SceneEntry::Sigmas)
+            }
+        }
+
+        deserializer.deserialize_any(WordOrSigmas)
+    }
+}
+
 impl SceneEntry {
     /// The scene is what the drawing says.
     pub const EXACT: Self = Self::Exact(ExactScene::Exact);
@@ -64,5 +96,22 @@ impl SceneEntry {
             angle: sigmas.angle_sigma_deg.map_or(usual.angle, f64::to_radians),
             length: sigmas.length_sigma_rel.unwrap_or(usual.length),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_in_a_scene_is_named() {
+        let refused = |text: &str| serde_json::from_str::<SceneEntry>(text).expect_err(text).to_string();
+        assert!(refused(r#"{"floor_tlit_sigma_deg": 1}"#).contains("unknown field `floor_tlit_sigma_deg`"));
+        assert!(refused(r#""level""#).contains(r#"string "level", expected "exact""#));
+        assert!(refused("[]").contains("sequence, expected \"exact\""));
+        let read = |text: &str| serde_json::from_str::<SceneEntry>(text).ok();
+        assert_eq!(read(r#""exact""#), Some(SceneEntry::EXACT));
+        let level = SceneSigmas { floor_tilt_sigma_deg: Some(0.0), ..SceneSigmas::default() };
+        assert_eq!(read(r#"{"floor_tilt_sigma_deg": 0}"#), Some(SceneEntry::Sigmas(level)));
     }
 }

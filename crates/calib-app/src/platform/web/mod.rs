@@ -1,5 +1,6 @@
 //! What a browser has in place of files, threads and choosers, and what the page does for the app.
 
+pub(crate) mod message;
 mod chooser;
 pub(crate) mod page;
 mod task;

@@ -7,7 +7,7 @@ use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
 
-use super::{Web, page};
+use super::{Web, message, page};
 use crate::platform::{Platform as _, Recovery, Stills};
 
 /// What has a worker of its own, so that it can be stopped.
@@ -114,7 +114,7 @@ pub(crate) fn stop_comparing() {
 
 fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {
     let text = Uint8Array::new(&answer.get(0)).to_vec();
-    serde_json::from_slice(&text).map_err(|error| error.to_string())
+    message::read(&text)
 }
 
 /// Lets go of the worker that refines.
