@@ -83,10 +83,8 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         const FLOOR: f64 = 1e-2;
         while self.damping < MAX_DAMPING {
             if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
-                if size < STEP_TOLERANCE {
-                    return Some(Termination::Converged);
-                }
-                if (0.0..=COST_TOLERANCE * self.cost).contains(&predicted) {
+                let promises_nothing = (0.0..=COST_TOLERANCE * self.cost).contains(&predicted);
+                if size < STEP_TOLERANCE || promises_nothing {
                     return Some(Termination::Converged);
                 }
                 if let Some((cost, normal)) = problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {

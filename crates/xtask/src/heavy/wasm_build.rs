@@ -27,6 +27,7 @@ pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
     };
     command.arg("build").args(arguments).args(["--target", WASM]).arg("--target-dir").arg(&folder);
     if !has_target() {
+        // Its library is built here, so it can be one that is small to fetch.
         command.args(["-Z", "build-std=std,panic_abort", "-Z", "build-std-features=optimize_for_size"]);
     }
     ensure!(command.current_dir(root()).status()?.success(), "the build for wasm32 failed");
