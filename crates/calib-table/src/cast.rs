@@ -19,7 +19,14 @@ pub(crate) fn doubles(column: &ArrayRef) -> Option<Float64Array> {
     fn each<T: ArrowPrimitiveType>(column: &ArrayRef, value: impl Fn(T::Native) -> f64) -> Float64Array {
         column.as_primitive::<T>().unary(value)
     }
-    let tens = |scale: i8| 10_f64.powi(i32::from(scale));
+    fn scaled<T: ArrowPrimitiveType>(
+        column: &ArrayRef,
+        scale: i8,
+        value: impl Fn(T::Native) -> f64,
+    ) -> Float64Array {
+        let tens = 10_f64.powi(i32::from(scale));
+        each::<T>(column, |decimal| value(decimal) / tens)
+    }
     Some(match *column.data_type() {
         DataType::Int8 => each::<Int8Type>(column, f64::from),
         DataType::Int16 => each::<Int16Type>(column, f64::from),
@@ -32,11 +39,9 @@ pub(crate) fn doubles(column: &ArrayRef) -> Option<Float64Array> {
         DataType::Float16 => each::<Float16Type>(column, f64::from),
         DataType::Float32 => each::<Float32Type>(column, f64::from),
         DataType::Float64 => column.as_primitive::<Float64Type>().clone(),
-        DataType::Decimal32(_, scale) => {
-            each::<Decimal32Type>(column, |value| f64::from(value) / tens(scale))
-        }
-        DataType::Decimal64(_, scale) => each::<Decimal64Type>(column, |value| value as f64 / tens(scale)),
-        DataType::Decimal128(_, scale) => each::<Decimal128Type>(column, |value| value as f64 / tens(scale)),
+        DataType::Decimal32(_, scale) => scaled::<Decimal32Type>(column, scale, f64::from),
+        DataType::Decimal64(_, scale) => scaled::<Decimal64Type>(column, scale, |value| value as f64),
+        DataType::Decimal128(_, scale) => scaled::<Decimal128Type>(column, scale, |value| value as f64),
         DataType::Decimal256(..) => {
             let decimals = column.as_primitive::<Decimal256Type>();
             let value = |row| decimals.is_valid(row).then(|| decimals.value_as_string(row).parse().ok());
@@ -84,11 +89,13 @@ pub(crate) fn nanoseconds(column: &ArrayRef) -> Option<Int64Array> {
 
 /// Values as text, as they are printed; an error where they are lists or records.
 pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
-    let strings = |values: ArrayRef| Ok(values.as_string::<i32>().clone());
-    if let Some(dictionary) = column.as_any_dictionary_opt() {
-        return strings(take(&texts(dictionary.values())?, dictionary.keys(), None)?);
+    fn utf8(bytes: Option<&[u8]>) -> Option<&str> {
+        str::from_utf8(bytes?).ok()
     }
-    let utf8 = |bytes: Option<&[u8]>| bytes.and_then(|bytes| str::from_utf8(bytes).ok().map(str::to_owned));
+    if let Some(dictionary) = column.as_any_dictionary_opt() {
+        let of_rows = take(&texts(dictionary.values())?, dictionary.keys(), None)?;
+        return Ok(of_rows.as_string::<i32>().clone());
+    }
     Ok(match column.data_type() {
         DataType::Utf8 => column.as_string::<i32>().clone(),
         DataType::LargeUtf8 => column.as_string::<i64>().iter().collect(),

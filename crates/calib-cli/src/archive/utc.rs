@@ -20,11 +20,9 @@ const UTC: &str = "+00:00";
 /// The same instants, with the offset that is written.
 pub(super) fn in_utc(batch: &RecordBatch) -> Result<RecordBatch, Stop> {
     let schema = batch.schema();
-    if schema.fields().iter().all(|field| utc(field.data_type()) == *field.data_type()) {
-        return Ok(batch.clone());
-    }
-    let fields: Vec<FieldRef> = schema.fields().iter().map(utc_field).collect();
-    let columns = batch.columns().iter().map(column_in_utc).collect::<Result<_, _>>()?;
+    let columns = batch.columns().iter().map(column_in_utc).collect::<Result<Vec<_>, _>>()?;
+    let fields: Vec<FieldRef> =
+        schema.fields().iter().zip(&columns).map(|(field, column)| field_of(field, column)).collect();
     let options = RecordBatchOptions::new().with_row_count(Some(batch.num_rows()));
     let schema = Arc::new(Schema::new(fields).with_metadata(schema.metadata().clone()));
     Ok(RecordBatch::try_new_with_options(schema, columns, &options)?)
@@ -49,39 +47,33 @@ fn column_in_utc(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
         },
         DataType::List(_) => {
             let (item, ends, values, nulls) = column.as_list::<i32>().clone().into_parts();
-            Arc::new(ListArray::try_new(utc_field(&item), ends, column_in_utc(&values)?, nulls)?)
+            let values = column_in_utc(&values)?;
+            Arc::new(ListArray::try_new(field_of(&item, &values), ends, values, nulls)?)
         }
         DataType::LargeList(_) => {
             let (item, ends, values, nulls) = column.as_list::<i64>().clone().into_parts();
-            Arc::new(LargeListArray::try_new(utc_field(&item), ends, column_in_utc(&values)?, nulls)?)
+            let values = column_in_utc(&values)?;
+            Arc::new(LargeListArray::try_new(field_of(&item, &values), ends, values, nulls)?)
         }
         DataType::FixedSizeList(..) => {
             let (item, size, values, nulls) = column.as_fixed_size_list().clone().into_parts();
-            Arc::new(FixedSizeListArray::try_new(utc_field(&item), size, column_in_utc(&values)?, nulls)?)
+            let values = column_in_utc(&values)?;
+            let item = field_of(&item, &values);
+            Arc::new(FixedSizeListArray::try_new_with_length(item, size, values, nulls, column.len())?)
         }
         DataType::Struct(_) => {
             let (fields, columns, nulls) = column.as_struct().clone().into_parts();
-            let columns = columns.iter().map(column_in_utc).collect::<Result<_, _>>()?;
-            let fields = fields.iter().map(utc_field).collect();
+            let columns = columns.iter().map(column_in_utc).collect::<Result<Vec<_>, _>>()?;
+            let fields = fields.iter().zip(&columns).map(|(field, column)| field_of(field, column)).collect();
             Arc::new(StructArray::try_new_with_length(fields, columns, nulls, column.len())?)
         }
         _ => Arc::clone(column),
     })
 }
 
-fn utc_field(field: &FieldRef) -> FieldRef {
-    Arc::new(Field::clone(field).with_data_type(utc(field.data_type())))
-}
-
-fn utc(kind: &DataType) -> DataType {
-    match kind {
-        DataType::Timestamp(unit, Some(_)) => DataType::Timestamp(*unit, Some(UTC.into())),
-        DataType::List(item) => DataType::List(utc_field(item)),
-        DataType::LargeList(item) => DataType::LargeList(utc_field(item)),
-        DataType::FixedSizeList(item, size) => DataType::FixedSizeList(utc_field(item), *size),
-        DataType::Struct(fields) => DataType::Struct(fields.iter().map(utc_field).collect()),
-        other => other.clone(),
-    }
+/// A field that says what its column holds now.
+fn field_of(field: &FieldRef, column: &ArrayRef) -> FieldRef {
+    Arc::new(Field::clone(field).with_data_type(column.data_type().clone()))
 }
 
 #[cfg(test)]
@@ -102,10 +94,14 @@ mod tests {
             let item = Arc::new(Field::new("item", times(zone).data_type().clone(), true));
             let ends = OffsetBuffer::from_lengths([2, 0, 1]);
             let lists: ArrayRef = Arc::new(ListArray::new(item, ends, times(zone), None));
+            let item = Arc::new(Field::new("item", times(zone).data_type().clone(), true));
+            let none = FixedSizeListArray::try_new_with_length(item, 0, times(zone).slice(0, 0), None, 3);
+            let none: ArrayRef = Arc::new(none.expect("three lists of nothing"));
             let named = |name: &str, of: &ArrayRef| Arc::new(Field::new(name, of.data_type().clone(), true));
             Arc::new(StructArray::from(vec![
                 (named("at", &times(zone)), times(zone)),
                 (named("all", &lists), lists),
+                (named("none", &none), none),
             ]))
         };
         let kept: ArrayRef = Arc::new(["a", "b", "a"].into_iter().collect::<DictionaryArray<Int32Type>>());

@@ -107,10 +107,10 @@ impl Converged<'_> {
 
     /// The covariances of all cameras with each other, where they are few.
     pub(crate) fn covariance_between_cameras(&self) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
-        let blocks = &self.problem.blocks;
-        let between =
-            || blocks.covariance_between(&self.normal, REGULARIZATION, &camera_blocks(&self.problem));
-        are_few(self.problem.views.len()).then(between)?
+        if !are_few(self.problem.views.len()) {
+            return None;
+        }
+        self.problem.blocks.covariance_between(&self.normal, REGULARIZATION, &camera_blocks(&self.problem))
     }
 
     /// A camera without covariance, a free yaw in [-180, 180) degrees.

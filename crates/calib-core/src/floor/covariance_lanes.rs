@@ -88,9 +88,8 @@ impl<'a> CovarianceLanes<'a> {
         Self { camera, drop, axes, minors, flow }
     }
 
-    /// Of pixels of a straight lens; `sigma` is that of a coordinate of a pixel. That of the pixel
-    /// and that of the calibration, each xx, xy, yy: NaN where the plane is not seen, and where nothing is known of the
-    /// errors.
+    /// Of pixels of a straight lens; `sigma` is that of a coordinate of a pixel. That of the pixel and that of the
+    /// calibration, each xx, xy, yy: NaN where the plane is not seen, and where nothing is known of the errors.
     #[inline(always)]
     pub(super) fn straight<const N: usize>(
         &self,
@@ -270,7 +269,8 @@ impl FlowCovariance {
     }
 
     /// By the pose and the focal: xx, xy, yy. With the point p, `cov(m + p l) = cov(m) + p k' + k p'`, where
-    /// `k = cov(m, l) + p var(l) / 2`.
+    /// `k = cov(m, l) + p var(l) / 2`. By their degree in x and y: what is linear in k makes a quadratic of p k', and stands
+    /// with cov(m).
     #[inline(always)]
     fn of_pose<const N: usize>(&self, points: &Points<N>) -> [Lanes<N>; 3] {
         let mut of = [[0.0; N]; 3];

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::de::value::MapAccessDeserializer;
-use serde::de::{Deserializer, Error, MapAccess, Unexpected, Visitor};
+use serde::de::{Deserializer, Error, IntoDeserializer as _, MapAccess, Unexpected, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::single::SceneErrors;
@@ -65,10 +65,8 @@ impl<'de> Deserialize<'de> for SceneEntry {
             }
 
             fn visit_str<E: Error>(self, word: &str) -> Result<SceneEntry, E> {
-                if word == "exact" {
-                    return Ok(SceneEntry::EXACT);
-                }
-                Err(E::invalid_value(Unexpected::Str(word), &self))
+                let exact = ExactScene::deserialize(word.into_deserializer());
+                exact.map(SceneEntry::Exact).map_err(|_: E| E::invalid_value(Unexpected::Str(word), &self))
             }
 
             fn visit_map<A: MapAccess<'de>>(self, sigmas: A) -> Result<SceneEntry, A::Error> {
