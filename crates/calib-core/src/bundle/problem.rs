@@ -375,7 +375,7 @@ impl LeastSquares for BundleProblem<'_> {
     type Normal = NormalEquations;
 
     fn first_damping(&self) -> f64 {
-        if self.is_resumed { 1e-7 } else { 1e-4 }
+        if self.is_resumed { 1e-9 } else { 1e-4 }
     }
 
     fn linearize(&self, state: &Vec<f64>) -> Option<(f64, NormalEquations)> {

@@ -7,7 +7,7 @@
 //! estimated charts stay those of the lens from which the estimate starts, so that derivatives are exact: what a residual
 //! says does not depend on the chart but by its own square.
 
-use crate::camera::distortion::{ByCoefficient, Matrix2};
+use crate::camera::distortion::Matrix2;
 use crate::camera::elementary::{angle_from_axis, hypot, sin_cos};
 use crate::camera::lens::{ByParameters, Lens};
 use crate::camera::pinhole::dot;
@@ -59,8 +59,10 @@ impl Chart {
 
     /// A homogeneous vector of bearings, as of a vanishing point, in the chart.
     #[must_use]
+    #[inline(always)]
     pub(crate) fn carried(&self, bearing: [f64; 3]) -> [f64; 3] {
-        self.from_bearing.map(|row| dot(&row, &bearing))
+        let [x, y, ahead] = &self.from_bearing;
+        [dot(x, &bearing), dot(y, &bearing), dot(ahead, &bearing)]
     }
 
     /// The rows of the map from the chart to bearings.
@@ -151,27 +153,29 @@ impl Lens {
         let Some(chart) = chart else {
             return self.undistort_by_parameters(pixel, [cu + point.at[0], cv + point.at[1]].into());
         };
-        let Some((bearing, by_raw)) = self.bearing_with_jacobian(pixel) else {
-            return ByParameters::default();
-        };
+        let mut by_parameters = ByParameters::default();
+        let Some((bearing, by_raw)) = self.bearing_with_jacobian(pixel) else { return by_parameters };
         let [_, _, w] = chart.carried(bearing);
         let by_raw = [0, 1].map(|k| chart.carried(by_raw.map(|row| row[k])));
-        self.bearing_by_parameters(pixel, bearing).map(|by| {
+        let old = by_raw.map(|column| quotient(point.at, w, column));
+        // In place: this is what fits of fisheyes wait for.
+        for (own, by) in by_parameters.iter_mut().zip(&self.bearing_by_parameters(pixel, bearing)) {
             let change = chart.carried(by.at);
-            let moved = quotient(point.at, w, change);
-            let column = |k: usize| {
-                let [x, y, ahead] = chart.carried(by.jacobian.map(|row| row[k]));
-                let own = quotient(point.at, w, [x, y, ahead]);
-                let old = quotient(point.at, w, by_raw[k]);
-                [0, 1].map(|i| own[i] - (moved[i] * by_raw[k][2] + old[i] * change[2]) / w)
-            };
-            let columns = [column(0), column(1)];
-            ByCoefficient { at: moved, jacobian: [0, 1].map(|row| columns.map(|column| column[row])) }
-        })
+            own.at = quotient(point.at, w, change);
+            for k in 0..2 {
+                let [x, y, ahead] = &by.jacobian;
+                let moved = quotient(point.at, w, chart.carried([x[k], y[k], ahead[k]]));
+                for i in 0..2 {
+                    own.jacobian[i][k] = moved[i] - (own.at[i] * by_raw[k][2] + old[k][i] * change[2]) / w;
+                }
+            }
+        }
+        by_parameters
     }
 }
 
 /// The change of a point `(x, y) / w` with that of its homogeneous coordinates.
+#[inline(always)]
 fn quotient(at: [f64; 2], w: f64, [dx, dy, dw]: [f64; 3]) -> [f64; 2] {
     [(dx - at[0] * dw) / w, (dy - at[1] * dw) / w]
 }

@@ -127,14 +127,12 @@ impl Lens {
     ) -> [RayByCoefficient; Self::PARAMETERS] {
         let ray = [x / self.focal, y / self.focal, w];
         let bent = self.normalised(pixel.into());
-        let in_pixels = |by: RayByCoefficient| {
-            let ([x, y, w], [u, v, ahead]) = (by.at, by.jacobian);
-            let at = [self.focal * x, self.focal * y, w];
-            RayByCoefficient { at, jacobian: [u, v, ahead.map(|by| by / self.focal)] }
-        };
         let mut by = [RayByCoefficient::default(); Self::PARAMETERS];
-        let coefficients = self.distortion.ray_by_coefficients(bent, ray);
-        by.iter_mut().zip(coefficients).for_each(|(by, of)| *by = in_pixels(of));
+        for (by, of) in by.iter_mut().zip(&self.distortion.ray_by_coefficients(bent, ray)) {
+            let ([x, y, w], [u, v, ahead]) = (of.at, of.jacobian);
+            by.at = [self.focal * x, self.focal * y, w];
+            by.jacobian = [u, v, [ahead[0] / self.focal, ahead[1] / self.focal]];
+        }
         if self.distortion.is_wide() {
             let [focal, u, v] = self.bearing_by_scale_and_centre(bent, ray);
             by[Self::OWN_FOCAL] = focal;
@@ -144,25 +142,11 @@ impl Lens {
     }
 
     /// How the bearing `(f x, f y, w)(q)` of `q = (pixel - c) / f` and its Jacobian `(J, J_w / f)`, with J that of the
-    /// ray by q, change with log f, where `dq = -q`, and with c, where `f dq = -e`. The curvature dJ is that of
-    /// differences.
+    /// ray by q, change with log f, where `dq = -q`, and with c, where `f dq = -e`.
     fn bearing_by_scale_and_centre(&self, bent: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
-        /// Of a focal: truncation 1e-10 of the third derivative, rounding 1e-11.
-        const STEP: f64 = 1e-5;
         let focal = self.focal;
         let jacobian = self.distortion.ray_jacobian(bent, ray);
-        let slopes = |by: f64, axis: usize| {
-            let mut at = bent;
-            at[axis] += by;
-            Some(self.distortion.ray_jacobian(at, self.distortion.ray(at)?))
-        };
-        let curvature: [RayMatrix; 2] = [0, 1].map(|axis| {
-            // At the rim of the lens there is one side only.
-            let (ahead, behind) = (slopes(STEP, axis), slopes(-STEP, axis));
-            let width = STEP * f64::from(u8::from(ahead.is_some()) + u8::from(behind.is_some()));
-            let (ahead, behind) = (ahead.unwrap_or(jacobian), behind.unwrap_or(jacobian));
-            std::array::from_fn(|row| [0, 1].map(|k| (ahead[row][k] - behind[row][k]) / width.max(STEP)))
-        });
+        let curvature = self.distortion.ray_curvature(bent, ray);
         let along = |row: usize| jacobian[row][0] * bent[0] + jacobian[row][1] * bent[1];
         let bend = |row: usize, k: usize| curvature[0][row][k] * bent[0] + curvature[1][row][k] * bent[1];
         let by_focal = RayByCoefficient {

@@ -40,13 +40,18 @@ impl OddPolynomial {
         roots.first().map_or(f64::INFINITY, |s| s.sqrt())
     }
 
-    /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method
-    /// kept inside a bracket, so that it always ends.
+    /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method from the first terms
+    /// of the inverse series, kept inside a bracket, so that it always ends.
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
-        /// Radii, in values, one of which is beyond the answer for all but the outermost points of a lens.
-        const NEAR: [f64; 5] = [1.02, 1.1, 1.2, 1.35, 1.5];
+        /// Radii, in the series' own, one of which is beyond the answer for all but the outermost points of a lens.
+        const NEAR: [f64; 4] = [1.001, 1.02, 1.1, 1.3];
+        let [k1, k2, ..] = self.0;
+        let s = value * value;
+        let series = value * (1.0 - s * (k1 - s * (3.0 * k1 * k1 - k2)));
+        // Where the series is of no use: it starts at the value.
+        let start = if series > 0.5 * value && series < 2.0 * value { series } else { value };
         let grows_past = |near: &f64| self.value(*near) > value && self.least_derivative(*near) > 0.0;
-        let mut high = match NEAR.map(|share| share * value).iter().find(|near| grows_past(near)) {
+        let mut high = match NEAR.map(|share| share * start).iter().find(|near| grows_past(near)) {
             Some(near) => *near,
             None => {
                 let turn = self.first_turn();
@@ -57,7 +62,7 @@ impl OddPolynomial {
             return None;
         }
         let mut low = 0.0;
-        let mut r = value.min(0.5 * (low + high) + 0.5 * value.min(high)).min(high);
+        let mut r = start.min(high);
         // Every round halves the bracket or doubles the digits.
         for _ in 0..200 {
             let error = self.value(r) - value;

@@ -102,7 +102,7 @@ struct Row {
     gradient: f64,
 }
 
-/// A block eliminated: `L`, by rows, and the rows of `W` with `w`.
+/// All blocks eliminated, one after the other as [`Normal`] has them: `L`, by rows, and the rows of `W` with `w`.
 struct Eliminated {
     lower: Vec<f64>,
     rows: Vec<Row>,
@@ -166,42 +166,39 @@ impl Normal {
         }
     }
 
-    /// Eliminates a block with `scaling` times its diagonal. A parameter on which nothing depends, or that the
+    /// Eliminates all blocks with `scaling` times their diagonals. A parameter on which nothing depends, or that the
     /// others of its block determine, stays where it is.
-    fn eliminate(&self, block: Block, scaling: f64) -> Eliminated {
-        let Block { size, row, square } = block;
-        let mut rows = self.rows[row..row + size].to_vec();
-        let mut lower = self.squares[square..square + size * size].to_vec();
-        for i in 0..size {
-            let whole = lower[i * size + i] * scaling;
-            for j in 0..=i {
-                let sum: f64 = (0..j).map(|k| lower[i * size + k] * lower[j * size + k]).sum();
-                let pivot = lower[j * size + j];
-                lower[i * size + j] = match i == j {
-                    true if whole - sum > 1e-14 * whole => (whole - sum).sqrt(),
-                    false if pivot > 0.0 => (lower[i * size + j] - sum) / pivot,
-                    _ => 0.0,
-                };
+    fn eliminated(&self, scaling: f64) -> Eliminated {
+        let (mut rows, mut lower) = (self.rows.clone(), self.squares.clone());
+        for &Block { size, row, square } in &self.blocks {
+            let rows = &mut rows[row..row + size];
+            let lower = &mut lower[square..square + size * size];
+            for i in 0..size {
+                let whole = lower[i * size + i] * scaling;
+                for j in 0..=i {
+                    let sum: f64 = (0..j).map(|k| lower[i * size + k] * lower[j * size + k]).sum();
+                    let pivot = lower[j * size + j];
+                    lower[i * size + j] = match i == j {
+                        true if whole - sum > 1e-14 * whole => (whole - sum).sqrt(),
+                        false if pivot > 0.0 => (lower[i * size + j] - sum) / pivot,
+                        _ => 0.0,
+                    };
+                }
+                substitute(rows, &lower[i * size..i * size + i + 1]);
             }
-            substitute(&mut rows, &lower[i * size..i * size + i + 1]);
         }
         Eliminated { lower, rows }
     }
 
     /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal
     /// added, and the eliminated blocks; a fixed parameter has a row of the identity.
-    fn reduced(
-        &self,
-        damping: f64,
-        free: [bool; CORE],
-    ) -> ([[f64; CORE]; CORE], [f64; CORE], Vec<Eliminated>) {
+    fn reduced(&self, damping: f64, free: [bool; CORE]) -> ([[f64; CORE]; CORE], [f64; CORE], Eliminated) {
         let scaling = 1.0 + damping;
         let mut matrix = self.core;
         let mut right = self.gradient.map(|g| -g);
         (0..CORE).for_each(|i| matrix[i][i] *= scaling);
-        let eliminated: Vec<Eliminated> =
-            self.blocks.iter().map(|&block| self.eliminate(block, scaling)).collect();
-        for Row { cross, gradient } in eliminated.iter().flat_map(|block| &block.rows) {
+        let eliminated = self.eliminated(scaling);
+        for Row { cross, gradient } in &eliminated.rows {
             for i in 0..CORE {
                 right[i] += cross[i] * gradient;
                 for j in i..CORE {
@@ -243,10 +240,10 @@ impl Normal {
             gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
             size = size.max(step[i].abs());
         }
-        let steps: Vec<Vec<f64>> = eliminated.iter().map(|block| block.back(&step)).collect();
+        let steps = self.back(&eliminated, &step);
         for (value, &(block, place)) in nuisances.iter_mut().zip(&self.places) {
             let Block { size: width, row, square } = self.blocks[block];
-            let own = steps[block][place];
+            let own = steps[row + place];
             *value += own;
             let diagonal = self.squares[square + place * width + place];
             gain += own * (damping * diagonal * own - self.rows[row + place].gradient);
@@ -255,14 +252,29 @@ impl Normal {
         Some((gain, size))
     }
 
+    /// The steps of all blocks from that of the core: `L' n = -(w + W c)`.
+    fn back(&self, eliminated: &Eliminated, core: &[f64; CORE]) -> Vec<f64> {
+        let Eliminated { lower, rows } = eliminated;
+        let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
+        let mut steps: Vec<f64> = rows.iter().map(|row| -(row.gradient + coupled(row))).collect();
+        for &Block { size, row, square } in &self.blocks {
+            let (steps, lower) = (&mut steps[row..row + size], &lower[square..square + size * size]);
+            for i in (0..size).rev() {
+                let sum: f64 = (i + 1..size).map(|k| lower[k * size + i] * steps[k]).sum();
+                let pivot = lower[i * size + i];
+                steps[i] = if pivot > 0.0 { (steps[i] - sum) / pivot } else { 0.0 };
+            }
+        }
+        steps
+    }
+
     /// Log of the determinant of the whole matrix, core and nuisances, of the parameters that residuals depend
     /// on.
     pub(crate) fn log_determinant(&self, free: [bool; CORE]) -> f64 {
         let (matrix, _, eliminated) = self.reduced(0.0, free);
         let core = Matrix4::from_fn(|i, j| matrix[i][j]).symmetric_eigenvalues();
-        let pivots = eliminated.iter().flat_map(|block| {
-            let size = block.rows.len();
-            (0..size).map(move |i| block.lower[i * size + i].powi(2))
+        let pivots = self.blocks.iter().flat_map(|&Block { size, square, .. }| {
+            (0..size).map(move |i| square + i * size + i).map(|at| eliminated.lower[at].powi(2))
         });
         core.iter().copied().chain(pivots).filter(|&value| value > 0.0).map(f64::ln).sum()
     }
@@ -291,21 +303,6 @@ fn substitute(rows: &mut [Row], lower: &[f64]) {
     }
     let inverse = if lower[i] > 0.0 { lower[i].recip() } else { 0.0 };
     rows[i] = Row { cross: own.cross.map(|c| c * inverse), gradient: own.gradient * inverse };
-}
-
-impl Eliminated {
-    /// The steps of the block from that of the core: `L' n = -(w + W c)`.
-    fn back(&self, core: &[f64; CORE]) -> Vec<f64> {
-        let size = self.rows.len();
-        let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
-        let mut steps: Vec<f64> = self.rows.iter().map(|row| -(row.gradient + coupled(row))).collect();
-        for i in (0..size).rev() {
-            let sum: f64 = (i + 1..size).map(|k| self.lower[k * size + i] * steps[k]).sum();
-            let pivot = self.lower[i * size + i];
-            steps[i] = if pivot > 0.0 { (steps[i] - sum) / pivot } else { 0.0 };
-        }
-        steps
-    }
 }
 
 /// The covariance of the core.

@@ -121,10 +121,29 @@ pub(crate) fn least_squares<P: LeastSquares>(
     start: P::State,
     max_steps: usize,
 ) -> Option<Summary<P>> {
-    let mut solver = LevenbergMarquardt::new(problem, start)?;
-    let ending = (0..max_steps).find_map(|_| solver.advance(problem)).unwrap_or(Termination::MaxSteps);
-    let LevenbergMarquardt { state, cost, normal, .. } = solver;
-    Some(Summary { state, cost, normal, ending })
+    least_squares_unless(problem, start, max_steps, |_, _| false)
+}
+
+/// The same; `None` also when a run comes to a state, of this cost, from which it is known where it leads.
+pub(crate) fn least_squares_unless<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    max_steps: usize,
+    is_known: impl Fn(&P::State, f64) -> bool,
+) -> Option<Summary<P>> {
+    let mut run = LevenbergMarquardt::new(problem, start)?;
+    let mut ending = None;
+    for _ in 0..max_steps {
+        ending = run.advance(problem);
+        if is_known(&run.state, run.cost) {
+            return None;
+        }
+        if ending.is_some() {
+            break;
+        }
+    }
+    let LevenbergMarquardt { state, cost, normal, .. } = run;
+    Some(Summary { state, cost, normal, ending: ending.unwrap_or(Termination::MaxSteps) })
 }
 
 /// Runs inside argmin's executor, one accepted step an iteration.

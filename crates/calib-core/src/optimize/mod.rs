@@ -23,7 +23,7 @@ pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
 pub(crate) use dense_block::{product, pseudo_inverse};
 pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
-pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares};
+pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares, least_squares_unless};
 #[cfg(test)]
 pub(crate) use levenberg_marquardt::{LevenbergMarquardt, Termination};
 pub(crate) use nelder_mead::nelder_mead;

@@ -79,8 +79,15 @@ impl<E: Number> Problem<'_, E> {
         at: &CameraTerms<N>,
         mut sink: impl FnMut(N, NuisanceJacobian),
     ) {
-        let Some(LeanSpread { right, ahead_by_right, ahead }) = self.lean_spread(at) else { return };
+        let Some(level) = self.constraints.tilt_sigma() else { return };
         let tilt = self.nuisances().tilt();
+        if !self.constraints.has_crossfall() {
+            for at in [tilt, tilt + 1] {
+                sink(N::constant(state.nuisance[at] / level), NuisanceJacobian::of(at, level.recip()));
+            }
+            return;
+        }
+        let Some(LeanSpread { right, ahead_by_right, ahead }) = self.lean_spread(at) else { return };
         let first = N::constant(state.nuisance[tilt]) / right;
         sink(first, NuisanceJacobian::of(tilt, right.value().recip()));
         let second = (N::constant(state.nuisance[tilt + 1]) - ahead_by_right * first) / ahead;

@@ -3,7 +3,7 @@
 
 use crate::camera::{BrownConrady, Distortion, Lens};
 use crate::single::constraints::Source;
-use crate::single::straightness::{Edge, best_line, sagitta};
+use crate::single::straightness::{BestLine, Edge, sagitta};
 
 /// Edges that a distortion of 10 px in the corner would bend by less than one sigma, and by less than a third
 /// of what it bends the most informative edge by; with their sagitta under it, in pixels.
@@ -23,7 +23,7 @@ pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma:
             return f64::INFINITY;
         }
         let moved: Vec<f64> = {
-            let (normal, _) = best_line(&plain, &vec![1.0; plain.len()]);
+            let BestLine { normal, .. } = BestLine::through(&plain, &vec![1.0; plain.len()]);
             points
                 .iter()
                 .zip(&plain)

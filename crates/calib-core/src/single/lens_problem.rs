@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::camera::{ByParameters, Chart, ImageCircle, Lens, Pixel};
-use crate::optimize::{LeastSquares, least_squares};
+use crate::optimize::{LeastSquares, least_squares, least_squares_unless};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
@@ -193,16 +193,17 @@ impl LensProblem<'_> {
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
+        let is_near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < NEAR);
         let starts = if self.fitted.is_wide() { &FISHEYE_STARTS[..] } else { &STARTS[..] };
         let starts = starts.iter().map(|start| padded(start));
-        let mut candidates: Vec<(Vec<f64>, f64)> = starts
-            .chain([padded(smaller)])
-            .filter_map(|start| {
-                least_squares(self, start, FIRST_STEPS).map(|summary| (summary.state, summary.cost))
-            })
-            .collect();
+        let mut candidates: Vec<(Vec<f64>, f64)> = Vec::new();
+        for start in starts.chain([padded(smaller)]) {
+            let is_known = |at: &Vec<f64>, _| candidates.iter().any(|(other, _)| is_near(other, at));
+            if let Some(summary) = least_squares_unless(self, start, FIRST_STEPS, is_known) {
+                candidates.push((summary.state, summary.cost));
+            }
+        }
         candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
-        candidates.dedup_by(|a, b| a.0.iter().zip(&b.0).all(|(a, b)| (a - b).abs() < NEAR));
         candidates.truncate(MAX_CANDIDATES);
         candidates
             .into_iter()

@@ -2,7 +2,7 @@
 //! the weak prior on the focal beside constraints that tell little of it.
 
 use crate::floor::STAGE_1_HEIGHT;
-use crate::optimize::{Summary, Uncertainty, least_squares};
+use crate::optimize::{Summary, Uncertainty, least_squares, least_squares_unless};
 use crate::single::constraints::Direction;
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
@@ -41,7 +41,12 @@ pub(crate) struct Minimum {
 
 /// Every distinct minimum found, the lowest first; empty when no start is possible.
 pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
-    let mut found: Vec<Minimum> = Vec::new();
+    minima_beside(Vec::new(), problem, fixed)
+}
+
+/// Those that are known and every other one found, the lowest first.
+pub(crate) fn minima_beside(known: Vec<Minimum>, problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
+    let mut found = known;
     for start in starts(problem, fixed) {
         found = with_minimum_from(start, problem, found);
     }
@@ -55,7 +60,8 @@ pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> 
 
 /// The minima with the one that a start leads to, if it is another or lower.
 fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -> Vec<Minimum> {
-    let summary = least_squares(problem, start, MAX_STEPS);
+    let is_known = |state: &State, cost: f64| found.iter().any(|known| leads_to(known, state, cost, problem));
+    let summary = least_squares_unless(problem, start, MAX_STEPS, is_known);
     let Some(minimum) = summary.and_then(|summary| minimum(problem, summary)) else { return found };
     match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
         Some(other) if minimum.chi2 < other.chi2 => *other = minimum,
@@ -63,6 +69,16 @@ fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -
         None => found.push(minimum),
     }
     found
+}
+
+/// Whether a state is so near to a minimum that a run ends there: within a standard deviation of every parameter, and a
+/// chi-square of one.
+fn leads_to(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> bool {
+    let is_near = |i: usize| {
+        let off = (state.parameters[i] - minimum.state.parameters[i]).abs();
+        !problem.free[i] || off < minimum.uncertainty.sigma(i)
+    };
+    (0.0..1.0).contains(&(cost - minimum.chi2)) && (0..4).all(is_near)
 }
 
 /// A start from the camera turned by 180 degrees that lines fit alike (`plausibility.rs`), where a minimum is
@@ -87,11 +103,10 @@ fn turned(minimum: &Minimum, problem: &Problem) -> Option<State> {
     is_doubtful.then(|| problem.state_at([other, -pitch, log_focal, log_height])).flatten()
 }
 
-/// The chi-square reached from a state nearby, as when an annotation is left out; the minimum need not be
-/// regular.
-pub(crate) fn chi2_near(problem: &Problem, state: &State) -> Option<f64> {
+/// The minimum reached from a state nearby, as when an annotation is left out; it need not be regular.
+pub(crate) fn minimum_near(problem: &Problem, state: &State) -> Option<Minimum> {
     let start = problem.state_at(state.parameters)?;
-    least_squares(problem, start, MAX_STEPS).map(|summary| summary.cost)
+    minimum(problem, least_squares(problem, start, MAX_STEPS)?)
 }
 
 fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {

@@ -11,7 +11,7 @@ use crate::single::chi_square::{chi2_score, is_misfit};
 use crate::single::constraints::Source;
 use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::Problem;
-use crate::single::minima::{Minimum, Solutions, chi2_near, solve};
+use crate::single::minima::{Minimum, Solutions, minima_beside, minimum_near, solve};
 
 /// The factor of the assumed variance of a drawn coordinate that the residuals estimate: `chi2 / dof`, at
 /// least 1. It is 1 where there are too few residuals for an estimate, unless they are a misfit.
@@ -208,11 +208,11 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
             continue;
         }
         // A gross error may have led the fit to another minimum: all starts are tried, not only this one.
-        let nearby = chi2_near(&without, &best.state);
-        let from_all_starts = (rank < multistart).then(|| solve(&without, search.fixed, search.weak_prior));
-        let from_all_starts =
-            from_all_starts.and_then(|found| found.minima.first().map(|minimum| minimum.chi2));
-        let chi2 = nearby.into_iter().chain(from_all_starts).fold(f64::INFINITY, f64::min);
+        let mut found: Vec<Minimum> = minimum_near(&without, &best.state).into_iter().collect();
+        if rank < multistart {
+            found = minima_beside(found, &without, search.fixed);
+        }
+        let chi2 = found.iter().map(|minimum| minimum.chi2).fold(f64::INFINITY, f64::min);
         scored.push((chi2_score(chi2, without.dof()), source, chi2));
     }
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -6,7 +6,7 @@
 //! it. The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three
 //! times, with the weights of the line before.
 
-use crate::camera::{ByCoefficient, ByParameters, Chart, ChartPoint, Lens, Matrix2, Pixel};
+use crate::camera::{ByCoefficient, Chart, ChartPoint, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 use crate::single::overlaps::Overlaps;
@@ -72,14 +72,12 @@ pub(crate) fn straightness_with_jacobian(
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     let polyline = UndistortedPolyline::new([lens, start], points)?;
     let distances = polyline.distances();
-    let by: Vec<ByParameters> = points
-        .iter()
-        .zip(polyline.points.iter().zip(&polyline.jacobians))
-        .map(|(&raw, (&at, &jacobian))| {
-            lens.in_chart_by_parameters(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref())
-        })
-        .collect();
-    let columns = parameters.iter().map(|&k| polyline.jacobian_column(|i| by[i][k])).collect();
+    let mut changes = vec![Vec::with_capacity(points.len()); parameters.len()];
+    for (&raw, (&at, &jacobian)) in points.iter().zip(polyline.points.iter().zip(&polyline.jacobians)) {
+        let by = lens.in_chart_by_parameters(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref());
+        changes.iter_mut().zip(parameters).for_each(|(changes, &k)| changes.push(by[k]));
+    }
+    let columns = changes.iter().map(|changes| polyline.jacobian_column(changes)).collect();
     Some((distances, columns))
 }
 
@@ -93,8 +91,8 @@ struct UndistortedPolyline {
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
-    /// Unit normal and offset of the line of every fit.
-    lines: [([f64; 2], f64); 3],
+    /// The line of every fit.
+    lines: [BestLine; 3],
     /// Weights of every fit.
     weights: [Vec<f64>; 3],
     /// Sign of the distances on the side that the normal points to.
@@ -111,21 +109,21 @@ impl UndistortedPolyline {
             points.push(at);
             jacobians.push(jacobian);
         }
-        let weights_of = |([x, y], _): &([f64; 2], f64)| -> Vec<f64> {
+        let weights_of = |BestLine { normal: [x, y], .. }: &BestLine| -> Vec<f64> {
             let weight = |[[a, b], [c, d]]: &Matrix2| {
                 ((a * x + c * y).powi(2) + (b * x + d * y).powi(2)).max(f64::MIN_POSITIVE).recip()
             };
             jacobians.iter().map(weight).collect()
         };
         let uniform = vec![1.0; points.len()];
-        let first = best_line(&points, &uniform);
+        let first = BestLine::through(&points, &uniform);
         let by_first = weights_of(&first);
-        let second = best_line(&points, &by_first);
+        let second = BestLine::through(&points, &by_first);
         let by_second = weights_of(&second);
-        let third = best_line(&points, &by_second);
+        let third = BestLine::through(&points, &by_second);
         // The sign must not change with the coefficients: positive is left of the way from first to last
         // point.
-        let ([x, y], (start, end)) = (third.0, (points.first()?, points.last()?));
+        let ([x, y], (start, end)) = (third.normal, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
         let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
         Some(Self { chart, points, jacobians, lines, weights, sign })
@@ -133,24 +131,23 @@ impl UndistortedPolyline {
 
     /// `(n . u - c) sqrt(w)` of every point.
     fn distances(&self) -> Vec<f64> {
-        let ([x, y], c) = self.lines[2];
+        let BestLine { normal: [x, y], offset: c, .. } = self.lines[2];
         let distance = |([u, v], weight): (&[f64; 2], &f64)| self.sign * (x * u + y * v - c) * weight.sqrt();
         self.points.iter().zip(&self.weights[2]).map(distance).collect()
     }
 
-    /// Derivatives of the distances by a coefficient that changes points and Jacobians by `by`: the chain
+    /// Derivatives of the distances by a coefficient that changes points and Jacobians by these: the chain
     /// rule through the three fits.
-    fn jacobian_column(&self, by: impl Fn(usize) -> ByCoefficient) -> Vec<f64> {
-        let changes: Vec<ByCoefficient> = (0..self.points.len()).map(by).collect();
+    fn jacobian_column(&self, changes: &[ByCoefficient]) -> Vec<f64> {
         let mut d_weights = vec![0.0; self.points.len()];
         let mut d_line = ([0.0; 2], 0.0);
         for step in 0..3 {
             if step > 0 {
-                d_weights = self.d_weights(step, &changes, d_line.0);
+                self.change_weights(step, changes, d_line.0, &mut d_weights);
             }
-            d_line = best_line_derivatives(&self.points, &self.weights[step], &changes, &d_weights);
+            d_line = self.lines[step].derivative(&self.points, &self.weights[step], changes, &d_weights);
         }
-        let (([x, y], c), ([dx, dy], dc)) = (self.lines[2], d_line);
+        let (BestLine { normal: [x, y], offset: c, .. }, ([dx, dy], dc)) = (&self.lines[2], d_line);
         let derivative = |i: usize| {
             let ([u, v], [du, dv], weight) = (self.points[i], changes[i].at, self.weights[2][i]);
             let distance = x * u + y * v - c;
@@ -161,66 +158,85 @@ impl UndistortedPolyline {
     }
 
     /// `d w = -2 w^2 (J' n) . d(J' n)`, the change of the weights of a fit with that of the line before it.
-    fn d_weights(&self, step: usize, changes: &[ByCoefficient], [dx, dy]: [f64; 2]) -> Vec<f64> {
-        let ([x, y], _) = self.lines[step - 1];
-        let change = |i: usize| {
-            let ([[a, b], [c, d]], [[da, db], [dc, dd]]) = (self.jacobians[i], changes[i].jacobian);
+    fn change_weights(
+        &self,
+        step: usize,
+        changes: &[ByCoefficient],
+        [dx, dy]: [f64; 2],
+        d_weights: &mut [f64],
+    ) {
+        let [x, y] = self.lines[step - 1].normal;
+        let each = self.jacobians.iter().zip(changes).zip(&self.weights[step]);
+        for ((([[a, b], [c, d]], by), weight), d_weight) in each.zip(d_weights) {
+            let [[da, db], [dc, dd]] = by.jacobian;
             let normal = [a * x + c * y, b * x + d * y];
             let d_normal = [da * x + dc * y + a * dx + c * dy, db * x + dd * y + b * dx + d * dy];
-            let weight = self.weights[step][i];
-            -2.0 * weight * weight * (normal[0] * d_normal[0] + normal[1] * d_normal[1])
-        };
-        (0..self.points.len()).map(change).collect()
+            *d_weight = -2.0 * weight * weight * (normal[0] * d_normal[0] + normal[1] * d_normal[1]);
+        }
     }
 }
 
-/// Unit normal and offset of the line with the least weighted sum of squared distances.
-pub(crate) fn best_line(points: &[[f64; 2]], weights: &[f64]) -> ([f64; 2], f64) {
-    let total: f64 = weights.iter().sum();
-    let mean = |k: usize| points.iter().zip(weights).map(|(p, w)| w * p[k]).sum::<f64>() / total;
-    let (mu, mv) = (mean(0), mean(1));
-    let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-    for ([u, v], w) in points.iter().zip(weights) {
-        uu += w * (u - mu) * (u - mu);
-        uv += w * (u - mu) * (v - mv);
-        vv += w * (v - mv) * (v - mv);
-    }
-    let along = 0.5 * (2.0 * uv).atan2(uu - vv);
-    let normal = [-along.sin(), along.cos()];
-    (normal, normal[0] * mu + normal[1] * mv)
+/// The line with the least weighted sum of squared distances from some points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BestLine {
+    /// Unit normal.
+    pub(crate) normal: [f64; 2],
+    /// Of the line along the normal.
+    pub(crate) offset: f64,
+    /// The sum of the weights.
+    total: f64,
+    /// The weighted mean of the points.
+    mean: [f64; 2],
+    /// Of the second moments S about the mean: twice `S_uv`, and `S_uu - S_vv`.
+    turn: [f64; 2],
 }
 
-/// How [`best_line`] changes with its points and weights: with the second moments S about the weighted mean
-/// m, `angle = atan2(2 S_uv, S_uu - S_vv) / 2`, and `c = n . m`.
-fn best_line_derivatives(
-    points: &[[f64; 2]],
-    weights: &[f64],
-    changes: &[ByCoefficient],
-    d_weights: &[f64],
-) -> ([f64; 2], f64) {
-    let total: f64 = weights.iter().sum();
-    let mean = [0, 1].map(|k| points.iter().zip(weights).map(|(p, w)| w * p[k]).sum::<f64>() / total);
-    let each = || points.iter().zip(weights).zip(changes.iter().zip(d_weights));
-    let d_mean = [0, 1]
-        .map(|k| each().map(|((p, w), (by, dw))| dw * (p[k] - mean[k]) + w * by.at[k]).sum::<f64>() / total);
-    // Twice S_uv and S_uu - S_vv, and their changes; that of the mean has no effect, for offsets from it sum
-    // to 0.
-    let (mut sine, mut cosine, mut d_sine, mut d_cosine) = (0.0, 0.0, 0.0, 0.0);
-    for (([u, v], w), (ByCoefficient { at: [du, dv], .. }, dw)) in each() {
-        let (u, v) = (u - mean[0], v - mean[1]);
-        sine += 2.0 * w * u * v;
-        cosine += w * (u * u - v * v);
-        d_sine += 2.0 * (dw * u * v + w * (du * v + u * dv));
-        d_cosine += dw * (u * u - v * v) + 2.0 * w * (u * du - v * dv);
+impl BestLine {
+    /// `angle = atan2(2 S_uv, S_uu - S_vv) / 2` along the line, and its offset that of the mean.
+    pub(crate) fn through(points: &[[f64; 2]], weights: &[f64]) -> Self {
+        let (mut total, mut mean) = (0.0, [0.0; 2]);
+        for ([u, v], w) in points.iter().zip(weights) {
+            total += w;
+            mean = [mean[0] + w * u, mean[1] + w * v];
+        }
+        let mean = mean.map(|sum| sum / total);
+        let (mut sine, mut cosine) = (0.0, 0.0);
+        for ([u, v], w) in points.iter().zip(weights) {
+            let (u, v) = (u - mean[0], v - mean[1]);
+            sine += 2.0 * w * u * v;
+            cosine += w * (u * u - v * v);
+        }
+        let (sin, cos) = (0.5 * sine.atan2(cosine)).sin_cos();
+        let normal = [-sin, cos];
+        let offset = normal[0] * mean[0] + normal[1] * mean[1];
+        Self { normal, offset, total, mean, turn: [sine, cosine] }
     }
-    let square = (sine * sine + cosine * cosine).max(f64::MIN_POSITIVE);
-    let d_angle = 0.5 * (cosine * d_sine - sine * d_cosine) / square;
-    let (sin, cos) = (0.5 * sine.atan2(cosine)).sin_cos();
-    let normal = [-sin, cos];
-    let d_normal = [-d_angle * cos, -d_angle * sin];
-    let d_offset =
-        d_normal[0] * mean[0] + d_normal[1] * mean[1] + normal[0] * d_mean[0] + normal[1] * d_mean[1];
-    (d_normal, d_offset)
+
+    /// How normal and offset change with the points and their weights.
+    fn derivative(
+        &self,
+        points: &[[f64; 2]],
+        weights: &[f64],
+        changes: &[ByCoefficient],
+        d_weights: &[f64],
+    ) -> ([f64; 2], f64) {
+        let Self { normal, total, mean, turn: [sine, cosine], .. } = self;
+        let (mut d_mean, mut d_sine, mut d_cosine) = ([0.0; 2], 0.0, 0.0);
+        // The change of the mean has no effect on the moments, for offsets from it sum to 0.
+        for (([u, v], w), (by, dw)) in points.iter().zip(weights).zip(changes.iter().zip(d_weights)) {
+            let ([u, v], [du, dv]) = ([u - mean[0], v - mean[1]], by.at);
+            d_mean = [d_mean[0] + dw * u + w * du, d_mean[1] + dw * v + w * dv];
+            d_sine += 2.0 * (dw * u * v + w * (du * v + u * dv));
+            d_cosine += dw * (u * u - v * v) + 2.0 * w * (u * du - v * dv);
+        }
+        let square = (sine * sine + cosine * cosine).max(f64::MIN_POSITIVE);
+        let d_angle = 0.5 * (cosine * d_sine - sine * d_cosine) / square;
+        let d_normal = [-d_angle * normal[1], d_angle * normal[0]];
+        let d_offset = d_normal[0] * mean[0]
+            + d_normal[1] * mean[1]
+            + (normal[0] * d_mean[0] + normal[1] * d_mean[1]) / total;
+        (d_normal, d_offset)
+    }
 }
 
 /// Root mean square distance of a polyline's points from straight under a given lens, in raw pixels; `None`

@@ -22,7 +22,9 @@ use crate::camera::distortion::unified::Unified;
 pub use brown_conrady::BrownConrady;
 
 pub(crate) use brown_inverse::{BrownInverse, LANES};
-pub(crate) use model::{ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayMatrix, times};
+pub(crate) use model::{
+    ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, times,
+};
 
 /// Distortion of coordinates divided by the focal, in the terms of OpenCV.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -294,6 +296,11 @@ impl Distortion {
     /// `d ray / d distorted` at `bent`, which shows `ray`.
     pub(crate) fn ray_jacobian(&self, bent: [f64; 2], ray: [f64; 3]) -> RayMatrix {
         self.ask(|model| model.ray_jacobian(bent, ray)).unwrap_or([[1.0, 0.0], [0.0, 1.0], [0.0; 2]])
+    }
+
+    /// How [`Self::ray_jacobian`] changes with `bent`, which shows `ray`, of a wide lens.
+    pub(crate) fn ray_curvature(&self, bent: [f64; 2], ray: [f64; 3]) -> RayCurvature {
+        self.ask(|model| model.ray_curvature(bent, ray)).unwrap_or_default()
     }
 
     /// How `ray` and [`Self::ray_jacobian`] change with every coefficient, `bent` staying.

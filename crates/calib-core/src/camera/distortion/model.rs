@@ -20,6 +20,9 @@ pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MOST];
 /// Rows x, y and w of a ray by the two coordinates of its distorted point.
 pub(crate) type RayMatrix = [[f64; 2]; 3];
 
+/// How a [`RayMatrix`] changes with each of the two coordinates of its distorted point.
+pub(crate) type RayCurvature = [RayMatrix; 2];
+
 /// How a ray and its Jacobian by the distorted point, which stays, change with a coefficient.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RayByCoefficient {
@@ -71,6 +74,11 @@ pub(crate) trait Model {
     fn ray_jacobian(&self, bent: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
         let [u, v] = self.undistort_jacobian(bent, [x, y]);
         [u, v, [0.0; 2]]
+    }
+
+    /// How [`Self::ray_jacobian`] changes with `bent`, which shows `ray`; of a model that looks beside and behind itself.
+    fn ray_curvature(&self, _bent: [f64; 2], _ray: [f64; 3]) -> RayCurvature {
+        RayCurvature::default()
     }
 
     /// How `ray` and [`Self::ray_jacobian`] change with every coefficient, `bent` staying.

@@ -9,7 +9,7 @@
 
 use crate::camera::distortion::Distortion;
 use crate::camera::distortion::model::{
-    ByCoefficient, ByCoefficients, Matrix2, Model, RayByCoefficient, RayMatrix, radial,
+    ByCoefficient, ByCoefficients, Matrix2, Model, RayByCoefficient, RayCurvature, RayMatrix, radial,
 };
 use crate::camera::elementary::{angle_from_axis, atan, hypot, sin_cos, tan};
 
@@ -105,6 +105,35 @@ impl<P: Profile> Model for P {
         let turn = self.slope(angle_from_axis(sin, w)).recip();
         let [u, v] = radial(bent, sin / radius, w * turn);
         [u, v, bent.map(|c| -sin * turn * c / radius)]
+    }
+
+    /// Of `(s q, cos theta)` with `s = sin theta / r` at the radius r of the point q, whose direction is n: with slashes
+    /// for derivatives by r, `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k` and
+    /// `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`, where `r s' = cos theta theta' - s` and
+    /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
+    fn ray_curvature(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
+        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+        let one = |i: usize, k: usize| f64::from(u8::from(i == k));
+        if radius < AXIS {
+            return [0, 1].map(|j| [[0.0; 2], [0.0; 2], [-one(j, 0), -one(j, 1)]]);
+        }
+        let theta = angle_from_axis(sin, w);
+        let turn = self.slope(theta).recip();
+        let bend = -self.curvature(theta) * turn * turn * turn;
+        let across = (w * turn - sin / radius) / radius;
+        let along = w * bend - sin * turn * turn - 3.0 * across;
+        let [ahead, behind] = [-sin * turn / radius, -w * turn * turn - sin * bend];
+        let n = bent.map(|c| c / radius);
+        [0, 1].map(|j| {
+            let beside = |i: usize| {
+                [0, 1].map(|k| {
+                    let even = n[i] * one(j, k) + n[j] * one(i, k) + n[k] * one(i, j);
+                    across * even + along * n[i] * n[j] * n[k]
+                })
+            };
+            let last = [0, 1].map(|k| ahead * (one(j, k) - n[j] * n[k]) + behind * n[j] * n[k]);
+            [beside(0), beside(1), last]
+        })
     }
 
     fn ray_by_coefficients(
