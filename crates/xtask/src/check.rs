@@ -1,8 +1,12 @@
-//! `cargo xtask test`: every check there is, in the order in which they fail fastest.
+//! `cargo xtask test`: every check there is, in the order in which they fail fastest, and in two rows: linking, browsers
+//! and most tests keep one processor busy, so that two rows are through a quarter sooner.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
+use std::fs::{File, read_to_string};
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
@@ -22,6 +26,10 @@ struct Check {
     tools: &'static [&'static Tool],
     /// It runs without its tools, too, and says by itself what it leaves out.
     runs_without: bool,
+    /// It is in the second row: what it prints is shown when it is done.
+    is_beside: bool,
+    /// The check of the other row that makes what it takes.
+    after: Option<&'static str>,
 }
 
 /// Tells a check that the whole workspace is built: what it needs is there, and what it would build for itself has
@@ -31,8 +39,25 @@ pub(crate) const IS_BUILT: &str = "CALIB_IS_BUILT";
 /// Where all targets are built, so that what they have in common is built once.
 const FUZZ_TARGET: &str = "target/fuzz";
 
-const PLAIN: Check =
-    Check { name: "", command: &[], environment: &[], empty: None, tools: &[], runs_without: false };
+const PLAIN: Check = Check {
+    name: "",
+    command: &[],
+    environment: &[],
+    empty: None,
+    tools: &[],
+    runs_without: false,
+    is_beside: false,
+    after: None,
+};
+
+/// In the second row.
+const BESIDE: Check = Check { is_beside: true, ..PLAIN };
+
+/// In the second row, and takes what is built.
+const OF_BUILT: Check = Check { after: Some(BUILD), ..BESIDE };
+
+/// The check that builds the workspace.
+const BUILD: &str = "build";
 
 /// The list is the registry.
 const CHECKS: &[Check] = &[
@@ -70,7 +95,7 @@ const CHECKS: &[Check] = &[
     },
     // With the features of all packages together; what follows uses what lies there.
     Check {
-        name: "build",
+        name: BUILD,
         command: &[
             "cargo",
             "build",
@@ -107,34 +132,39 @@ const CHECKS: &[Check] = &[
         environment: &[("RUSTC_BOOTSTRAP", "1")],
         empty: Some("target/fuzz-corpus/site"),
         tools: &[&FUZZ],
-        ..PLAIN
+        ..BESIDE
     },
-    Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..PLAIN },
-    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB], ..PLAIN },
+    Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..BESIDE },
+    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB], ..BESIDE },
     Check {
         name: "the package for JavaScript",
         command: &["xtask", "js", "--test"],
         tools: &[&WEB, &BROWSER],
-        ..PLAIN
+        ..OF_BUILT
     },
-    Check { name: "the wheel for Python", command: &["xtask", "py", "--test"], tools: &[&PYTHON], ..PLAIN },
+    Check {
+        name: "the wheel for Python",
+        command: &["xtask", "py", "--test"],
+        tools: &[&PYTHON],
+        ..OF_BUILT
+    },
     Check {
         name: "the wheel beside Ultralytics",
         command: &["xtask", "py", "--ultralytics"],
         tools: &[&PYTHON, &ULTRALYTICS],
-        ..PLAIN
+        ..OF_BUILT
     },
     Check {
         name: "the library for C and C++",
         command: &["xtask", "c", "--test"],
         tools: &[&COMPILERS],
-        ..PLAIN
+        ..OF_BUILT
     },
     Check {
         name: "the app in Chromium",
         command: &["xtask", "browser", "--as-is"],
         tools: &[&WEB, &BROWSER],
-        ..PLAIN
+        ..OF_BUILT
     },
     Check {
         name: "tests",
@@ -150,49 +180,50 @@ const CHECKS: &[Check] = &[
 /// Runs every check; with `install`, what is missing is installed first, and a skip is a failure.
 pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     // By its name at the start: the build puts another in its place.
-    let runner =
-        Runner { own: std::env::current_exe()?, skips: root().join("target/skipped-tests.txt"), install };
-    std::fs::create_dir_all(root().join("target"))?;
+    let runner = Runner {
+        own: std::env::current_exe()?,
+        skips: root().join("target/skipped-tests.txt"),
+        install,
+        outcome: Mutex::default(),
+        is_one_done: Condvar::new(),
+        installer: Mutex::default(),
+    };
+    make_empty("target/checks")?;
     std::fs::write(&runner.skips, "")?;
-    let (mut failed, mut skipped) = (Vec::new(), Vec::new());
-    for check in CHECKS {
-        let missing: Vec<&str> =
-            check.tools.iter().filter(|tool| !ready(tool, install)).map(|tool| tool.name).collect();
-        if !missing.is_empty() && !check.runs_without {
-            skipped.push(format!("{}: {} is missing", check.name, missing.join(", ")));
-            continue;
-        }
-        let start = Instant::now();
-        println!("\n== {}", check.name);
-        let passed = match check.command {
-            ["fuzz-formats"] => runner.fuzz_formats()?,
-            _ => runner.run(check)?,
-        };
-        println!(
-            "== {}: {} in {:.0} s",
-            check.name,
-            if passed { "passed" } else { "FAILED" },
-            start.elapsed().as_secs_f64()
-        );
-        if !passed {
-            failed.push(check.name);
-        }
-    }
-    let listed = std::fs::read_to_string(&runner.skips)?;
+    std::thread::scope(|scope| {
+        let rows = [false, true].map(|is_beside| {
+            scope.spawn({
+                let runner = &runner;
+                move || runner.row(CHECKS.iter().filter(|check| check.is_beside == is_beside))
+            })
+        });
+        rows.into_iter().for_each(|row| drop(row.join()));
+    });
+    let Outcome { mut failed, skipped, .. } =
+        runner.outcome.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let listed = read_to_string(&runner.skips)?;
     println!();
     let count = skipped.len() + listed.lines().count();
     for line in listed.lines().chain(skipped.iter().map(String::as_str)) {
         println!("SKIPPED {}", line.trim_start_matches("SKIPPED ").trim_start_matches("MISSING "));
     }
     if install {
-        failed.extend(skipped.iter().map(String::as_str));
-        failed.extend(listed.lines().filter(|line| line.starts_with("MISSING")));
+        failed.extend(skipped.iter().cloned());
+        failed.extend(listed.lines().filter(|line| line.starts_with("MISSING")).map(Into::into));
     }
     if !failed.is_empty() {
         bail!("failed: {}", failed.join("; "));
     }
     println!("{} passed, 0 failed, {count} skipped", CHECKS.len() - skipped.len());
     Ok(())
+}
+
+/// How the checks went so far.
+#[derive(Default)]
+struct Outcome {
+    done: BTreeSet<&'static str>,
+    failed: Vec<String>,
+    skipped: Vec<String>,
 }
 
 /// What the commands of checks share.
@@ -202,21 +233,76 @@ struct Runner {
     /// Where tests write what they skipped.
     skips: PathBuf,
     install: bool,
+    outcome: Mutex<Outcome>,
+    is_one_done: Condvar,
+    /// Held by the row that installs: the managers of packages work one at a time.
+    installer: Mutex<()>,
 }
 
 impl Runner {
+    /// Runs the checks of a row.
+    fn row(&self, checks: impl Iterator<Item = &'static Check>) {
+        for check in checks {
+            let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+            let waits =
+                |outcome: &mut Outcome| check.after.is_some_and(|other| !outcome.done.contains(other));
+            drop(self.is_one_done.wait_while(outcome, waits));
+            let found = self.one(check);
+            let mut outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+            match found {
+                Ok(Found::Passed) => {}
+                Ok(Found::Failed) => outcome.failed.push(check.name.into()),
+                Ok(Found::Skipped(missing)) => {
+                    outcome.skipped.push(format!("{}: {missing} is missing", check.name));
+                }
+                Err(error) => outcome.failed.push(format!("{}: {error:#}", check.name)),
+            }
+            outcome.done.insert(check.name);
+            drop(outcome);
+            self.is_one_done.notify_all();
+        }
+    }
+
+    fn one(&self, check: &Check) -> anyhow::Result<Found> {
+        let missing: Vec<&str> = {
+            let _one_at_a_time = self.installer.lock();
+            check.tools.iter().filter(|tool| !ready(tool, self.install)).map(|tool| tool.name).collect()
+        };
+        if !missing.is_empty() && !check.runs_without {
+            return Ok(Found::Skipped(missing.join(", ")));
+        }
+        let start = Instant::now();
+        if !check.is_beside {
+            println!("\n== {}", check.name);
+        }
+        let passed = match check.command {
+            ["fuzz-formats"] => self.fuzz_formats(check)?,
+            _ => self.run(check)?,
+        };
+        let printed = if check.is_beside { read_to_string(printed_by(check))? } else { String::new() };
+        let beside =
+            if check.is_beside { format!("\n== {}, beside\n{printed}", check.name) } else { printed };
+        println!(
+            "{beside}== {}: {} in {:.0} s",
+            check.name,
+            if passed { "passed" } else { "FAILED" },
+            start.elapsed().as_secs_f64()
+        );
+        Ok(if passed { Found::Passed } else { Found::Failed })
+    }
+
     fn run(&self, check: &Check) -> anyhow::Result<bool> {
         let (program, arguments) = check.command.split_first().context("a check without a command")?;
         if let Some(folder) = check.empty {
             make_empty(folder)?;
         }
-        let mut command = self.command(program)?;
+        let mut command = self.command(program, check)?;
         command.args(arguments).envs(check.environment.iter().copied());
         Ok(command.status().with_context(|| check.name)?.success())
     }
 
     /// Every importer has seeds; their folder is the list.
-    fn fuzz_formats(&self) -> anyhow::Result<bool> {
+    fn fuzz_formats(&self, check: &Check) -> anyhow::Result<bool> {
         const FUZZ_DIR: &str = "crates/calib-formats/fuzz";
         let mut formats = Vec::new();
         for entry in std::fs::read_dir(root().join(FUZZ_DIR).join("seeds"))? {
@@ -240,7 +326,7 @@ impl Runner {
             ];
             // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
             let options = ["--", "-seed=1", "-runs=10000", "-max_len=8192", "-rss_limit_mb=1024"];
-            let mut cargo = self.command("cargo")?;
+            let mut cargo = self.command("cargo", check)?;
             cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1").env("CALIB_FORMAT", format);
             if !cargo.status()?.success() {
                 println!("== the importer of {format}");
@@ -251,13 +337,17 @@ impl Runner {
     }
 
     /// A command that finds the tools that were installed for the checks.
-    fn command(&self, program: &str) -> anyhow::Result<Command> {
+    fn command(&self, program: &str, check: &Check) -> anyhow::Result<Command> {
         let program = if program == "xtask" { self.own.as_os_str() } else { OsStr::new(program) };
         let mut command = Command::new(program);
         command.current_dir(root()).env("CALIB_SKIPPED_LIST", &self.skips).env(IS_BUILT, "1");
         if self.install {
             // It is for whoever changes a line and builds again, and doubles what lies in `target`.
             command.env("CARGO_INCREMENTAL", "0");
+        }
+        if check.is_beside {
+            let printed = File::options().append(true).create(true).open(printed_by(check))?;
+            command.stdout(printed.try_clone()?).stderr(printed);
         }
         let tools = root().join("target/tools/bin");
         if let Some(path) = std::env::var_os("PATH") {
@@ -266,6 +356,19 @@ impl Runner {
         }
         Ok(command)
     }
+}
+
+/// How a check went.
+enum Found {
+    Passed,
+    Failed,
+    /// For want of these tools.
+    Skipped(String),
+}
+
+/// Where a check of the second row prints.
+fn printed_by(check: &Check) -> PathBuf {
+    root().join("target/checks").join(check.name.replace(' ', "-")).with_extension("txt")
 }
 
 /// Makes a folder anew: what is tried does not depend on what was tried before.
