@@ -1,5 +1,5 @@
 //! How long a frame takes without painting: sixteen cameras, all views live, a mark dragged; and how
-//! long one camera's solve while a line is dragged. One JSON object on stdout; `cargo xtask bench`
+//! long one camera's solve while a line is dragged, or a straight edge of its lens. One JSON object on stdout; `cargo xtask bench`
 //! gathers it.
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
 
@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::time::Instant;
 
 use calib_app::files::Images;
-use calib_core::Site;
+use calib_core::{Kind, Site};
 use calib_editor::Pane;
 use calib_editor::Part;
 use calib_editor::Session;
@@ -89,18 +89,31 @@ fn dragged(desk: &mut Desk, at: Pos2, button: PointerButton, [a, b]: [f32; 2]) -
     (0..COUNT).map(frame).collect()
 }
 
-/// Milliseconds of every solve while the end of a line is dragged.
-fn solves() -> Vec<f64> {
+/// Milliseconds of every solve while a point of the first drawing on a camera is dragged.
+fn solves(camera: usize) -> Vec<f64> {
     let mut session = Session::new(demo(), Images::default(), None);
     let end = [Part::Vertex { annotation: 0, segment: 0, vertex: 1 }].into();
     let solve = |i: usize| {
         let angle = i as f64 * 0.05;
-        calib_editor::edit::shift(&mut session.site, 0, &end, [angle.cos(), angle.sin()]);
+        calib_editor::edit::shift(&mut session.site, camera, &end, [angle.cos(), angle.sin()]);
         let start = Instant::now();
         assert!(session.solve(), "what was dragged is solved again");
         1e3 * start.elapsed().as_secs_f64()
     };
     (0..COUNT).map(solve).collect()
+}
+
+/// The first camera of the demonstration on which straight edges were drawn, and the last, which has a fisheye.
+fn with_edges() -> [usize; 2] {
+    let site = demo();
+    let has_edges = |camera: &usize| site.cameras[*camera].annotations[0].kind == Kind::Straight;
+    let cameras: Vec<usize> = (0..site.cameras.len()).filter(has_edges).collect();
+    [cameras[0], cameras[cameras.len() - 1]]
+}
+
+fn median(mut took: Vec<f64>) -> f64 {
+    took.sort_by(f64::total_cmp);
+    took[took.len() / 2]
 }
 
 /// Milliseconds of every frame while a photograph of twelve megapixels is panned at four times its fit.
@@ -151,19 +164,16 @@ fn wheels() -> Vec<f64> {
 }
 
 fn main() {
-    let mut wheels = wheels();
-    wheels.sort_by(f64::total_cmp);
-    let wheel = wheels[wheels.len() / 2];
-    let (mut frames, mut solves, mut pans) = (frames(), solves(), pans());
+    let wheel = median(wheels());
+    let mut frames = frames();
     frames.sort_by(f64::total_cmp);
-    solves.sort_by(f64::total_cmp);
-    pans.sort_by(f64::total_cmp);
+    let (middle, worst) = (frames[COUNT / 2], frames[COUNT - 1]);
+    let [edge, fisheye] = with_edges().map(|camera| median(solves(camera)));
+    let (solve, pan) = (median(solves(0)), median(pans()));
     let mut out = std::io::stdout().lock();
-    let (median, worst, solve) = (frames[COUNT / 2], frames[COUNT - 1], solves[COUNT / 2]);
-    let pan = pans[COUNT / 2];
     writeln!(
         out,
-        r#"{{"app_frame_16_cameras_ms":{median:.3},"app_frame_16_cameras_worst_ms":{worst:.3},"app_drag_solve_ms":{solve:.4},"app_pan_12_megapixels_ms":{pan:.3},"app_plan_wheel_40_cameras_ms":{wheel:.3}}}"#
+        r#"{{"app_frame_16_cameras_ms":{middle:.3},"app_frame_16_cameras_worst_ms":{worst:.3},"app_drag_solve_ms":{solve:.4},"app_drag_edge_ms":{edge:.4},"app_drag_fisheye_edge_ms":{fisheye:.4},"app_pan_12_megapixels_ms":{pan:.3},"app_plan_wheel_40_cameras_ms":{wheel:.3}}}"#
     )
     .unwrap();
 }

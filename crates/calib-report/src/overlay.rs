@@ -1,6 +1,6 @@
 //! What is drawn on a camera's image.
 
-use calib_core::{FloorPoint, Pixel, ResidualOf, Site, SiteCamera, view_angle};
+use calib_core::{Code, FloorPoint, Pixel, ResidualOf, Site, SiteCamera, view_angle};
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, KindLook, Laid, Look, Meaning, Rgb, Sign, Signs, lay, on_image,
     reach,
@@ -147,11 +147,13 @@ fn summary(entry: &SiteCamera) -> String {
     let is_down = straight_down(solution).is_some();
     let roll = if is_down { String::new() } else { format!("  roll {roll:.1}\u{b0}") };
     let mut text = format!("   pitch {pitch:.1}\u{b0}{roll}  view {hfov:.0}\u{b0}");
+    let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+    let [height_assumed, scale_open] = if is_assumed { [", assumed", " but for its scale"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
-        text.push_str(&format!("  height {:.2} m", position.z));
+        text.push_str(&format!("  height {:.2} m{height_assumed}", position.z));
     }
     if let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) {
-        text.push_str(&format!("  floor \u{b1} {:.1} %", 100.0 * rel));
+        text.push_str(&format!("  floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));
     }
     text.replace('-', "\u{2212}")
 }

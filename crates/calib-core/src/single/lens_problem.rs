@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::camera::{ByParameters, Chart, ImageCircle, Lens, Pixel};
-use crate::optimize::{LeastSquares, least_squares, least_squares_unless};
+use crate::optimize::{LeastSquares, least_squares_unless};
 use crate::single::constraints::Source;
 use crate::single::edge_information::uninformative;
 use crate::single::fitted::Fitted;
@@ -187,30 +187,38 @@ impl LensProblem<'_> {
         const FIRST_STEPS: usize = 6;
         /// Candidates that are refined to a minimum.
         const MAX_CANDIDATES: usize = 3;
-        /// Candidates whose coefficients are nearer than this are one.
-        const NEAR: f64 = 1e-4;
         let count = self.indices().len();
         let padded = |values: &[f64]| -> Vec<f64> {
             (0..count).map(|i| values.get(i).copied().unwrap_or(0.0)).collect()
         };
-        let is_near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < NEAR);
         let starts = if self.fitted.is_wide() { &FISHEYE_STARTS[..] } else { &STARTS[..] };
-        let starts = starts.iter().map(|start| padded(start));
-        let mut candidates: Vec<(Vec<f64>, f64)> = Vec::new();
-        for start in starts.chain([padded(smaller)]) {
-            let is_known = |at: &Vec<f64>, _| candidates.iter().any(|(other, _)| is_near(other, at));
-            if let Some(summary) = least_squares_unless(self, start, FIRST_STEPS, is_known) {
-                candidates.push((summary.state, summary.cost));
-            }
-        }
+        let starts = starts.iter().map(|start| padded(start)).chain([padded(smaller)]);
+        let mut candidates = self.reached(starts, FIRST_STEPS);
         candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
         candidates.truncate(MAX_CANDIDATES);
-        candidates
-            .into_iter()
-            .filter_map(|(start, _)| {
-                least_squares(self, start, MAX_STEPS).map(|summary| (summary.state, summary.cost))
-            })
-            .min_by(|a, b| a.1.total_cmp(&b.1))
+        let minima = self.reached(candidates.into_iter().map(|(values, _)| values), MAX_STEPS);
+        minima.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Where so many steps lead from these starts, with the cost there, each place once.
+    fn reached(&self, starts: impl Iterator<Item = Vec<f64>>, steps: usize) -> Vec<(Vec<f64>, f64)> {
+        let mut found: Vec<(Vec<f64>, f64)> = Vec::new();
+        for start in starts {
+            let is_known = |at: &Vec<f64>, _| found.iter().any(|(other, _)| self.is_one(other, at));
+            if let Some(summary) = least_squares_unless(self, start, steps, is_known) {
+                found.push((summary.state, summary.cost));
+            }
+        }
+        found
+    }
+
+    /// Whether values are so near to others that runs from both end at one place.
+    pub(super) fn is_one(&self, a: &[f64], b: &[f64]) -> bool {
+        /// Of coefficients, of the log of the focal, and of principal points in units of the focal.
+        const NEAR: f64 = 1e-4;
+        let pixels = self.fitted.len() + self.open.iter().take_while(|&&index| index < Lens::CENTRE).count();
+        let mut off = a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate();
+        off.all(|(i, off)| off < if i < pixels { NEAR } else { NEAR * self.unit })
     }
 }
 

@@ -5,7 +5,7 @@
 //! 1 tell more in the joint fit. The principal point has a belief.
 
 use crate::camera::Lens;
-use crate::optimize::least_squares;
+use crate::optimize::least_squares_unless;
 use crate::single::lens_problem::LensProblem;
 
 impl LensProblem<'_> {
@@ -21,11 +21,23 @@ impl LensProblem<'_> {
         }
         let [w, h] = self.size;
         let half_diagonal = 0.5 * w.hypot(h);
+        let log_focal = self.fitted.len();
+        let absolute = |values: &[f64], unit: f64| -> Vec<f64> {
+            let mut values = values.to_vec();
+            values[log_focal] += unit.ln();
+            values
+        };
         let mut best: Option<(f64, f64)> = None;
+        let mut reached: Vec<Vec<f64>> = Vec::new();
         for start in STARTS {
             self.unit = start * half_diagonal;
+            let is_known = |values: &Vec<f64>, _| {
+                let here = absolute(values, self.unit);
+                reached.iter().any(|other| self.is_one(other, &here))
+            };
             let values = vec![0.0; self.indices().len()];
-            let Some(found) = least_squares(&self, values, FIRST_STEPS) else { continue };
+            let Some(found) = least_squares_unless(&self, values, FIRST_STEPS, is_known) else { continue };
+            reached.push(absolute(&found.state, self.unit));
             if best.is_none_or(|(cost, _)| found.cost < cost) {
                 best = Some((found.cost, self.lens(&found.state).focal));
             }

@@ -37,6 +37,8 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
             "app_frame_16_cameras_ms",
             "app_frame_16_cameras_worst_ms",
             "app_drag_solve_ms",
+            "app_drag_edge_ms",
+            "app_drag_fisheye_edge_ms",
             "app_pan_12_megapixels_ms",
             "app_plan_wheel_40_cameras_ms",
         ],
