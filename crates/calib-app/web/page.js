@@ -264,6 +264,9 @@
 
   const start = async () => {
     if (typeof WebAssembly !== "object") return cannot("has no WebAssembly");
+    // A function that returns a vector.
+    const vectors = Uint8Array.of(0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 8, 1, 6, 0, 65, 0, 253, 15, 11);
+    if (!WebAssembly.validate(vectors)) return cannot("has no vectors in its WebAssembly");
     if (!document.createElement("canvas").getContext("webgl2")) return cannot("has no WebGL 2");
     try {
       calib.module = await WebAssembly.compileStreaming(fetched());

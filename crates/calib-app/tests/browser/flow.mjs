@@ -474,16 +474,20 @@ async function forbidden() {
 
 /** A browser that cannot run it says so in words. */
 async function unable() {
-  const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
-  await context.addInitScript(() => {
+  const lacks = async (what, take) => {
+    const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
+    await context.addInitScript(take);
+    const page = await context.newPage();
+    await page.goto(address);
+    await page.getByText("Calib cannot run in this browser").waitFor();
+    await page.getByText(what, { exact: false }).waitFor();
+    await context.close();
+  };
+  await lacks("no WebGL 2", () => {
     const own = HTMLCanvasElement.prototype.getContext;
     HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return /^webgl/.test(kind) ? null : own.call(this, kind, ...more); };
   });
-  const page = await context.newPage();
-  await page.goto(address);
-  await page.getByText("Calib cannot run in this browser").waitFor();
-  await page.getByText("no WebGL 2", { exact: false }).waitFor();
-  await context.close();
+  await lacks("no vectors", () => { WebAssembly.validate = () => false; });
 }
 
 /** The solve during a drag, as many times slower than natively as the page may be. */

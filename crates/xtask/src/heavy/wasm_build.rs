@@ -25,7 +25,7 @@ pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
         command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
         command
     };
-    // Every browser of the last three years has these instructions, and what draws the glyphs is a fifth of the size with them.
+    // Every browser since 2023 has these instructions, and what draws glyphs is a fifth of the size with them.
     command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-Ctarget-feature=+simd128");
     command.arg("build").args(arguments).args(["--target", WASM]).arg("--target-dir").arg(&folder);
     if !has_target() {
