@@ -148,9 +148,9 @@ fn summary(entry: &SiteCamera) -> String {
     let roll = if is_down { String::new() } else { format!("  roll {roll:.1}\u{b0}") };
     let mut text = format!("   pitch {pitch:.1}\u{b0}{roll}  view {hfov:.0}\u{b0}");
     let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
-    let [height_assumed, scale_open] = if is_assumed { [", assumed", " but for its scale"] } else { [""; 2] };
+    let [assumed, scale_open] = if is_assumed { ["assumed ", " but for its scale"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
-        text.push_str(&format!("  height {:.2} m{height_assumed}", position.z));
+        text.push_str(&format!("  {assumed}height {:.2} m", position.z));
     }
     if let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) {
         text.push_str(&format!("  floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));
