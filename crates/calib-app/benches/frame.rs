@@ -1,6 +1,6 @@
 //! How long a frame takes without painting: sixteen cameras, all views live, a mark dragged; and how
-//! long one camera's solve while a line is dragged, or a straight edge of its lens. One JSON object on stdout; `cargo xtask bench`
-//! gathers it.
+//! long one camera's solve while a line is dragged, or a straight edge of its lens. One JSON object on stdout;
+//! `cargo xtask bench` gathers it.
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
 
 #[path = "../tests/desk/mod.rs"]

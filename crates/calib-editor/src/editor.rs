@@ -174,8 +174,7 @@ impl Editor {
             self.family = None;
             return false;
         };
-        let has_more = !solution.alternatives.is_empty()
-            || solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);
+        let has_more = !solution.alternatives.is_empty() || solution.warns_of(Code::FocalUnobservable);
         if !has_more {
             self.family = None;
         } else if !is_known {

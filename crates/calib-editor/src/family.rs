@@ -68,7 +68,7 @@ impl Family {
         }
         let own = view_of(camera, solution.focal_px);
         let shown = |a: f64, b: f64| Some([fit(site, index, a, lenses)?, fit(site, index, b, lenses)?]);
-        let is_open = solution.warnings.iter().any(|warning| warning.code == Code::FocalUnobservable);
+        let is_open = solution.warns_of(Code::FocalUnobservable);
         if !is_open {
             let shown = shown(own, solution.alternatives.first()?.hfov_deg)?;
             return Some(Self { camera: camera.clone(), range: None, ends: None, shown });

@@ -4,9 +4,10 @@
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs::{File, read_to_string};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::process::Command;
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
@@ -190,14 +191,10 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     };
     make_empty("target/checks")?;
     std::fs::write(&runner.skips, "")?;
+    let row = |is_beside: bool| runner.row(CHECKS.iter().filter(|check| check.is_beside == is_beside));
     std::thread::scope(|scope| {
-        let rows = [false, true].map(|is_beside| {
-            scope.spawn({
-                let runner = &runner;
-                move || runner.row(CHECKS.iter().filter(|check| check.is_beside == is_beside))
-            })
-        });
-        rows.into_iter().for_each(|row| drop(row.join()));
+        scope.spawn(|| row(true));
+        row(false);
     });
     let Outcome { mut failed, skipped, .. } =
         runner.outcome.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -243,24 +240,29 @@ impl Runner {
     /// Runs the checks of a row.
     fn row(&self, checks: impl Iterator<Item = &'static Check>) {
         for check in checks {
-            let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
             let waits =
                 |outcome: &mut Outcome| check.after.is_some_and(|other| !outcome.done.contains(other));
-            drop(self.is_one_done.wait_while(outcome, waits));
-            let found = self.one(check);
-            let mut outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+            drop(self.is_one_done.wait_while(self.outcome(), waits));
+            // The other row may wait for this one.
+            let found = catch_unwind(AssertUnwindSafe(|| self.one(check)));
+            let mut outcome = self.outcome();
             match found {
-                Ok(Found::Passed) => {}
-                Ok(Found::Failed) => outcome.failed.push(check.name.into()),
-                Ok(Found::Skipped(missing)) => {
+                Ok(Ok(Found::Passed)) => {}
+                Ok(Ok(Found::Failed)) => outcome.failed.push(check.name.into()),
+                Ok(Ok(Found::Skipped(missing))) => {
                     outcome.skipped.push(format!("{}: {missing} is missing", check.name));
                 }
-                Err(error) => outcome.failed.push(format!("{}: {error:#}", check.name)),
+                Ok(Err(error)) => outcome.failed.push(format!("{}: {error:#}", check.name)),
+                Err(_) => outcome.failed.push(format!("{}: it panicked", check.name)),
             }
             outcome.done.insert(check.name);
             drop(outcome);
             self.is_one_done.notify_all();
         }
+    }
+
+    fn outcome(&self) -> MutexGuard<'_, Outcome> {
+        self.outcome.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn one(&self, check: &Check) -> anyhow::Result<Found> {
@@ -279,9 +281,10 @@ impl Runner {
             ["fuzz-formats"] => self.fuzz_formats(check)?,
             _ => self.run(check)?,
         };
-        let printed = if check.is_beside { read_to_string(printed_by(check))? } else { String::new() };
-        let beside =
-            if check.is_beside { format!("\n== {}, beside\n{printed}", check.name) } else { printed };
+        let beside = match check.is_beside {
+            true => format!("\n== {}, beside\n{}", check.name, read_to_string(printed_by(check))?),
+            false => String::new(),
+        };
         println!(
             "{beside}== {}: {} in {:.0} s",
             check.name,

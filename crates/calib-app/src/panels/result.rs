@@ -142,7 +142,7 @@ fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let unit = which.unit(app.editor.session().units);
     let [to, from] = [1.0 / unit.1, unit.1];
     let shown = (to * value, sigma.map(|sigma| to * sigma));
-    let is_assumed = solution.warnings.iter().any(|warning| warning.code == Code::ScaleAssumed);
+    let is_assumed = solution.warns_of(Code::ScaleAssumed);
     let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
     if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
         which.set(app, new.map(|known| scaled(known, from)));

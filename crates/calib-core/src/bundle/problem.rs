@@ -375,6 +375,7 @@ impl LeastSquares for BundleProblem<'_> {
     type Normal = NormalEquations;
 
     fn first_damping(&self) -> f64 {
+        // Where another run ended what is left is soft, and of a hall that is a billionth of the diagonal.
         if self.is_resumed { 1e-9 } else { 1e-4 }
     }
 

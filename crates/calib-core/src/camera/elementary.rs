@@ -21,8 +21,8 @@ pub(crate) fn atan(tangent: f64) -> f64 {
     libm::atan(tangent)
 }
 
-/// Length of the vector (x, y), whose square is a number: not `libm`'s, whose root is thirty multiplications where it
-/// knows no instruction for it, as in a browser.
+/// Length of the vector (x, y), as long as its square is a number: not `libm`'s, which takes the root in whole numbers
+/// where it knows no instruction for it, as in a browser.
 #[inline]
 pub(crate) fn hypot(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()

@@ -188,7 +188,7 @@ pub(crate) struct BestLine {
     /// The weighted mean of the points.
     mean: [f64; 2],
     /// Of the second moments S about the mean: twice `S_uv`, and `S_uu - S_vv`.
-    turn: [f64; 2],
+    moments: [f64; 2],
 }
 
 impl BestLine {
@@ -209,7 +209,7 @@ impl BestLine {
         let (sin, cos) = (0.5 * sine.atan2(cosine)).sin_cos();
         let normal = [-sin, cos];
         let offset = normal[0] * mean[0] + normal[1] * mean[1];
-        Self { normal, offset, total, mean, turn: [sine, cosine] }
+        Self { normal, offset, total, mean, moments: [sine, cosine] }
     }
 
     /// How normal and offset change with the points and their weights.
@@ -220,7 +220,7 @@ impl BestLine {
         changes: &[ByCoefficient],
         d_weights: &[f64],
     ) -> ([f64; 2], f64) {
-        let Self { normal, total, mean, turn: [sine, cosine], .. } = self;
+        let Self { normal, total, mean, moments: [sine, cosine], .. } = self;
         let (mut d_mean, mut d_sine, mut d_cosine) = ([0.0; 2], 0.0, 0.0);
         // The change of the mean has no effect on the moments, for offsets from it sum to 0.
         for (([u, v], w), (by, dw)) in points.iter().zip(weights).zip(changes.iter().zip(d_weights)) {

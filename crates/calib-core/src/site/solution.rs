@@ -344,6 +344,12 @@ impl Solution {
             draw_next: None,
         }
     }
+
+    /// Whether one of its warnings has this code.
+    #[must_use]
+    pub fn warns_of(&self, code: Code) -> bool {
+        self.warnings.iter().any(|warning| warning.code == code)
+    }
 }
 
 impl fmt::Display for FailureEntry {

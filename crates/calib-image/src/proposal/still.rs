@@ -201,7 +201,7 @@ impl Proposal {
         if unusual > UNUSUAL {
             self.reasons.push(Reason::Unusual { focal: solution.focal_px });
         }
-        if solution.warnings.iter().any(|warning| warning.code == Code::Misfit) {
+        if solution.warns_of(Code::Misfit) {
             let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
             self.reasons.push(Reason::Misfit { chi2_per_dof });
         }

@@ -113,26 +113,26 @@ impl<P: Profile> Model for P {
     /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
     fn ray_curvature(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
         let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
-        let one = |i: usize, k: usize| f64::from(u8::from(i == k));
         if radius < AXIS {
-            return [0, 1].map(|j| [[0.0; 2], [0.0; 2], [-one(j, 0), -one(j, 1)]]);
+            return [[[0.0; 2], [0.0; 2], [-1.0, 0.0]], [[0.0; 2], [0.0; 2], [0.0, -1.0]]];
         }
         let theta = angle_from_axis(sin, w);
+        // Of theta by r, once and twice.
         let turn = self.slope(theta).recip();
         let bend = -self.curvature(theta) * turn * turn * turn;
-        let across = (w * turn - sin / radius) / radius;
-        let along = w * bend - sin * turn * turn - 3.0 * across;
-        let [ahead, behind] = [-sin * turn / radius, -w * turn * turn - sin * bend];
+        // s', and r s'' - s'.
+        let slope = (w * turn - sin / radius) / radius;
+        let cubic = w * bend - sin * turn * turn - 3.0 * slope;
+        let of_cos = radial(bent, -sin * turn / radius, -w * turn * turn - sin * bend);
         let n = bent.map(|c| c / radius);
+        let one = |i: usize, k: usize| f64::from(u8::from(i == k));
+        let of_point = |i: usize, j: usize, k: usize| {
+            let linear = n[i] * one(j, k) + n[j] * one(i, k) + n[k] * one(i, j);
+            slope * linear + cubic * n[i] * n[j] * n[k]
+        };
         [0, 1].map(|j| {
-            let beside = |i: usize| {
-                [0, 1].map(|k| {
-                    let even = n[i] * one(j, k) + n[j] * one(i, k) + n[k] * one(i, j);
-                    across * even + along * n[i] * n[j] * n[k]
-                })
-            };
-            let last = [0, 1].map(|k| ahead * (one(j, k) - n[j] * n[k]) + behind * n[j] * n[k]);
-            [beside(0), beside(1), last]
+            let [x, y] = [0, 1].map(|i| [of_point(i, j, 0), of_point(i, j, 1)]);
+            [x, y, of_cos[j]]
         })
     }
 
