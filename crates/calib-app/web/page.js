@@ -85,12 +85,16 @@
     return fresh;
   };
   /** Asks for files; resolves with none when the operator changes his mind. */
-  calib.pick = (accept, multiple) => new Promise((resolve) => {
-    const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple });
-    input.onchange = () => resolve([...input.files]);
-    input.oncancel = () => resolve([]);
-    input.click();
-  });
+  calib.pick = async (accept, multiple) => {
+    const files = await new Promise((resolve) => {
+      const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple });
+      input.onchange = () => resolve([...input.files]);
+      input.oncancel = () => resolve([]);
+      input.click();
+    });
+    await calib.reads();
+    return files;
+  };
   /** A drawing as PNG on white, its longer side so many pixels. As an image it loads and runs nothing. */
   calib.draw = async (bytes, side) => {
     const PER_UNIT = { px: 1, "": 1, pt: 96 / 72, pc: 16, in: 96, cm: 96 / 2.54, mm: 96 / 25.4 };
@@ -178,12 +182,18 @@
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
     event.preventDefault();
-    if (!at("start").hidden) queued("Opening…", { files: [...event.dataTransfer.files] });
+    if (!at("start").hidden) read([...event.dataTransfer.files]);
   });
   const queued = (words, wish) => { at("state").textContent = words; want(wish); };
-  for (const id of ["open", "add"]) at(id).onchange = () => queued("Opening…", { files: [...at(id).files] });
+  for (const id of ["open", "add"]) at(id).onchange = () => read([...at(id).files]);
   at("demonstration").onclick = () => queued("Opening the demonstration…", { command: "demonstration" });
   at("tour").onclick = () => queued("Opening the tour…", { command: "tour" });
+
+  const read = async (files) => {
+    at("state").textContent = "Opening…";
+    await calib.reads();
+    want({ files });
+  };
 
   const progress = (share) => { at("progress").value = share; };
 
@@ -206,6 +216,27 @@
     return counted(response.body, size);
   };
 
+  /** Where the rest of the program is; none where the program is in one part. */
+  const address = () => {
+    const { rest } = document.documentElement.dataset;
+    return rest && new URL(rest, location.href).href;
+  };
+  let begin, rest = null;
+  const begun = new Promise((resolve) => { begin = resolve; });
+  /** The rest of the program, joined to its first part; what could not be fetched is asked for again. */
+  calib.rest = () => rest ??= (async () => {
+    if (!address()) return null;
+    await begun;
+    const module = await WebAssembly.compileStreaming(fetch(address()));
+    await calibRest.join(module);
+    return module;
+  })().catch((error) => {
+    rest = null;
+    throw new Error(`the rest of the program did not arrive: ${error}`);
+  });
+  /** Files can be read: with the rest, or where it does not come, with what is said of it when it is called. */
+  calib.reads = () => calib.rest().catch(() => {});
+
   /** Work that would hold up frames, one piece after the other in a worker of the same program; what takes
    * long has a worker of its own, so that images need not wait for it and it can be stopped. */
   const OWN = ["refine", "propose", "compare", "recover"];
@@ -213,11 +244,17 @@
   const hire = (lane) => {
     const asked = new Map();
     const glue = at("glue");
-    const source = glue.src ? `importScripts(${JSON.stringify(glue.src)});` : glue.textContent;
+    const scripts = [at("rest"), glue].filter(Boolean);
+    const source = glue.src ? `importScripts(${scripts.map((script) => JSON.stringify(script.src))});` : glue.textContent;
     const listen = `
       let ready;
-      onmessage = async ({ data: { id, module, kind, name, width, bytes } }) => {
-        if (module) { ready = wasm_bindgen({ module_or_path: module }); return; }
+      const begin = async (module, rest) => {
+        if (rest) calibRest.address = ${JSON.stringify(address())};
+        await wasm_bindgen({ module_or_path: module });
+        if (rest) await calibRest.join(rest);
+      };
+      onmessage = async ({ data: { id, module, rest, kind, name, width, bytes } }) => {
+        if (module) { ready = begin(module, rest); return; }
         try {
           await ready;
           const result = calibWork(kind, name, width, bytes);
@@ -226,7 +263,7 @@
       };`;
     const url = URL.createObjectURL(new Blob([source, listen], { type: "text/javascript" }));
     const hired = new Worker(url);
-    hired.postMessage({ module: calib.module });
+    const told = calib.rest().then((rest) => hired.postMessage({ module: calib.module, rest }));
     // A worker that broke is replaced with the next piece of work; what waited for it is told.
     const dismiss = (why) => {
       hired.terminate();
@@ -244,9 +281,10 @@
     hired.onerror = (event) => dismiss(event.message || "the worker stopped");
     let last = 0;
     const act = (kind, name, width, bytes) => new Promise((resolve, reject) => {
-      last += 1;
-      asked.set(last, [resolve, reject]);
-      hired.postMessage({ id: last, kind, name, width, bytes }, [bytes.buffer]);
+      const id = last += 1;
+      asked.set(id, [resolve, reject]);
+      told.then(() => hired.postMessage({ id, kind, name, width, bytes }, [bytes.buffer]),
+        (error) => { if (asked.has(id)) dismiss(String(error)); });
     });
     return { act, dismiss };
   };
@@ -269,9 +307,12 @@
     if (!WebAssembly.validate(vectors)) return cannot("has no vectors in its WebAssembly");
     if (!document.createElement("canvas").getContext("webgl2")) return cannot("has no WebGL 2");
     try {
+      if (address()) calibRest.address = address();
       calib.module = await WebAssembly.compileStreaming(fetched());
       const { memory } = await wasm_bindgen({ module_or_path: calib.module });
       calib.memory = () => memory.buffer.byteLength;
+      begin();
+      calib.reads();
     } catch (error) {
       if (calib.broken) return;
       trouble("Calib could not be loaded", "The program did not arrive whole.", [reload], String(error?.stack ?? error));

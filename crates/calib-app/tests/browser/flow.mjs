@@ -219,6 +219,34 @@ async function context() {
   await desk.context.close();
 }
 
+/** The first part of the program opens the demonstration, draws and solves while the rest is awaited, which reads its images;
+ * what could not be fetched is asked for again. */
+async function alone() {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, serviceWorkers: "block" });
+  let asked = 0, release;
+  const released = new Promise((resolve) => { release = resolve; });
+  await context.route("**/rest-*.wasm", async (route) => {
+    asked += 1;
+    if (asked === 1) return route.abort();
+    await released;
+    return route.continue();
+  });
+  const desk = await Desk.open(browser, `${address}?test=1`, { keep: context });
+  await desk.press("Open the demonstration site");
+  const opened = await desk.until("the demonstration", (state) => state.site.cameras.length === 6);
+  assert(opened.reading > 0, "images wait for what reads them");
+  await desk.stroke(500);
+  assert.equal(await desk.page.evaluate(() => calibRest.here), false, "the rest is not here");
+  const expected = /net::ERR_FAILED|Service Worker registration blocked/;
+  assert.deepEqual(desk.wrong.splice(0).filter((message) => !expected.test(message)), []);
+  release();
+  await desk.settled();
+  assert.equal(await desk.page.evaluate(() => calibRest.here), true, "the rest is here");
+  assert.equal(asked, 2);
+  desk.fine();
+  await context.close();
+}
+
 /** The page opens without a network, once it was there. */
 async function offline() {
   const desk = await Desk.open(browser, `${address}?test=1`);
@@ -244,14 +272,14 @@ async function versions() {
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
   const url = `http://127.0.0.1:${server.address().port}/?test=1`;
   const shown = (page) => page.waitForFunction(() => document.documentElement.dataset.shown, null, { timeout: 60_000 });
-  const programs = (page) => page.evaluate(() => performance.getEntriesByType("resource").map((entry) => entry.name.split("/").at(-1)).filter((name) => name.endsWith(".wasm")));
+  const programs = (page) => page.evaluate(() => performance.getEntriesByType("resource").map((entry) => entry.name.split("/").at(-1)).filter((name) => /^calib-.*\.wasm$/.test(name)));
 
   const desk = await Desk.open(browser, url);
   await desk.page.evaluate(() => navigator.serviceWorker.ready);
   await desk.page.reload();
   await shown(desk.page);
   // The program gets another name, and the old one is gone from the server.
-  const program = [...files.keys()].find((name) => name.endsWith(".wasm"));
+  const program = [...files.keys()].find((name) => /^calib-.*\.wasm$/.test(name));
   const next = program.replace(".wasm", "-next.wasm");
   files.set(next, files.get(program));
   files.delete(program);
@@ -523,6 +551,7 @@ await step("together", together);
 await step("quota", quota);
 await step("panic", panic);
 await step("context", context);
+await step("alone", alone);
 await step("offline", offline);
 await step("versions", versions);
 await step("refine", refine);

@@ -69,10 +69,11 @@ const PYTHON: [&str; 11] = [
 type Weigh = fn() -> anyhow::Result<f64>;
 
 /// What programs weigh, in millions of bytes, and seconds of processor time from nothing.
-const WEIGHTS: [(&str, Weigh); 4] = [
+const WEIGHTS: [(&str, Weigh); 5] = [
     ("calib_mb", || weight::of_program("calib-cli", "calib")),
     ("app_mb", || weight::of_program("calib-app", "calib-app")),
     ("page_mb_gz", weight::of_page),
+    ("page_rest_mb_gz", weight::of_rest_of_page),
     ("demo_cold_cpu_s", weight::demo_from_nothing),
 ];
 

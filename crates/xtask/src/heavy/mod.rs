@@ -10,6 +10,7 @@ mod golden;
 mod py;
 mod c;
 mod pictures;
+mod split;
 mod web;
 mod weight;
 mod bench;

@@ -25,8 +25,10 @@ pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
         command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
         command
     };
-    // Every browser since 2023 has these instructions, and what draws glyphs is a fifth of the size with them.
-    command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-Ctarget-feature=+simd128");
+    // Every browser since 2023 has these instructions, and what draws glyphs is a fifth of the size with them. Without types
+    // of references there is one table, as what splits the page wants.
+    let features = "-Ctarget-feature=+simd128,-reference-types";
+    command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", features);
     command.arg("build").args(arguments).args(["--target", WASM]).arg("--target-dir").arg(&folder);
     if !has_target() {
         // Its library is built here, so it can be one that is small to fetch.

@@ -12,11 +12,14 @@ use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::heavy::pictures::{Picture, pictures};
+use crate::heavy::split::{Split, without_names};
 use crate::heavy::wasm_build;
 use crate::workspace::root;
 
-/// The most that a browser has to fetch for the program, gzipped, in bytes.
-const MOST: usize = 2_950_000;
+/// The most that a browser has to fetch before the page can be worked with, gzipped, in bytes.
+const MOST: usize = 2_200_000;
+/// The most that it fetches then.
+const MOST_OF_REST: usize = 700_000;
 
 /// What `index.html` asks for in these places.
 const HEAD: &str = "<!-- head -->";
@@ -36,36 +39,36 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
     bind(&built, &glue)?;
     let parts = Parts::read(&glue)?;
     fs::remove_dir_all(&glue)?;
-    let zipped = gzip(&parts.wasm)?;
-    println!(
-        "{:.2} MB of WebAssembly, {:.2} MB gzipped",
-        parts.wasm.len() as f64 / 1e6,
-        zipped.len() as f64 / 1e6
-    );
-    ensure!(
-        zipped.len() <= MOST,
-        "the program is {} bytes gzipped, at most {MOST} are allowed",
-        zipped.len()
-    );
+    for (name, part, most) in
+        [("first", &parts.split.first, MOST), ("the rest", &parts.split.rest, MOST_OF_REST)]
+    {
+        let zipped = gzip(part)?.len();
+        println!(
+            "{name}: {:.2} MB of WebAssembly, {:.2} MB gzipped",
+            part.len() as f64 / 1e6,
+            zipped as f64 / 1e6
+        );
+        ensure!(zipped <= most, "{name} is {zipped} bytes gzipped, at most {most} are allowed");
+    }
     let bytes: usize = parts.pictures.iter().map(|picture| picture.jpeg.len()).sum();
     println!("{:.2} MB of pictures, fetched for the demonstration", bytes as f64 / 1e6);
     folder(&parts, out)?;
-    let single = single(&parts, &zipped);
+    let single = single(&parts)?;
     fs::write(out.join("calib.html"), &single)?;
     println!("{} and {}", out.join("index.html").display(), out.join("calib.html").display());
     Ok(())
 }
 
-/// How many bytes a browser has to fetch for the program, without its few scripts.
-pub(crate) fn weight() -> anyhow::Result<usize> {
+/// How many bytes of the program a browser has to fetch before the page can be worked with, and then; without its few scripts.
+pub(crate) fn weights() -> anyhow::Result<[usize; 2]> {
     let glue = root().join("target/web-glue");
     bind(&program()?, &glue)?;
-    let zipped = gzip(&fs::read(glue.join("app_bg.wasm"))?)?;
+    let Split { first, rest } = Parts::read(&glue)?.split;
     fs::remove_dir_all(&glue)?;
-    Ok(zipped.len())
+    Ok([gzip(&first)?.len(), gzip(&rest)?.len()])
 }
 
-/// Writes the program as a browser takes it, and the script that it speaks to the browser by.
+/// Writes the program as a browser takes it, with the names of its functions, and the script that it speaks to the browser by.
 fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(glue)?;
     Bindgen::new()
@@ -73,7 +76,7 @@ fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
         .out_name("app")
         .no_modules(true)?
         .typescript(false)
-        .remove_name_section(true)
+        .demangle(false)
         .remove_producers_section(true)
         .generate(glue)
 }
@@ -86,7 +89,10 @@ fn program() -> anyhow::Result<PathBuf> {
 
 /// What the page is made of.
 struct Parts {
-    wasm: Vec<u8>,
+    /// The program in one part.
+    whole: Vec<u8>,
+    /// The same in two.
+    split: Split,
     html: String,
     style: String,
     icon: String,
@@ -96,14 +102,18 @@ struct Parts {
     pictures: Vec<Picture>,
     /// In the order in which they run.
     scripts: [(&'static str, String); 3],
+    /// How a program in two parts is one.
+    rest: (&'static str, String),
 }
 
 impl Parts {
     fn read(glue: &Path) -> anyhow::Result<Self> {
         let text = |path: PathBuf| fs::read_to_string(&path).with_context(|| path.display().to_string());
         let page = |name: &str| text(root().join("crates/calib-app/web").join(name));
+        let named = fs::read(glue.join("app_bg.wasm"))?;
         Ok(Self {
-            wasm: fs::read(glue.join("app_bg.wasm"))?,
+            split: Split::of(&named, glue)?,
+            whole: without_names(&named)?,
             html: page("index.html")?,
             style: page("page.css")?,
             icon: page("icon.svg")?,
@@ -115,15 +125,20 @@ impl Parts {
                 ("app", text(glue.join("app.js"))?),
                 ("page", page("page.js")?),
             ],
+            rest: ("rest", page("rest.js")?),
         })
     }
 }
 
 /// Static files. Names carry what is in them, so that no cache mixes versions.
 fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
-    let mut files: Vec<(String, &[u8])> = vec![(named("calib", "wasm", &parts.wasm), &parts.wasm)];
+    let Split { first, rest } = &parts.split;
+    let mut files: Vec<(String, &[u8])> =
+        vec![(named("calib", "wasm", first), first), (named("rest", "wasm", rest), rest)];
     let mut tags = String::new();
-    for (name, script) in &parts.scripts {
+    let [store, (app, glue), page_script] = &parts.scripts;
+    let glue = (*app, joined(glue)?);
+    for (name, script) in [store, &parts.rest, &glue, page_script] {
         let file = named(name, "js", script.as_bytes());
         tags += &format!("<script src=\"{file}\"{} defer></script>\n", id(name));
         files.push((file, script.as_bytes()));
@@ -144,8 +159,9 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
         shown.insert(name.clone(), file.into());
     }
     let shown = serde_json::Value::Object(shown).to_string().replace('"', "&quot;");
-    let data = format!(" data-wasm=\"{}\" data-pictures=\"{shown}\"", files[0].0);
-    let html = page(&parts.html, &head, &tags, &data, parts.wasm.len());
+    let data =
+        format!(" data-wasm=\"{}\" data-rest=\"{}\" data-pictures=\"{shown}\"", files[0].0, files[1].0);
+    let html = page(&parts.html, &head, &tags, &data, first.len());
     files.push((style, parts.style.as_bytes()));
     files.push(("icon.svg".into(), parts.icon.as_bytes()));
     files.push(("manifest.webmanifest".into(), parts.manifest.as_bytes()));
@@ -160,8 +176,21 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The script that a program speaks to the browser by, for one whose rest comes later.
+fn joined(glue: &str) -> anyhow::Result<String> {
+    let mut joined = glue.to_string();
+    for (there, instead) in [
+        ("\"./app_bg.js\": import0,", "\"./app_bg.js\": import0, \"rest\": calibRest.placeholders,"),
+        ("wasm = instance.exports;", "wasm = calibRest.first = instance.exports;"),
+    ] {
+        ensure!(glue.matches(there).count() == 1, "wasm-bindgen writes {there} no longer once");
+        joined = joined.replace(there, instead);
+    }
+    Ok(joined)
+}
+
 /// One page with everything in it; a folder on a stick is host enough.
-fn single(parts: &Parts, zipped: &[u8]) -> String {
+fn single(parts: &Parts) -> anyhow::Result<String> {
     // A script ends where its text says so, even within a string.
     let inline = |text: &str| text.replace("</script", "<\\/script").replace("<!--", "<\\!--");
     let scripts: Vec<String> =
@@ -173,8 +202,10 @@ fn single(parts: &Parts, zipped: &[u8]) -> String {
         "{policy}\n<link rel=\"icon\" href=\"data:image/svg+xml;base64,{icon}\">\n<style>{}</style>",
         parts.style
     );
-    let program =
-        format!("<script type=\"application/octet-stream\" id=\"wasm\">{}</script>\n", base64(zipped));
+    let program = format!(
+        "<script type=\"application/octet-stream\" id=\"wasm\">{}</script>\n",
+        base64(&gzip(&parts.whole)?)
+    );
     let named = parts.scripts.iter().zip(&scripts);
     let tags: String =
         named.map(|((name, _), script)| format!("<script{}>{script}</script>\n", id(name))).collect();
@@ -185,7 +216,7 @@ fn single(parts: &Parts, zipped: &[u8]) -> String {
         )
     });
     let scripts = program + &pictures.collect::<String>() + &tags;
-    page(&parts.html, &head, &scripts, "", parts.wasm.len())
+    Ok(page(&parts.html, &head, &scripts, "", parts.whole.len()))
 }
 
 fn page(html: &str, head: &str, scripts: &str, data: &str, size: usize) -> String {
@@ -195,7 +226,11 @@ fn page(html: &str, head: &str, scripts: &str, data: &str, size: usize) -> Strin
 
 /// The worker finds by it what the page runs, too.
 fn id(script: &str) -> &'static str {
-    if script == "app" { " id=\"glue\"" } else { "" }
+    match script {
+        "app" => " id=\"glue\"",
+        "rest" => " id=\"rest\"",
+        _ => "",
+    }
 }
 
 /// Nothing from elsewhere, and nothing to elsewhere.

@@ -19,9 +19,14 @@ pub(crate) fn of_program(package: &str, name: &str) -> anyhow::Result<f64> {
     Ok(bytes as f64 / 1e6)
 }
 
-/// Millions of bytes that a browser has to fetch for the program, gzipped.
+/// Millions of bytes that a browser has to fetch for the program before the page can be worked with, gzipped.
 pub(crate) fn of_page() -> anyhow::Result<f64> {
-    Ok(web::weight()? as f64 / 1e6)
+    Ok(web::weights()?[0] as f64 / 1e6)
+}
+
+/// Of those that it fetches then.
+pub(crate) fn of_rest_of_page() -> anyhow::Result<f64> {
+    Ok(web::weights()?[1] as f64 / 1e6)
 }
 
 /// Seconds of processor time of the README's first command with nothing built.
