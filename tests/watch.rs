@@ -54,6 +54,7 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
     let cases = [
         (0, degrees(0.0, 1.0, 0.0)),
         (0, degrees(1.0, 0.0, 0.0)),
+        (0, degrees(0.0, 0.0, 1.0)),
         (1, degrees(0.0, 0.0, -1.0)),
         (2, zoomed()),
         // Nobody tells where those are truly whom one camera alone sees: it takes twice as much there.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use calib_core::{
-    FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
+    Code, FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
 };
 use clap::ValueEnum;
 
@@ -155,6 +155,9 @@ pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
     Ok(text)
 }
 
+/// What marks a height that is assumed, and what rests on it.
+const ASSUMED: &str = "*";
+
 /// The report for reading: a table, then what the operator should know.
 fn text(site: &Site, asked: &[Asked]) -> String {
     let mut out = String::new();
@@ -173,6 +176,15 @@ fn text(site: &Site, asked: &[Asked]) -> String {
             (None, Some(failure)) => failed(&mut out, width, camera, failure),
             (None, None) => {}
         }
+    }
+    let is_assumed = |asked: &Asked| {
+        asked.camera.solution.as_ref().is_some_and(|solution| solution.warns_of(Code::ScaleAssumed))
+    };
+    if asked.iter().any(is_assumed) {
+        let _ = writeln!(
+            out,
+            "{ASSUMED} height assumed; the floor's \u{b1} is that of its shape, without the scale."
+        );
     }
     for Asked { camera, .. } in asked {
         if let Some(down) = camera.solution.as_ref().and_then(straight_down) {
@@ -207,6 +219,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
     };
     let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
+    let assumed = if solution.warns_of(Code::ScaleAssumed) { ASSUMED } else { "" };
     // Roll and yaw are one turn there.
     let is_down = straight_down(solution).is_some();
     let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);
@@ -222,11 +235,11 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
             "-".into()
         },
         number(Some(solution.focal_px), sigma.and_then(|s| s.focal_px), 1),
-        solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}", p.z)),
+        solution.position_m.map_or_else(|| "-".into(), |p| format!("{:.2}{assumed}", p.z)),
         sigma
             .and_then(|s| s.floor_length_rel)
             .filter(|rel| *rel < 1.0)
-            .map_or_else(|| "-".into(), |rel| format!("{:.1} %", 100.0 * rel)),
+            .map_or_else(|| "-".into(), |rel| format!("{:.1} %{assumed}", 100.0 * rel)),
         solution.rms_px.map_or_else(|| "-".into(), |rms| format!("{rms:.2}")),
     );
 }

@@ -20,5 +20,7 @@ pub(crate) fn what_to_draw(suggestion: &Suggestion) -> String {
         r if r < 0.6 => "halve the uncertainty of the floor".into(),
         r => format!("lower the uncertainty of the floor by {:.0} %", 100.0 * (1.0 - r)),
     };
-    format!("{what} would {gain} (then floor \u{b1} {:.1} %).", 100.0 * suggestion.floor_length_rel)
+    // A floor without a scale has a smaller number, which is of its shape alone.
+    let scale = if suggestion.drawing == Drawing::KnownSize { ", its scale included" } else { "" };
+    format!("{what} would {gain} (then floor \u{b1} {:.1} %{scale}).", 100.0 * suggestion.floor_length_rel)
 }
