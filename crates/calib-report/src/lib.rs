@@ -7,6 +7,7 @@
 mod style;
 mod words;
 mod svg;
+mod labels;
 mod frame;
 mod lens;
 mod overlay;

@@ -6,6 +6,7 @@ use calib_draw::{
     reach,
 };
 
+use crate::labels::{Labels, Place, placed};
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 use crate::words::straight_down;
@@ -23,8 +24,13 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     }
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
-    svg.tag([margin, margin], &format!("{title}{}", summary(entry)), colour);
-    draw_legend(&mut svg, entry, colour, lens_grid, &items);
+    let caption = Tag { at: [margin, margin], text: format!("{title}{}", summary(entry)), colour };
+    let mut tags = legend(&svg, entry, colour, lens_grid, &items);
+    tags.push(caption);
+    draw_labels(&mut svg, &items, &tags);
+    for Tag { at, text, colour } in &tags {
+        svg.tag(*at, text, *colour);
+    }
     svg
 }
 
@@ -68,8 +74,7 @@ fn draw(svg: &mut Svg, item: &Item<Pixel>) {
         Geometry::Polygon(points) => svg.line(&array(points), true, stroke),
         Geometry::Point(at) => draw_point(svg, meaning, (*at).into(), stroke),
         Geometry::Sign(sign, ends) => draw_sign(svg, meaning, sign, ends.map(<[f64; 2]>::from)),
-        Geometry::Label(at, text) => draw_label(svg, meaning, (*at).into(), text),
-        Geometry::Cone { .. } => {}
+        Geometry::Label(..) | Geometry::Cone { .. } => {}
     }
 }
 
@@ -112,24 +117,55 @@ fn draw_sign(svg: &mut Svg, meaning: Meaning, sign: Sign, ends: [[f64; 2]; 2]) {
     }
 }
 
-/// Words stand clear of what they name.
-fn draw_label(svg: &mut Svg, meaning: Meaning, [u, v]: [f64; 2], text: &str) {
-    let (right, down, anchor) = match meaning {
+/// A text on a dark ground, whose upper left corner is here.
+struct Tag {
+    at: [f64; 2],
+    text: String,
+    colour: Rgb,
+}
+
+/// Words stand clear of what they name and of each other, numbers of the grid where there is room.
+fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
+    let mut labels = Labels::default();
+    tags.iter().for_each(|tag| labels.take_tag(svg, tag.at, &tag.text));
+    let (last, first): (Vec<_>, Vec<_>) = items.iter().partition(|item| item.meaning == Meaning::Grid);
+    for Item { meaning, geometry } in first.into_iter().chain(last) {
+        let Geometry::Label(at, text) = geometry else { continue };
+        let (at, places) = (<[f64; 2]>::from(*at), places(*meaning));
+        let [usual, ..] = &places[..] else { continue };
+        if labels.are_said(svg, at, text, usual) {
+            continue;
+        }
+        let anyhow = (*meaning != Meaning::Grid).then(|| placed(svg, at, usual));
+        let place = labels.free(svg, at, text, &places).or(anyhow);
+        if let Some((at, anchor)) = place {
+            let colour = match meaning {
+                Meaning::Annotation(line) => line.colour(),
+                _ => Look::of(*meaning).colour,
+            };
+            svg.text(at, text, colour, anchor);
+        }
+    }
+}
+
+/// Where words about a point may stand, the usual place first.
+fn places(meaning: Meaning) -> Vec<Place> {
+    let beside = |down: f64| {
+        let [right, left] = [(7.0, Anchor::Start), (-7.0, Anchor::End)];
+        let at = |(right, anchor): (f64, Anchor), down: f64| (right, down, anchor);
+        vec![at(right, down), at(right, 14.0), at(left, down), at(left, 14.0)]
+    };
+    let above_or_below = |downs: &[f64]| downs.iter().map(|&down| (0.0, down, Anchor::Middle)).collect();
+    match meaning {
         // Below the edge of the field, and clear of its line.
-        Meaning::Grid => (0.0, 15.0, Anchor::Middle),
-        Meaning::Horizon => (0.0, -7.0, Anchor::Middle),
-        Meaning::Mark(_) => (0.0, 16.0, Anchor::Middle),
-        Meaning::Plane(_) => (0.0, 0.0, Anchor::Middle),
-        Meaning::Annotation(_) => (7.0, -5.0, Anchor::Start),
-        Meaning::ControlPoint { .. } => (7.0, -3.5, Anchor::Start),
-        _ => (7.0, -4.2, Anchor::Start),
-    };
-    let at = [u + right * svg.scale, v + down * svg.scale];
-    let colour = match meaning {
-        Meaning::Annotation(line) => line.colour(),
-        _ => Look::of(meaning).colour,
-    };
-    svg.text(at, text, colour, anchor);
+        Meaning::Grid => above_or_below(&[15.0]),
+        Meaning::Horizon => above_or_below(&[-7.0, 15.0]),
+        Meaning::Mark(_) => above_or_below(&[16.0, 30.0, -7.0]),
+        Meaning::Plane(_) => above_or_below(&[0.0, 14.0, -14.0]),
+        Meaning::Annotation(_) => beside(-5.0),
+        Meaning::ControlPoint { .. } => beside(-3.5),
+        _ => beside(-4.2),
+    }
 }
 
 /// Pose and quality in a line.
@@ -138,28 +174,28 @@ fn summary(entry: &SiteCamera) -> String {
         return entry
             .error
             .as_ref()
-            .map_or_else(String::new, |error| format!("  not solved: {}", error.message));
+            .map_or_else(String::new, |error| format!(" \u{b7} not solved: {}", error.message));
     };
     let (Some(pitch), Some(roll)) = (solution.pitch_deg, solution.roll_deg) else {
-        return "   only its lens is known".into();
+        return " \u{b7} only its lens is known".into();
     };
     let hfov = view_angle(&solution.lens(), solution.focal_px, entry.size()).to_degrees();
     let is_down = straight_down(solution).is_some();
-    let roll = if is_down { String::new() } else { format!("  roll {roll:.1}\u{b0}") };
-    let mut text = format!("   pitch {pitch:.1}\u{b0}{roll}  view {hfov:.0}\u{b0}");
+    let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
+    let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} view {hfov:.0}\u{b0}");
     let is_assumed = solution.warns_of(Code::ScaleAssumed);
     let [assumed, scale_open] = if is_assumed { ["assumed ", " but for its scale"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
-        text.push_str(&format!("  {assumed}height {:.2} m", position.z));
+        text.push_str(&format!(" \u{b7} {assumed}height {:.2} m", position.z));
     }
     if let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) {
-        text.push_str(&format!("  floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));
+        text.push_str(&format!(" \u{b7} floor \u{b1} {:.1} %{scale_open}", 100.0 * rel));
     }
     text.replace('-', "\u{2212}")
 }
 
-/// Names of the kinds that are drawn, each in its colour.
-fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[Item<Pixel>]) {
+/// Names of the kinds that are drawn, each with its place and in its colour.
+fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[Item<Pixel>]) -> Vec<Tag> {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
     let used: Vec<_> =
@@ -185,8 +221,9 @@ fn draw_legend(svg: &mut Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, 
         .chain(shared.next().is_some().then_some(("Link or mark: drawn (ring), solved (cross)", Rgb::WHITE)))
         .chain(outliers.then_some(("Set aside", Rgb::BAD)))
         .collect();
-    for (index, &(title, colour)) in rows.iter().enumerate() {
+    let place = |(index, &(title, colour)): (usize, &(&str, Rgb))| {
         let y = h - 10.0 * svg.scale - step * (rows.len() - index) as f64;
-        svg.tag([10.0 * svg.scale, y], title, colour);
-    }
+        Tag { at: [10.0 * svg.scale, y], text: title.to_owned(), colour }
+    };
+    rows.iter().enumerate().map(place).collect()
 }

@@ -46,12 +46,14 @@ impl<'a> Stroke<'a> {
 }
 
 /// Where a text stands relative to its point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// It begins there.
     Start,
     /// Its middle is there.
     Middle,
+    /// It ends there.
+    End,
 }
 
 impl Anchor {
@@ -59,6 +61,7 @@ impl Anchor {
         match self {
             Self::Start => "start",
             Self::Middle => "middle",
+            Self::End => "end",
         }
     }
 }

@@ -1,0 +1,88 @@
+//! Words on a drawing that do not cover each other.
+
+use crate::style;
+use crate::svg::{Anchor, Svg};
+
+/// Where words may stand about what they name: to the right and below, in pixels of the screen, of their base line.
+pub(crate) type Place = (f64, f64, Anchor);
+
+/// What of a drawing is taken by words, as left, top, right and bottom.
+#[derive(Debug, Default)]
+pub(crate) struct Labels {
+    taken: Vec<([f64; 4], String)>,
+}
+
+impl Labels {
+    /// The first of some places about a point where words cover no others, as base line and anchor; what is found is taken.
+    /// `None` where there is none.
+    pub(crate) fn free(
+        &mut self,
+        svg: &Svg,
+        about: [f64; 2],
+        text: &str,
+        places: &[Place],
+    ) -> Option<([f64; 2], Anchor)> {
+        places.iter().map(|place| placed(svg, about, place)).find(|&(at, anchor)| {
+            let own = extent(svg, at, text, anchor);
+            let is_free = !self.taken.iter().any(|(other, _)| meet(&own, other));
+            if is_free {
+                self.taken.push((own, text.to_owned()));
+            }
+            is_free
+        })
+    }
+
+    /// Whether the same words stand where these would: of what was drawn and of where it is shown, one name is enough.
+    pub(crate) fn are_said(&self, svg: &Svg, about: [f64; 2], text: &str, place: &Place) -> bool {
+        let (at, anchor) = placed(svg, about, place);
+        let own = extent(svg, at, text, anchor);
+        self.taken.iter().any(|(other, said)| said == text && meet(&own, other))
+    }
+
+    /// Takes the ground of a tag, whose upper left corner is here.
+    pub(crate) fn take_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
+        let size = style::TEXT * svg.scale;
+        self.taken.push(([x, y, x + svg.text_width(text) + size, y + 1.6 * size], text.to_owned()));
+    }
+}
+
+/// Base line and anchor of words about a point.
+pub(crate) fn placed(svg: &Svg, [x, y]: [f64; 2], &(right, down, anchor): &Place) -> ([f64; 2], Anchor) {
+    ([x + right * svg.scale, y + down * svg.scale], anchor)
+}
+
+/// What words take, a little less than their lines are high: letters with tails may touch.
+fn extent(svg: &Svg, [x, y]: [f64; 2], text: &str, anchor: Anchor) -> [f64; 4] {
+    const ABOVE: f64 = 0.75;
+    const BELOW: f64 = 0.2;
+    let (size, width) = (style::TEXT * svg.scale, svg.text_width(text));
+    let left = match anchor {
+        Anchor::Start => x,
+        Anchor::Middle => x - 0.5 * width,
+        Anchor::End => x - width,
+    };
+    [left, y - ABOVE * size, left + width, y + BELOW * size]
+}
+
+fn meet(a: &[f64; 4], b: &[f64; 4]) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_at_one_point_go_beside_each_other_and_the_last_finds_no_place() {
+        let (svg, mut labels) = (Svg::new([400.0, 300.0], 1.0), Labels::default());
+        let places = [(7.0, -5.0, Anchor::Start), (-7.0, -5.0, Anchor::End)];
+        let mut place = |at: [f64; 2]| labels.free(&svg, at, "word", &places);
+        assert_eq!(place([100.0, 100.0]), Some(([107.0, 95.0], Anchor::Start)));
+        assert_eq!(place([100.0, 100.0]), Some(([93.0, 95.0], Anchor::End)));
+        assert_eq!(place([101.0, 101.0]), None);
+        assert!(place([100.0, 130.0]).is_some());
+        assert!(labels.are_said(&svg, [101.0, 101.0], "word", &places[0]));
+        assert!(!labels.are_said(&svg, [101.0, 101.0], "other", &places[0]));
+        assert!(!labels.are_said(&svg, [101.0, 200.0], "word", &places[0]));
+    }
+}
