@@ -92,8 +92,7 @@
       input.oncancel = () => resolve([]);
       input.click();
     });
-    await calib.reads();
-    return files;
+    return files.length && !await calib.reads() ? [] : files;
   };
   /** A drawing as PNG on white, its longer side so many pixels. As an image it loads and runs nothing. */
   calib.draw = async (bytes, side) => {
@@ -182,8 +181,11 @@
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
     event.preventDefault();
-    if (!at("start").hidden) read([...event.dataTransfer.files]);
-  });
+    if (at("start").hidden && !address() || globalThis.calibRest?.here) return;
+    // Nothing reads it yet, neither the app nor this page.
+    event.stopImmediatePropagation();
+    read([...event.dataTransfer.files]);
+  }, { capture: true });
   const queued = (words, wish) => { at("state").textContent = words; want(wish); };
   for (const id of ["open", "add"]) at(id).onchange = () => read([...at(id).files]);
   at("demonstration").onclick = () => queued("Opening the demonstration…", { command: "demonstration" });
@@ -191,17 +193,23 @@
 
   const read = async (files) => {
     at("state").textContent = "Opening…";
-    await calib.reads();
-    want({ files });
+    if (await calib.reads()) want({ files });
   };
 
   const progress = (share) => { at("progress").value = share; };
 
+  /** A program, whatever the host says that it is. */
+  const program = (body) => new Response(body, { headers: { "Content-Type": "application/wasm" } });
+  const asked = async (url) => {
+    const response = await fetch(url);
+    if (!response.ok) throw new Error(`${url}: ${response.status}`);
+    return response.body;
+  };
   /** The app's bytes as a response that counts itself. */
   const counted = (body, size) => {
     let seen = 0;
     const counter = new TransformStream({ transform(chunk, out) { seen += chunk.byteLength; progress(seen / size); out.enqueue(chunk); } });
-    return new Response(body.pipeThrough(counter), { headers: { "Content-Type": "application/wasm" } });
+    return program(body.pipeThrough(counter));
   };
   const fetched = async () => {
     const { wasm, size } = document.documentElement.dataset;
@@ -211,9 +219,7 @@
       inline.remove();
       return counted(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")), size);
     }
-    const response = await fetch(wasm);
-    if (!response.ok) throw new Error(`${wasm}: ${response.status}`);
-    return counted(response.body, size);
+    return counted(await asked(wasm), size);
   };
 
   /** Where the rest of the program is; none where the program is in one part. */
@@ -227,15 +233,30 @@
   calib.rest = () => rest ??= (async () => {
     if (!address()) return null;
     await begun;
-    const module = await WebAssembly.compileStreaming(fetch(address()));
+    const module = await WebAssembly.compileStreaming(program(await asked(address())));
     await calibRest.join(module);
     return module;
   })().catch((error) => {
     rest = null;
     throw new Error(`the rest of the program did not arrive: ${error}`);
   });
-  /** Files can be read: with the rest, or where it does not come, with what is said of it when it is called. */
-  calib.reads = () => calib.rest().catch(() => {});
+  /** Whether files can be read; where they cannot, it is said. */
+  calib.reads = async () => {
+    try {
+      await calib.rest();
+      return true;
+    } catch (error) {
+      trouble("Files cannot be read yet", "The part of the program that reads them did not arrive. Nothing is lost: go on, and choose them again when the network is back.",
+        [["Go on", goOn], ...rescue()], String(error));
+      return false;
+    }
+  };
+  const goOn = () => {
+    at("trouble").hidden = true;
+    at("start").hidden = "shown" in document.documentElement.dataset;
+    at("state").textContent = "";
+    if (at("start").hidden) canvas().focus();
+  };
 
   /** Work that would hold up frames, one piece after the other in a worker of the same program; what takes
    * long has a worker of its own, so that images need not wait for it and it can be stopped. */
@@ -247,11 +268,12 @@
     const scripts = [at("rest"), glue].filter(Boolean);
     const source = glue.src ? `importScripts(${scripts.map((script) => JSON.stringify(script.src))});` : glue.textContent;
     const listen = `
-      let ready;
+      let ready, begun = false;
       const begin = async (module, rest) => {
         if (rest) calibRest.address = ${JSON.stringify(address())};
         await wasm_bindgen({ module_or_path: module });
         if (rest) await calibRest.join(rest);
+        begun = true;
       };
       onmessage = async ({ data: { id, module, rest, kind, name, width, bytes } }) => {
         if (module) { ready = begin(module, rest); return; }
@@ -259,7 +281,7 @@
           await ready;
           const result = calibWork(kind, name, width, bytes);
           postMessage({ id, result }, result.filter((part) => part.buffer).map((part) => part.buffer));
-        } catch (error) { postMessage({ id, error: String(error?.message ?? error), fatal: error instanceof WebAssembly.RuntimeError }); }
+        } catch (error) { postMessage({ id, error: String(error?.message ?? error), fatal: !begun || error instanceof WebAssembly.RuntimeError }); }
       };`;
     const url = URL.createObjectURL(new Blob([source, listen], { type: "text/javascript" }));
     const hired = new Worker(url);
@@ -283,8 +305,8 @@
     const act = (kind, name, width, bytes) => new Promise((resolve, reject) => {
       const id = last += 1;
       asked.set(id, [resolve, reject]);
-      told.then(() => hired.postMessage({ id, kind, name, width, bytes }, [bytes.buffer]),
-        (error) => { if (asked.has(id)) dismiss(String(error)); });
+      told.then(() => hired.postMessage({ id, kind, name, width, bytes }, [bytes.buffer]))
+        .catch((error) => { if (asked.has(id)) dismiss(String(error)); });
     });
     return { act, dismiss };
   };
@@ -312,13 +334,13 @@
       const { memory } = await wasm_bindgen({ module_or_path: calib.module });
       calib.memory = () => memory.buffer.byteLength;
       begin();
-      calib.reads();
+      await calib.rest().catch(() => {});
     } catch (error) {
       if (calib.broken) return;
       trouble("Calib could not be loaded", "The program did not arrive whole.", [reload], String(error?.stack ?? error));
       listKept();
     }
   };
-  start();
-  offline();
+  // What is kept for a visit without a network is fetched when what is wanted now is there.
+  start().then(offline);
 })();

@@ -93,7 +93,7 @@ calib.store = (() => {
   /** As `load`, the record as text; from now on the site is the one in the lifeboat. */
   const open = async (id) => {
     const [record, entries] = await load(id);
-    await calib.reads();
+    await calib.rest();
     boat.record = record;
     boat.images.clear();
     for (const [own, image] of typed(record, entries)) boat.images.set(own, image);

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use calib_core::{
-    Code, FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
+    FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
 };
 use clap::ValueEnum;
 
@@ -172,13 +172,14 @@ fn text(site: &Site, asked: &[Asked]) -> String {
     );
     for Asked { camera, .. } in asked {
         match (&camera.solution, &camera.error) {
-            (Some(solution), _) => row(&mut out, width, camera, solution),
+            (Some(solution), _) => row(&mut out, width, camera, solution, site.scale_is_known(camera)),
             (None, Some(failure)) => failed(&mut out, width, camera, failure),
             (None, None) => {}
         }
     }
     let is_assumed = |asked: &Asked| {
-        asked.camera.solution.as_ref().is_some_and(|solution| solution.warns_of(Code::ScaleAssumed))
+        let placed = asked.camera.solution.as_ref().is_some_and(|solution| solution.position_m.is_some());
+        placed && !site.scale_is_known(asked.camera)
     };
     if asked.iter().any(is_assumed) {
         let _ = writeln!(
@@ -210,7 +211,7 @@ pub(crate) fn stage_name(stage: Stage) -> &'static str {
     }
 }
 
-fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution) {
+fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution, scale_is_known: bool) {
     let sigma = solution.sigma.as_ref();
     let number = |value: Option<f64>, sigma: Option<f64>, digits: usize| match (value, sigma) {
         (Some(value), Some(sigma)) => format!("{value:.digits$} \u{b1} {sigma:.digits$}"),
@@ -219,7 +220,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution)
     };
     let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
-    let assumed = if solution.warns_of(Code::ScaleAssumed) { ASSUMED } else { "" };
+    let assumed = if scale_is_known { "" } else { ASSUMED };
     // Roll and yaw are one turn there.
     let is_down = straight_down(solution).is_some();
     let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);

@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use crate::health::edge_offset::{EdgeOffset, STEP, TONE};
-use crate::health::sigmas::sigmas_of_ratio;
+use crate::health::sigmas::sigmas;
 use crate::health::turn::Turn;
 use crate::health::turn_equations::{BlockSum, Sum};
 
@@ -144,20 +144,17 @@ impl TurnFit {
 
     /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.
     ///
-    /// The covariance is itself estimated from m blocks: of k parameters, Hotelling's (1931) square is `k (m - 1) / (m - k)`
-    /// times F of k and m - k degrees of freedom.
+    /// The covariance is itself estimated from m blocks: Hotelling's (1931) square is brought to a chi-square by its
+    /// expectation, `(m - k - 2) / (m - 1)`.
     #[must_use]
     pub fn clear(&self, from: usize, to: usize) -> f64 {
-        /// Fewer are taken for so many: with them the approximation ends, and a turn of any size would be none.
-        const LEAST: f64 = 3.0;
-        let count = to - from;
+        let (count, blocks) = (to - from, self.blocks as f64);
         let part = self.covariance.view((from, from), (count, count)).into_owned();
         let estimate = self.estimate.rows(from, count).into_owned();
         let Some(inverse) = part.cholesky() else { return 0.0 };
         let square = estimate.dot(&inverse.solve(&estimate));
-        let count = count as f64;
-        let freedom = (self.blocks as f64 - count).max(LEAST);
-        sigmas_of_ratio(square * freedom / (count * (freedom + count - 1.0)), count, freedom)
+        let shrunk = square * ((blocks - count as f64 - 2.0) / (blocks - 1.0).max(1.0)).max(0.0);
+        sigmas(shrunk, count as f64)
     }
 }
 

@@ -83,7 +83,7 @@ pub struct Change {
     pub movement: Movement,
     /// Standard deviations of the parameters, in their order; infinite where nothing tells one.
     pub sigmas: [f64; Movement::SIZE],
-    /// How clear it is: as the sigmas of a normal number.
+    /// How clear it is: as the sigmas of a normal number; those of a tilt and a zoom, which crowds look like, count less.
     pub sigmas_clear: f64,
     /// How often a camera that stands still would be taken for moved by as much evidence.
     pub false_alarm: f64,
@@ -307,7 +307,8 @@ fn dated(change: &Changed, spans: &[[i64; 2]], windows: usize) -> Change {
         movement: Movement::of(parameters),
         sigmas,
         sigmas_clear: change.statistic,
-        false_alarm: (exceeded(change.statistic) * windows as f64).min(1.0),
+        // Every parameter by itself and all together are tried at every time.
+        false_alarm: (exceeded(change.statistic) * (windows * (Movement::SIZE + 1)) as f64).min(1.0),
         by_heights: change.by[0] > ALARM,
         by_others: change.by[1] > ALARM,
     }

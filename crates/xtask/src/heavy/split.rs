@@ -171,8 +171,9 @@ fn functions(program: &[u8]) -> anyhow::Result<Vec<Function<'_>>> {
 /// Whether a function, by the name that a compiler wrote, is of the rest.
 fn is_of_rest(name: &str) -> bool {
     let path = format!("{:#}", rustc_demangle::demangle(name));
-    let own = path.trim_start_matches(['<', '&', '[', '(']);
-    let is_shared = SHARED.iter().any(|part| own.starts_with(part) && mentions(own, part));
+    let own = path.trim_start_matches(['<', '&', '[', '(']).trim_start_matches("mut ");
+    let is_in = |part: &&str| own.strip_prefix(*part).is_some_and(|inner| inner.starts_with("::"));
+    let is_shared = SHARED.iter().any(is_in);
     let reads = READS.iter().all(|part| path.contains(part));
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
@@ -189,6 +190,22 @@ fn mentions(path: &str, modules: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_reads_files_is_of_the_rest_and_what_is_made_for_many_types_is_not() {
+        for (name, is_there) in [
+            ("calib_formats::opencv::read", true),
+            ("<&mut png::decoder::Reader<R> as std::io::Read>::read", true),
+            ("core::iter::adapters::map::Map::<toml::Value>::next", true),
+            ("<calib_core::Site as serde_core::de::Deserialize>::deserialize", true),
+            ("<serde_json::Value as serde_core::de::Deserialize>::deserialize", false),
+            ("<alloc::raw_vec::RawVec<calib_formats::file::File>>::grow_one", false),
+            ("core::ptr::drop_in_place::<image::dynamic::DynamicImage>", false),
+            ("calib_core::camera::projection::project", false),
+        ] {
+            assert_eq!(is_of_rest(name), is_there, "{name}");
+        }
+    }
 
     #[test]
     fn crates_and_modules_are_found_where_paths_begin() {

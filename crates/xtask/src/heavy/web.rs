@@ -63,7 +63,7 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
 pub(crate) fn weights() -> anyhow::Result<[usize; 2]> {
     let glue = root().join("target/web-glue");
     bind(&program()?, &glue)?;
-    let Split { first, rest } = Parts::read(&glue)?.split;
+    let Split { first, rest } = Split::of(&fs::read(glue.join("app_bg.wasm"))?, &glue)?;
     fs::remove_dir_all(&glue)?;
     Ok([gzip(&first)?.len(), gzip(&rest)?.len()])
 }
