@@ -261,7 +261,8 @@ async function offline() {
 async function versions() {
   const folder = path.dirname(file);
   const files = new Map(readdirSync(folder).map((name) => [name, readFileSync(path.join(folder, name))]));
-  const types = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".svg": "image/svg+xml" };
+  // Of WebAssembly some hosts do not know what it is.
+  const types = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
   const server = createServer((request, response) => {
     const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
     const bytes = files.get(name);
@@ -275,6 +276,7 @@ async function versions() {
   const programs = (page) => page.evaluate(() => performance.getEntriesByType("resource").map((entry) => entry.name.split("/").at(-1)).filter((name) => /^calib-.*\.wasm$/.test(name)));
 
   const desk = await Desk.open(browser, url);
+  await desk.page.evaluate(async () => { await calib.rest(); });
   await desk.page.evaluate(() => navigator.serviceWorker.ready);
   await desk.page.reload();
   await shown(desk.page);
