@@ -110,8 +110,8 @@ impl Split {
     }
 }
 
-/// A program without the names of its functions: its other sections as they are.
-pub(crate) fn without_names(program: &[u8]) -> anyhow::Result<Vec<u8>> {
+/// A program without the custom section of a name: its other sections as they are.
+pub(crate) fn without(program: &[u8], name: &str) -> anyhow::Result<Vec<u8>> {
     // A section begins, with its kind and its length, where the one before ends; the first does behind the header.
     const HEADER: usize = 8;
     let mut others = program[..HEADER.min(program.len())].to_vec();
@@ -119,7 +119,7 @@ pub(crate) fn without_names(program: &[u8]) -> anyhow::Result<Vec<u8>> {
     for payload in Parser::new(0).parse_all(program) {
         let payload = payload?;
         let Some((_, range)) = payload.as_section() else { continue };
-        if !matches!(&payload, Payload::CustomSection(section) if section.name() == "name") {
+        if !matches!(&payload, Payload::CustomSection(section) if section.name() == name) {
             others.extend(&program[start..range.end]);
         }
         start = range.end;

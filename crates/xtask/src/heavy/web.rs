@@ -12,7 +12,7 @@ use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
 use crate::heavy::pictures::{Picture, pictures};
-use crate::heavy::split::{Split, without_names};
+use crate::heavy::split::{Split, without};
 use crate::heavy::wasm_build;
 use crate::workspace::root;
 
@@ -71,8 +71,10 @@ pub(crate) fn weights() -> anyhow::Result<[usize; 2]> {
 /// Writes the program as a browser takes it, with the names of its functions, and the script that it speaks to the browser by.
 fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(glue)?;
+    // What it says of features is of the standard library as well, which may have been built with types of references.
+    let program = without(&fs::read(built)?, "target_features")?;
     Bindgen::new()
-        .input_path(built)
+        .input_bytes("app", program)
         .out_name("app")
         .no_modules(true)?
         .typescript(false)
@@ -113,7 +115,7 @@ impl Parts {
         let named = fs::read(glue.join("app_bg.wasm"))?;
         Ok(Self {
             split: Split::of(&named, glue)?,
-            whole: without_names(&named)?,
+            whole: without(&named, "name")?,
             html: page("index.html")?,
             style: page("page.css")?,
             icon: page("icon.svg")?,
