@@ -194,7 +194,7 @@ fn cameras_that_stand_still_are_left_in_peace() {
 }
 
 #[test]
-#[ignore = "takes minutes: 5,000 days of cameras"]
+#[ignore = "takes minutes: 6,000 days of cameras"]
 fn false_alarms_are_one_in_a_thousand_days_of_cameras_at_most() {
     let days = quiet_days(0..asked("CALIB_WATCH_DAYS", 1000));
     let alarms = days.iter().filter(|(clear, _)| *clear > Watch::ALARM).count();

@@ -181,8 +181,8 @@
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
     event.preventDefault();
-    if (at("start").hidden && !address() || globalThis.calibRest?.here) return;
-    // Nothing reads it yet, neither the app nor this page.
+    // The app takes it, once it is shown and can read.
+    if (at("start").hidden && (!address() || calibRest.here)) return;
     event.stopImmediatePropagation();
     read([...event.dataTransfer.files]);
   }, { capture: true });
@@ -199,17 +199,17 @@
   const progress = (share) => { at("progress").value = share; };
 
   /** A program, whatever the host says that it is. */
-  const program = (body) => new Response(body, { headers: { "Content-Type": "application/wasm" } });
-  const asked = async (url) => {
+  const program = (bytes) => new Response(bytes, { headers: { "Content-Type": "application/wasm" } });
+  const body = async (url) => {
     const response = await fetch(url);
     if (!response.ok) throw new Error(`${url}: ${response.status}`);
     return response.body;
   };
   /** The app's bytes as a response that counts itself. */
-  const counted = (body, size) => {
+  const counted = (bytes, size) => {
     let seen = 0;
     const counter = new TransformStream({ transform(chunk, out) { seen += chunk.byteLength; progress(seen / size); out.enqueue(chunk); } });
-    return program(body.pipeThrough(counter));
+    return program(bytes.pipeThrough(counter));
   };
   const fetched = async () => {
     const { wasm, size } = document.documentElement.dataset;
@@ -219,7 +219,7 @@
       inline.remove();
       return counted(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")), size);
     }
-    return counted(await asked(wasm), size);
+    return counted(await body(wasm), size);
   };
 
   /** Where the rest of the program is; none where the program is in one part. */
@@ -233,7 +233,7 @@
   calib.rest = () => rest ??= (async () => {
     if (!address()) return null;
     await begun;
-    const module = await WebAssembly.compileStreaming(program(await asked(address())));
+    const module = await WebAssembly.compileStreaming(program(await body(address())));
     await calibRest.join(module);
     return module;
   })().catch((error) => {

@@ -177,10 +177,7 @@ fn text(site: &Site, asked: &[Asked]) -> String {
             (None, None) => {}
         }
     }
-    let is_assumed = |asked: &Asked| {
-        let placed = asked.camera.solution.as_ref().is_some_and(|solution| solution.position_m.is_some());
-        placed && !site.scale_is_known(asked.camera)
-    };
+    let is_assumed = |asked: &Asked| asked.camera.solution.is_some() && !site.scale_is_known(asked.camera);
     if asked.iter().any(is_assumed) {
         let _ = writeln!(
             out,

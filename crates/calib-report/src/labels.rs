@@ -41,8 +41,8 @@ impl Labels {
 
     /// Takes the ground of a tag, whose upper left corner is here.
     pub(crate) fn take_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
-        let size = style::TEXT * svg.scale;
-        self.taken.push(([x, y, x + svg.text_width(text) + size, y + 1.6 * size], text.to_owned()));
+        let [width, height] = svg.tag_size(text);
+        self.taken.push(([x, y, x + width, y + height], text.to_owned()));
     }
 }
 

@@ -136,9 +136,8 @@ fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
         if labels.are_said(svg, at, text, usual) {
             continue;
         }
-        let anyhow = (*meaning != Meaning::Grid).then(|| placed(svg, at, usual));
-        let place = labels.free(svg, at, text, &places).or(anyhow);
-        if let Some((at, anchor)) = place {
+        let covering = (*meaning != Meaning::Grid).then(|| placed(svg, at, usual));
+        if let Some((at, anchor)) = labels.free(svg, at, text, &places).or(covering) {
             let colour = match meaning {
                 Meaning::Annotation(line) => line.colour(),
                 _ => Look::of(*meaning).colour,

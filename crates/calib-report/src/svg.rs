@@ -181,14 +181,19 @@ impl Svg {
         style::TEXT * self.scale * TAG_LETTER * text.chars().count() as f64
     }
 
+    /// Width and height of the ground of a tag.
+    pub(crate) fn tag_size(&self, text: &str) -> [f64; 2] {
+        let size = style::TEXT * self.scale;
+        [self.text_width(text) + size, 1.6 * size]
+    }
+
     /// A text on a dark ground, its upper left corner at this pixel.
     pub fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
         let size = style::TEXT * self.scale;
-        let width = size * (TAG_LETTER * text.chars().count() as f64 + 1.0);
+        let [width, height] = self.tag_size(text);
         let _ = writeln!(
             self.body,
-            r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{:.1}" rx="{:.1}" fill="{}" fill-opacity="0.82"/><text x="{:.1}" y="{:.1}" font-size="{size:.1}" fill="{colour}">{}</text>"#,
-            1.6 * size,
+            r#"<rect x="{x:.1}" y="{y:.1}" width="{width:.1}" height="{height:.1}" rx="{:.1}" fill="{}" fill-opacity="0.82"/><text x="{:.1}" y="{:.1}" font-size="{size:.1}" fill="{colour}">{}</text>"#,
             0.25 * size,
             Rgb::TAG,
             x + 0.5 * size,

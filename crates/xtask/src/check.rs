@@ -13,7 +13,7 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 
 use crate::tools::{
-    BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, TYPOS, Tool, ULTRALYTICS, WEB, ready,
+    BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, SPLIT, TYPOS, Tool, ULTRALYTICS, WEB, ready,
 };
 use crate::workspace::root;
 
@@ -136,7 +136,7 @@ const CHECKS: &[Check] = &[
         ..BESIDE
     },
     Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..BESIDE },
-    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB], ..BESIDE },
+    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB, &SPLIT], ..BESIDE },
     Check {
         name: "the package for JavaScript",
         command: &["xtask", "js", "--test"],
@@ -164,7 +164,7 @@ const CHECKS: &[Check] = &[
     Check {
         name: "the app in Chromium",
         command: &["xtask", "browser", "--as-is"],
-        tools: &[&WEB, &BROWSER],
+        tools: &[&WEB, &SPLIT, &BROWSER],
         ..OF_BUILT
     },
     Check {

@@ -151,21 +151,20 @@ pub(crate) const FUZZ: Tool = Tool {
 };
 
 pub(crate) const WEB: Tool = Tool {
-    name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web), and what splits its programs",
-    is_there: || wasm::is_there() && is_on_path("wasm-split"),
-    install: &[
-        &[
-            "sh",
-            "-c",
-            "timeout 300 rustup target add wasm32-unknown-unknown || { apt-get update --quiet && \
-             apt-get install --quiet --yes rustc-web cargo-web rust-web-src lld; }",
-        ],
-        &[
-            "sh",
-            "-c",
-            "command -v wasm-split || { apt-get update --quiet && apt-get install --quiet --yes binaryen; }",
-        ],
-    ],
+    name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
+    is_there: wasm::is_there,
+    install: &[&[
+        "sh",
+        "-c",
+        "timeout 300 rustup target add wasm32-unknown-unknown || { apt-get update --quiet && \
+         apt-get install --quiet --yes rustc-web cargo-web rust-web-src lld; }",
+    ]],
+};
+
+pub(crate) const SPLIT: Tool = Tool {
+    name: "Binaryen's wasm-split",
+    is_there: || is_on_path("wasm-split"),
+    install: &[UPDATE, debian!("--no-install-recommends", "binaryen")],
 };
 
 /// What is wanted of npm, beside what was installed for it.

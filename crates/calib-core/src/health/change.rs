@@ -4,11 +4,12 @@
 //! Of a change at the begin of window `t`, what the sources tell of the movement adds up to `H m = g`. Cameras are bumped
 //! and zoomed one way at a time, mostly: beside `g' H^-1 g`, a chi-square of up to four degrees of freedom where nothing
 //! moved, every parameter is tried by itself, a chi-square of one degree. How improbable the least probable of them
-//! is, as the sigmas of a normal number by their weights, is the statistic; its largest value over `t` dates the change. Whether heights
-//! changed with the season is told by the other cameras at the same time.
+//! is, as the sigmas of a normal number by their weights, is the statistic; its largest value over `t` dates the change.
+//! Whether heights changed with the season is told by the other cameras at the same time.
 //!
 //! Tilt and zoom make all people before a camera taller or shorter, which families, groups and hours do, too: what tells of
-//! them counts less ([`BY_PARAMETER`]) than what tells of a pan or a roll, which make them taller on one side only.
+//! them counts less ([`BY_PARAMETER`]) than what tells of a roll, by which who is on one side is taller and on the other
+//! shorter, or of a pan, which other cameras tell.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -25,8 +26,8 @@ use crate::health::stature::SEEN;
 /// Changes are looked for at all times, of many parameters, and people are no normal numbers: of 18,000 simulated days of
 /// cameras on which nothing happened it was larger on 15, which the ignored test of `tests/watch.rs` counts.
 pub(crate) const ALARM: f64 = 4.8;
-/// What evidence counts, by the parameter that it tells of: on such days the largest sigmas of pan, tilt, roll and zoom were,
-/// once in a thousand days of a camera, 3.4, 6.3, 4.1 and 6.6.
+/// What evidence counts, by the parameter that it tells of: on 6,000 of those days the largest sigmas of pan, tilt, roll and
+/// zoom were, once in a thousand, 3.4, 6.3, 4.1 and 6.6.
 const BY_PARAMETER: [f64; Movement::SIZE] = [1.0, 0.7, 1.1, 0.7];
 /// What evidence of several parameters counts: no more than of any.
 const TOGETHER: f64 = 0.7;
