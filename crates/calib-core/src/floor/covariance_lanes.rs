@@ -16,9 +16,11 @@
 //! an infinitesimal homography of the plane, of eight numbers (the "pure parameters" of Tsai and Huang 1981), which are
 //! linear in the errors of the camera: they have a covariance of their own, the same for all points.
 //!
-//! **By the pixel.** A ray is `a right + b down + forward`, `d = t (a right + b down + forward)` with `t = q / r`, and r is
-//! affine in a and b. So the point moves with (a, b) by `T = t [D(right), D(down)]`, in which what is quadratic cancels:
-//! `T = q / r^2 (M + b K, N - a K)`, with columns M, N and K that are the same for all pixels.
+//! **By the pixel.** With a and b in pixels from the principal point a ray is `a right + b down + f forward`,
+//! `d = t (a right + b down + f forward)` with `t = q / r`, and r is affine in a and b. So the point moves with (a, b) by
+//! `T = t [D(right), D(down)]`, in which what is quadratic cancels: `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K
+//! that are the same for all pixels. Where the lens is straight, `q^2 / t^4 T T'` is affine in a, b and the square of the
+//! ray, `a^2 + b^2 + f^2`.
 
 use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
@@ -34,12 +36,14 @@ pub(super) const STRAIGHT_LANES: usize = 2 * LANES;
 #[derive(Clone, Debug)]
 pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
-    /// From the camera to the plane, along the vertical, in metres: q.
-    drop: f64,
-    /// Rows right, down, forward, of each axis its x, its y and `n . axis`.
+    /// That of a coordinate of a pixel, in pixels.
+    sigma: f64,
+    /// Rows right, down and f times forward, of each its x, its y and `(n . axis) / q`.
     axes: [[f64; 3]; 3],
-    /// M, N and K, of x and of y.
+    /// M, N and K over q, of x and of y.
     minors: [[f64; 3]; 2],
+    /// `T T' / t^4` of a pixel of a straight lens with its sigma: xx, xy and yy, each by 1, a, b and the square of the ray.
+    straight: [[f64; 4]; 3],
     /// None where nothing is known of the errors.
     flow: Option<FlowCovariance>,
 }
@@ -50,24 +54,33 @@ type Flow = [f64; 8];
 /// The covariance of the flow that the errors of a camera make.
 #[derive(Clone, Debug)]
 struct FlowCovariance {
-    /// What is at most quadratic, of xx, xy, yy, each by 1, x, y, xx, xy, yy.
-    quadratic: [[f64; 6]; 3],
-    /// What of k is quadratic, of x and y, each by xx, xy, yy.
-    cubic: [[f64; 3]; 2],
-    /// Half the variance of l, by xx, xy, yy.
-    quartic: [f64; 3],
+    /// What is at most quadratic and without x, by 1, y, yy.
+    xx: [f64; 3],
+    /// What is at most quadratic and without y, by 1, x, xx.
+    yy: [f64; 3],
+    /// What is at most quadratic.
+    xy: Quadratic,
+    /// What of k's x is without x, by 1, y, yy.
+    with_x: [f64; 3],
+    /// What of k's y is not along p.
+    with_y: Quadratic,
+    /// What of k is along p.
+    along: Quadratic,
     /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
     lens_with_pose: [Flow; Distortion::MOST],
     /// Of the coefficients of the lens with each other.
     lens: [[f64; Distortion::MOST]; Distortion::MOST],
 }
 
+/// By 1, x, y, xx, xy, yy.
+type Quadratic = [f64; 6];
+
 /// Points of the plane, from the point above which the camera is.
 struct Points<const N: usize> {
     x: Lanes<N>,
     y: Lanes<N>,
-    /// `q / r^2`; NaN where the plane is not seen.
-    scale: Lanes<N>,
+    /// Square of t; NaN where the plane is not seen.
+    square: Lanes<N>,
 }
 
 /// How points of the plane move with (a, b), as rows x and y of T.
@@ -75,32 +88,48 @@ struct Points<const N: usize> {
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
 impl<'a> CovarianceLanes<'a> {
-    pub(super) fn new(camera: &'a Camera, plane: &Plane) -> Self {
+    /// `sigma` is that of a coordinate of a pixel.
+    pub(super) fn new(camera: &'a Camera, plane: &Plane, sigma: f64) -> Self {
         let axes = camera.rotation();
         let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
+        let flow = camera.covariance.is_known().then(|| FlowCovariance::new(camera, plane, &axes, drop));
+        let [right, down, forward] = axes;
+        let axes = [right, down, forward.map(|axis| camera.focal * axis)];
         let rise = axes.map(|axis| plane.rise(&axis));
         let minors = [0, 1].map(|k| {
-            let minor = |i: usize, j: usize| axes[i][k] * rise[j] - axes[j][k] * rise[i];
+            let minor = |i: usize, j: usize| (axes[i][k] * rise[j] - axes[j][k] * rise[i]) / drop;
             [minor(0, 2), minor(1, 2), minor(0, 1)]
         });
-        let flow = camera.covariance.is_known().then(|| FlowCovariance::new(camera, plane, &axes, drop));
-        let axes = [0, 1, 2].map(|i| [axes[i][0], axes[i][1], rise[i]]);
-        Self { camera, drop, axes, minors, flow }
+        let axes = [0, 1, 2].map(|i| [axes[i][0], axes[i][1], rise[i] / drop]);
+        let focal_square = camera.focal * camera.focal;
+        let straight = [(0, 0), (0, 1), (1, 1)].map(|(i, j)| {
+            let ([m, n, k], [m_j, n_j, k_j]) = (minors[i], minors[j]);
+            let by = [
+                m * m_j + n * n_j - focal_square * k * k_j,
+                -(n * k_j + k * n_j),
+                m * k_j + k * m_j,
+                k * k_j,
+            ];
+            by.map(|by| sigma * sigma * by)
+        });
+        Self { camera, sigma, axes, minors, straight, flow }
     }
 
-    /// Of pixels of a straight lens; `sigma` is that of a coordinate of a pixel. That of the pixel and that of the
-    /// calibration, each xx, xy, yy: NaN where the plane is not seen, and where nothing is known of the errors.
+    /// Of pixels of a straight lens. That of the pixel and that of the calibration, each xx, xy, yy: NaN where the plane is
+    /// not seen, and where nothing is known of the errors.
     #[inline(always)]
-    pub(super) fn straight<const N: usize>(
-        &self,
-        u: &Lanes<N>,
-        v: &Lanes<N>,
-        sigma: f64,
-    ) -> [[Lanes<N>; 3]; 2] {
-        let (Pixel { u: cu, v: cv }, inverse) = (self.camera.lens.principal_point, self.camera.focal.recip());
-        let (a, b) = (u.map(|u| (u - cu) * inverse), v.map(|v| (v - cv) * inverse));
+    pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (a, b) = (u.map(|u| u - cu), v.map(|v| v - cv));
         let points = self.points(&a, &b);
-        let pixel = self.slopes(&a, &b, &points.scale, sigma * inverse).squared();
+        let mut pixel = [[0.0; N]; 3];
+        for i in 0..N {
+            let square = self.square_of_ray(a[i], b[i]);
+            let fourth = points.square[i] * points.square[i];
+            for (to, [one, by_a, by_b, by_square]) in pixel.iter_mut().zip(&self.straight) {
+                to[i] = fourth * ((one + a[i] * by_a) + (b[i] * by_b + square * by_square));
+            }
+        }
         // No closure: it would be compiled without the instructions of who calls.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         [pixel, flow.of_pose(&points)]
@@ -113,17 +142,15 @@ impl<'a> CovarianceLanes<'a> {
         (inverse, brown): (&BrownInverse, &BrownConrady),
         u: &Lanes,
         v: &Lanes,
-        sigma: f64,
     ) -> [[Lanes; 3]; 2] {
         let (Pixel { u: cu, v: cv }, lens_focal) = (self.camera.lens.principal_point, self.camera.lens.focal);
         let mut x = u.map(|u| (u - cu) / lens_focal);
         let mut y = v.map(|v| (v - cv) / lens_focal);
         inverse.undistort(&mut x, &mut y);
-        let ratio = lens_focal / self.camera.focal;
-        let (a, b) = (x.map(|x| ratio * x), y.map(|y| ratio * y));
+        let (a, b) = (x.map(|x| lens_focal * x), y.map(|y| lens_focal * y));
         let points = self.points(&a, &b);
-        let by_raw = self.slopes(&a, &b, &points.scale, 1.0).by_raw(brown, &x, &y);
-        let pixel = by_raw.times(sigma / self.camera.focal).squared();
+        let by_raw = self.slopes(&a, &b, &points.square).by_raw(brown, &x, &y);
+        let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.of_pose(&points);
         let mut changes = [[[0.0; LANES]; 2]; Distortion::MOST];
@@ -134,7 +161,7 @@ impl<'a> CovarianceLanes<'a> {
                 changes[coefficient][1][i] = by[coefficient][1];
             }
         }
-        flow.add_lens(&mut calibration, &points, &by_raw.times(ratio), &changes);
+        flow.add_lens(&mut calibration, &points, &by_raw.times(lens_focal), &changes);
         [pixel, calibration]
     }
 
@@ -143,28 +170,32 @@ impl<'a> CovarianceLanes<'a> {
         /// As for one pixel: what is farther is the horizon's rounding.
         const FARTHEST: f64 = 1e12;
         let [right, down, forward] = self.axes;
-        let mut points = Points { x: [0.0; N], y: [0.0; N], scale: [0.0; N] };
+        let mut points = Points { x: [0.0; N], y: [0.0; N], square: [0.0; N] };
         for i in 0..N {
             let along = |k: usize| a[i] * right[k] + b[i] * down[k] + forward[k];
-            let by_rise = along(2).recip();
-            let reach = self.drop * by_rise;
-            // The axes are orthonormal.
-            let square = a[i] * a[i] + b[i] * b[i] + 1.0;
-            let is_seen = (reach > 0.0) & (reach * reach * square < FARTHEST * FARTHEST);
+            let reach = along(2).recip();
+            let is_seen =
+                (reach > 0.0) & (reach * reach * self.square_of_ray(a[i], b[i]) < FARTHEST * FARTHEST);
             let reach = if is_seen { reach } else { f64::NAN };
-            [points.x[i], points.y[i], points.scale[i]] =
-                [reach * along(0), reach * along(1), reach * by_rise];
+            [points.x[i], points.y[i], points.square[i]] =
+                [reach * along(0), reach * along(1), reach * reach];
         }
         points
     }
 
-    /// T times a factor.
+    /// The axes are orthonormal.
     #[inline(always)]
-    fn slopes<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>, scale: &Lanes<N>, factor: f64) -> Slopes<N> {
+    fn square_of_ray(&self, a: f64, b: f64) -> f64 {
+        a * a + b * b + self.camera.focal * self.camera.focal
+    }
+
+    /// T.
+    #[inline(always)]
+    fn slopes<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>, square: &Lanes<N>) -> Slopes<N> {
         let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
         let [x, y] = self.minors;
         for i in 0..N {
-            let scale = factor * scale[i];
+            let scale = square[i];
             slopes.0[0][0][i] = scale * (x[0] + b[i] * x[2]);
             slopes.0[0][1][i] = scale * (x[1] - a[i] * x[2]);
             slopes.0[1][0][i] = scale * (y[0] + b[i] * y[2]);
@@ -239,18 +270,11 @@ impl FlowCovariance {
             let both = |k: usize, l: usize| of(i + k, j + l) + if k == l { 0.0 } else { of(i + l, j + k) };
             [both(0, 0), both(0, 1), both(0, 2), both(1, 1), both(1, 2), both(2, 2)]
         };
-        // With l: what of k is linear makes something quadratic.
-        let sum = |affine: [f64; 6], [xx, xy, yy]: [f64; 3]| {
-            let [one, by_x, by_y, with_xx, with_xy, with_yy] = affine;
-            [one, by_x, by_y, with_xx + xx, with_xy + xy, with_yy + yy]
-        };
-        let (x, y) = ([of(6, 0), of(7, 0)], [of(6, 3), of(7, 3)]);
-        let quadratic = [
-            sum(product(0, 0), [2.0 * x[0], 2.0 * x[1], 0.0]),
-            sum(product(0, 3), [y[0], x[0] + y[1], x[1]]),
-            sum(product(3, 3), [0.0, 2.0 * y[0], 2.0 * y[1]]),
-        ];
-        let cubic = |j: usize| [of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
+        let (m_x, m_y, both) = (product(0, 0), product(3, 3), product(0, 3));
+        let with_l = |j: usize| [of(6, j), of(7, j), of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
+        let ([x, y, xx, xy, yy], of_y) = (with_l(0), with_l(3));
+        let (half_x, half_y) = (m_x.map(|by| 0.5 * by), m_y.map(|by| 0.5 * by));
+        let along = [x + half_x[3], xx, xy];
         let lens = |i: usize, j: usize| {
             let [i, j] = [i, j].map(|bend| Covariance::LENS + bend);
             if is_estimated(&i) && is_estimated(&j) { covariance[i][j] } else { 0.0 }
@@ -260,31 +284,49 @@ impl FlowCovariance {
             if is_estimated(&bend) { with(bend) } else { [0.0; 8] }
         };
         Self {
-            quadratic,
-            cubic: [cubic(0), cubic(3)],
-            quartic: [0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
+            xx: [m_x[0], m_x[2], m_x[5]],
+            yy: [m_y[0], m_y[1], m_y[3]],
+            xy: [
+                both[0],
+                both[1] - half_y[2],
+                both[2] - half_x[1],
+                both[3] - half_y[4],
+                both[4] - half_y[5] - half_x[3],
+                both[5] - half_x[4],
+            ],
+            with_x: [half_x[1], y + half_x[4], yy],
+            with_y: [
+                half_y[2],
+                of_y[0] + half_y[4],
+                of_y[1] + half_y[5] - along[0],
+                of_y[2],
+                of_y[3] - along[1],
+                of_y[4] - along[2],
+            ],
+            along: [along[0], along[1], along[2], 0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
             lens_with_pose: std::array::from_fn(lens_with_pose),
             lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
         }
     }
 
     /// By the pose and the focal: xx, xy, yy. With the point p, `cov(m + p l) = cov(m) + p k' + k p'`, where
-    /// `k = cov(m, l) + p var(l) / 2`. By their degree in x and y: what is linear in k makes a quadratic of p k', and stands
-    /// with cov(m).
+    /// `k = cov(m, l) + p var(l) / 2`: a form of the fourth degree in x and y. What of cov(m) has x in xx, or y in yy, stands
+    /// with k, so that every coefficient is used once.
     #[inline(always)]
     fn of_pose<const N: usize>(&self, points: &Points<N>) -> [Lanes<N>; 3] {
         let mut of = [[0.0; N]; 3];
         for i in 0..N {
             let (x, y) = (points.x[i], points.y[i]);
-            let squares = [x * x, x * y, y * y];
-            let form = |&[xx, xy, yy]: &[f64; 3]| squares[0] * xx + squares[1] * xy + squares[2] * yy;
-            let quadratic =
-                |&[one, by_x, by_y, xx, xy, yy]: &[f64; 6]| (one + x * by_x + y * by_y) + form(&[xx, xy, yy]);
-            let half = form(&self.quartic);
-            let [with_x, with_y] = [form(&self.cubic[0]) + x * half, form(&self.cubic[1]) + y * half];
-            of[0][i] = quadratic(&self.quadratic[0]) + (x + x) * with_x;
-            of[1][i] = quadratic(&self.quadratic[1]) + (x * with_y + y * with_x);
-            of[2][i] = quadratic(&self.quadratic[2]) + (y + y) * with_y;
+            let quadratic = |&[one, by_x, by_y, xx, xy, yy]: &Quadratic| {
+                (one + x * (by_x + x * xx)) + y * (by_y + x * xy + y * yy)
+            };
+            let of_one = |&[one, by, square]: &[f64; 3], x: f64| one + x * (by + x * square);
+            let along = quadratic(&self.along);
+            let with_x = of_one(&self.with_x, y) + x * along;
+            let with_y = quadratic(&self.with_y) + y * along;
+            of[0][i] = of_one(&self.xx, y) + (x + x) * with_x;
+            of[1][i] = quadratic(&self.xy) + (x * with_y + y * with_x);
+            of[2][i] = of_one(&self.yy, x) + (y + y) * with_y;
         }
         of
     }

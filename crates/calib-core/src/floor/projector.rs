@@ -251,14 +251,16 @@ impl FloorProjector {
         match (&self.camera.lens.distortion, &self.inverse) {
             (Distortion::None, _) => self.covariances_in_step(
                 #[inline(always)]
-                |of, u: &[f64; STRAIGHT_LANES], v| of.straight(u, v, pixel_sigma),
+                |of, u: &[f64; STRAIGHT_LANES], v| of.straight(u, v),
                 [u, v],
+                pixel_sigma,
                 to,
             ),
             (Distortion::BrownConrady(brown), Some(inverse)) => self.covariances_in_step(
                 #[inline(always)]
-                |of, u, v| of.bent((inverse, brown), u, v, pixel_sigma),
+                |of, u, v| of.bent((inverse, brown), u, v),
                 [u, v],
+                pixel_sigma,
                 to,
             ),
             _ => self.covariances_one_by_one([u, v], pixel_sigma, to),
@@ -270,9 +272,10 @@ impl FloorProjector {
         &self,
         of: impl Fn(&CovarianceLanes<'_>, &[f64; N], &[f64; N]) -> [[[f64; N]; 3]; 2],
         [u, v]: [&[f64]; 2],
+        sigma: f64,
         to: [&mut [f64]; 6],
     ) {
-        let prepared = CovarianceLanes::new(&self.camera, &self.plane);
+        let prepared = CovarianceLanes::new(&self.camera, &self.plane, sigma);
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         dispatch(
             #[inline(always)]
