@@ -9,7 +9,7 @@
 //! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
 //!   `initialization` cameras placed along a spanning tree;
 //! - `common_tilt` the lean of the floor that views share, `plane_parameters`, `shared_planes` the planes that they share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
-//!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
+//!   least-squares problem that evaluates them; `retraction` where a step leads: **the residual of a vertical line** is that of stage 1
 //!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
 //!   `annotation_residuals`;
 //! - `marginals` covariances of cameras and landmarks; `converged` a minimum with what speaks against every
@@ -32,6 +32,7 @@ mod plane_parameters;
 mod parameters;
 mod residuals;
 mod problem;
+mod retraction;
 mod shared_planes;
 mod annotation_residuals;
 mod marginals;

@@ -386,7 +386,7 @@ impl LeastSquares for BundleProblem<'_> {
 
     fn step(&self, state: &Vec<f64>, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64, f64)> {
         let (step, predicted) = self.blocks.step(normal, damping)?;
-        let next: Vec<f64> = state.iter().zip(&step).map(|(value, step)| value + step).collect();
+        let next = self.retract(state, &step);
         let relative = |(value, step): (&f64, &f64)| step.abs() / (1.0 + value.abs());
         let size = state.iter().zip(&step).map(relative).fold(0.0, f64::max);
         size.is_finite().then_some((next, predicted, size))
