@@ -5,7 +5,8 @@
 //! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
 //! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines; `image_curve` **their way across an image**;
 //! - `floor_line` a line of the floor and where an image shows it;
-//! - `lanes` values in step; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
+//! - `lanes` values in step; `flow_covariance`, `covariance_lanes` **how sure many points of the floor are**, by camera and by
+//!   pixel; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
 //!   points of space to pixels;
 //! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
 //! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
@@ -22,6 +23,7 @@ mod status;
 mod lanes;
 mod extent;
 mod surfaces;
+mod flow_covariance;
 mod covariance_lanes;
 mod projector;
 mod point_projector;

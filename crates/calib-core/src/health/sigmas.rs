@@ -18,9 +18,28 @@ pub(crate) fn exceeded(sigmas: f64) -> f64 {
     (2.0 * density / sigmas.max(f64::MIN_POSITIVE)).min(1.0)
 }
 
+/// How many sigmas a normal number is farther from 0 than as often as this: the inverse of [`exceeded`].
+pub(crate) fn exceeded_as_often_as(probability: f64) -> f64 {
+    const MOST: f64 = 40.0;
+    const HALVINGS: usize = 60;
+    let halved = |[low, high]: [f64; 2], _| {
+        let middle = 0.5 * (low + high);
+        if exceeded(middle) > probability { [middle, high] } else { [low, middle] }
+    };
+    (0..HALVINGS).fold([0.0, MOST], halved)[1]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn as_often_is_the_inverse_of_how_often() {
+        for probability in [0.3, 0.05, 1e-3, 1e-9] {
+            assert!((exceeded(exceeded_as_often_as(probability)) / probability - 1.0).abs() < 1e-9);
+        }
+        assert!((exceeded_as_often_as(0.0027) - 3.0).abs() < 0.05);
+    }
 
     #[test]
     fn sigmas_are_those_of_the_tables() {

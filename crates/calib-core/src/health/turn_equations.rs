@@ -14,8 +14,6 @@ use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 use crate::health::edge_offset::{EdgeOffset, TONE};
 use crate::health::turn::Turn;
 
-/// What codecs and interpolation may move a whole image by, in pixels: it does not average.
-const COMMON: f64 = 0.004;
 /// What light moves an edge by, in pixels for a contrast of 1 in the logarithm of brightness: standard deviation.
 const LIGHT: f64 = 0.3;
 
@@ -40,7 +38,6 @@ pub(super) struct BlockSum {
 pub(super) struct Sum {
     information: DMatrix<f64>,
     score: DVector<f64>,
-    precision: f64,
 }
 
 impl BlockSum {
@@ -101,21 +98,24 @@ impl Sum {
     pub(super) fn of(blocks: &[BlockSum], block: f64) -> Option<Self> {
         let unknowns = blocks.first()?.score.len();
         let (mut information, mut score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
-        let mut precision = 0.0;
         for one in blocks {
             let (own, own_score) = one.closed(block)?;
             information += own;
             score += own_score;
-            precision += one.precision;
         }
-        Some(Self { information, score, precision })
+        Some(Self { information, score })
+    }
+
+    /// The inverse of what all tell.
+    pub(super) fn bound(&self) -> Option<DMatrix<f64>> {
+        Some(self.believed().cholesky()?.inverse())
     }
 
     /// The covariance that blocks bear out, each by itself: with the information I of all, `I_k` and score `s_k` of one, and
     /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and `McCaffrey` 2002);
     /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
-    /// out, and what is stated is no less than the bound.
-    pub(super) fn covariance(
+    /// out.
+    pub(super) fn borne_out(
         &self,
         blocks: &[BlockSum],
         block: f64,
@@ -127,7 +127,6 @@ impl Sum {
         let bound = root.transpose() * &root;
         let belief = DMatrix::from_diagonal(&(self.believed().diagonal() - self.information.diagonal()));
         let mut covariance = &bound * belief * &bound;
-        let mut most: f64 = 0.0;
         for one in blocks {
             let (information, score) = one.closed(block)?;
             let told = &root * (score - &information * estimate);
@@ -135,28 +134,19 @@ impl Sum {
             let mut along = eigen.eigenvectors.transpose() * told;
             for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
                 *along /= (1.0 - share).max(1.0 - ALL).sqrt();
-                most = most.max(share);
             }
             let moved = root.transpose() * (eigen.eigenvectors * along);
             covariance.ger(1.0, &moved, &moved, 1.0);
         }
-        if most > ALL {
-            covariance += bound;
-        }
-        Some(covariance + self.of_common()?)
+        Some(covariance)
     }
 
-    /// What is believed of light before it is seen.
-    pub(super) fn believed(&self) -> DMatrix<f64> {
+    /// With what is believed of light before it is seen.
+    fn believed(&self) -> DMatrix<f64> {
         let mut believed = self.information.clone();
         let tone = (Turn::SIZE..Turn::SIZE + TONE).filter(|&i| i < self.score.len());
         tone.for_each(|i| believed[(i, i)] += LIGHT.powi(-2));
         believed
-    }
-
-    /// The covariance that offsets in common to all places leave.
-    fn of_common(&self) -> Option<DMatrix<f64>> {
-        Some((self.believed() * (self.precision.recip() * COMMON.powi(-2))).cholesky()?.inverse())
     }
 
     pub(super) fn solved(&self) -> Option<DVector<f64>> {

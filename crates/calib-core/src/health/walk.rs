@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::camera::{Camera, FloorPoint};
 use crate::health::sighting::Sighting;
+use crate::health::sigmas::exceeded_as_often_as;
 use crate::health::views::{ERRORS, Errors, View, interpolated, of_one, place_of, view};
 
 /// Seconds between moments: so far apart, feet err by themselves.
@@ -269,13 +270,13 @@ fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<Found> {
 }
 
 /// How clear a disagreement must be: one walk in twenty may accuse one of all the cameras that are right, of one of its
-/// errors, of which seven that hang together are as many as three; and `P(Z > z) < exp(-z^2 / 2) / 2`.
+/// errors, of which seven that hang together are as many as four.
 fn clear_enough(equations: &Equations, cameras: usize) -> f64 {
     const FALSE: f64 = 0.05;
-    const TRIALS: f64 = 3.0;
+    const TRIALS: f64 = 4.0;
     let is_seen = |camera: &usize| equations.information[(camera * ERRORS, camera * ERRORS)] > 0.0;
     let seen = (0..cameras).filter(is_seen).count() as f64;
-    (2.0 * (TRIALS * seen / (2.0 * FALSE)).ln()).max(0.0).sqrt()
+    exceeded_as_often_as(FALSE / (TRIALS * seen))
 }
 
 /// One camera against what it claims; `free` are those of which nothing is claimed.
