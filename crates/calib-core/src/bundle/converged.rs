@@ -96,7 +96,7 @@ pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'
 
 fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>> {
     let Summary { state, cost: chi2, normal, .. } = least_squares(&problem, problem.start(), most)?;
-    let dof = problem.dof(&state)?;
+    let dof = problem.dof(normal.residuals);
     Some(Converged { problem, state, chi2, dof, normal, covariance: None })
 }
 

@@ -172,10 +172,8 @@ impl<'a> BundleProblem<'a> {
         &self.camera_layout[view]
     }
 
-    /// Number of residuals minus number of parameters.
-    pub(crate) fn dof(&self, state: &[f64]) -> Option<i64> {
-        let mut count = 0_i64;
-        self.each_residual(state, |_, _, _| count += 1)?;
+    /// So many residuals minus the number of parameters.
+    pub(crate) fn dof(&self, residuals: usize) -> i64 {
         // The line through the points of an edge has two parameters, which are eliminated, and an edge that is
         // drawn again is one.
         let beyond = |view: &View| {
@@ -185,7 +183,7 @@ impl<'a> BundleProblem<'a> {
         let edges: i64 = self.views.iter().map(beyond).sum();
         let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum::<i64>()
             + self.copies.repeated(&self.landmarks, &self.distances);
-        Some(count - repeated - edges - self.blocks.unknowns() as i64)
+        residuals as i64 - repeated - edges - self.blocks.unknowns() as i64
     }
 
     /// Calls `sink` with every residual in sigmas, its derivatives, and what it belongs to.

@@ -54,6 +54,8 @@ pub(crate) struct JacobianBlock<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct NormalEquations {
     pub(crate) cost: f64,
+    /// Number of residuals.
+    pub(crate) residuals: usize,
     pub(crate) gradient: Vec<f64>,
     /// Of the kept blocks, in the layout of the reduced system.
     pub(crate) kept: Vec<f64>,
@@ -103,6 +105,7 @@ impl BlockStructure {
         let end = |out: &Eliminated| out.own + self.sizes[out.block].pow(2);
         NormalEquations {
             cost: 0.0,
+            residuals: 0,
             gradient: vec![0.0; self.unknowns()],
             kept: self.sparse.zeros(),
             own: vec![0.0; last.map_or(0, end)],
@@ -113,6 +116,7 @@ impl BlockStructure {
     /// Adds one residual.
     pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.cost += residual * residual;
+        normal.residuals += 1;
         for (k, a) in jacobian.iter().enumerate() {
             let offset = self.offsets[a.block];
             for (gradient, jacobian) in normal.gradient[offset..].iter_mut().zip(a.by) {
