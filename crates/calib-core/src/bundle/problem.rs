@@ -172,7 +172,7 @@ impl<'a> BundleProblem<'a> {
         &self.camera_layout[view]
     }
 
-    /// So many residuals minus the number of parameters.
+    /// Degrees of freedom of so many residuals: without parameters, and what edges and copies say again.
     pub(crate) fn dof(&self, residuals: usize) -> i64 {
         // The line through the points of an edge has two parameters, which are eliminated, and an edge that is
         // drawn again is one.

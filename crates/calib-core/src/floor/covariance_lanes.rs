@@ -10,13 +10,11 @@
 //! **By the pixel.** With a and b in pixels from the principal point a ray is `a right + b down + f forward`,
 //! `d = t (a right + b down + f forward)` with `t = q / r`, and r is affine in a and b. So the point moves with (a, b) by
 //! `T = t [D(right), D(down)]`, in which what is quadratic cancels: `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K
-//! that are the same for all pixels. Where the lens is straight, `q^2 / t^4 T T'` is affine in a, b and the square of the
-//! ray, `a^2 + b^2 + f^2`.
+//! that are the same for all pixels.
 
 use crate::camera::{BrownConrady, BrownInverse, Camera, Distortion, LANES, Pixel, Plane};
 use crate::floor::flow_covariance::FlowCovariance;
-
-type Lanes<const N: usize = LANES> = [f64; N];
+use crate::floor::lanes::Lanes;
 
 /// As many pixels of a straight lens as are fastest in step: with two steps of the widest instructions side by side, one
 /// does not wait for the other.
@@ -32,8 +30,8 @@ pub(super) struct CovarianceLanes<'a> {
     axes: [[f64; 3]; 3],
     /// M, N and K over q, of x and of y.
     minors: [[f64; 3]; 2],
-    /// `T T' / t^4` of a pixel of a straight lens with its sigma: xx, xy and yy, each by 1, a, b and the square of the ray.
-    straight: [[f64; 4]; 3],
+    /// The same times sigma.
+    of_sigma: [[f64; 3]; 2],
     /// None where nothing is known of the errors.
     flow: Option<FlowCovariance>,
 }
@@ -46,7 +44,7 @@ struct Points<const N: usize> {
     square: Lanes<N>,
 }
 
-/// How points of the plane move with (a, b), as rows x and y of T.
+/// How points of the plane move with (a, b), as rows x and y of T, or of T over t^2.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
@@ -64,18 +62,8 @@ impl<'a> CovarianceLanes<'a> {
             [minor(0, 2), minor(1, 2), minor(0, 1)]
         });
         let axes = [0, 1, 2].map(|i| [axes[i][0], axes[i][1], rise[i] / drop]);
-        let focal_square = camera.focal * camera.focal;
-        let straight = [(0, 0), (0, 1), (1, 1)].map(|(i, j)| {
-            let ([m, n, k], [m_j, n_j, k_j]) = (minors[i], minors[j]);
-            let by = [
-                m * m_j + n * n_j - focal_square * k * k_j,
-                -(n * k_j + k * n_j),
-                m * k_j + k * m_j,
-                k * k_j,
-            ];
-            by.map(|by| sigma * sigma * by)
-        });
-        Self { camera, sigma, axes, minors, straight, flow }
+        let of_sigma = minors.map(|row| row.map(|minor| sigma * minor));
+        Self { camera, sigma, axes, minors, of_sigma, flow }
     }
 
     /// Of pixels of a straight lens. That of the pixel and that of the calibration, each xx, xy, yy: NaN where the plane is
@@ -85,12 +73,10 @@ impl<'a> CovarianceLanes<'a> {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let (a, b) = (u.map(|u| u - cu), v.map(|v| v - cv));
         let points = self.points(&a, &b);
-        let mut pixel = [[0.0; N]; 3];
-        for i in 0..N {
-            let square = self.square_of_ray(a[i], b[i]);
-            let fourth = points.square[i] * points.square[i];
-            for (to, [one, by_a, by_b, by_square]) in pixel.iter_mut().zip(&self.straight) {
-                to[i] = fourth * ((one + a[i] * by_a) + (b[i] * by_b + square * by_square));
+        let mut pixel = slopes(&self.of_sigma, &a, &b).squared();
+        for column in &mut pixel {
+            for i in 0..N {
+                column[i] *= points.square[i] * points.square[i];
             }
         }
         // No closure: it would be compiled without the instructions of who calls.
@@ -112,7 +98,12 @@ impl<'a> CovarianceLanes<'a> {
         inverse.undistort(&mut x, &mut y);
         let (a, b) = (x.map(|x| lens_focal * x), y.map(|y| lens_focal * y));
         let points = self.points(&a, &b);
-        let by_raw = self.slopes(&a, &b, &points.square).by_raw(brown, &x, &y);
+        let mut by_raw = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y);
+        for column in by_raw.0.as_flattened_mut() {
+            for i in 0..LANES {
+                column[i] *= points.square[i];
+            }
+        }
         let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.of_pose(&points.x, &points.y);
@@ -151,21 +142,19 @@ impl<'a> CovarianceLanes<'a> {
     fn square_of_ray(&self, a: f64, b: f64) -> f64 {
         a * a + b * b + self.camera.focal * self.camera.focal
     }
+}
 
-    /// T.
-    #[inline(always)]
-    fn slopes<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>, square: &Lanes<N>) -> Slopes<N> {
-        let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
-        let [x, y] = self.minors;
-        for i in 0..N {
-            let scale = square[i];
-            slopes.0[0][0][i] = scale * (x[0] + b[i] * x[2]);
-            slopes.0[0][1][i] = scale * (x[1] - a[i] * x[2]);
-            slopes.0[1][0][i] = scale * (y[0] + b[i] * y[2]);
-            slopes.0[1][1][i] = scale * (y[1] - a[i] * y[2]);
-        }
-        slopes
+/// `T / t^2`, of M, N and K over q.
+#[inline(always)]
+fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) -> Slopes<N> {
+    let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
+    for i in 0..N {
+        slopes.0[0][0][i] = x[0] + b[i] * x[2];
+        slopes.0[0][1][i] = x[1] - a[i] * x[2];
+        slopes.0[1][0][i] = y[0] + b[i] * y[2];
+        slopes.0[1][1][i] = y[1] - a[i] * y[2];
     }
+    slopes
 }
 
 impl<const N: usize> Slopes<N> {
@@ -179,8 +168,7 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// How the points move with the raw pixel, normalised: T times the inverse of the Jacobian of the lens, which is
-    /// symmetric.
+    /// How the points move with the raw pixel: T times the inverse of the Jacobian of the lens, which is symmetric.
     #[inline(always)]
     fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
         let mut unbend = [[0.0; N]; 3];

@@ -1,7 +1,7 @@
 //! The covariance of points of a plane by the errors of the camera that shows them, in step.
 //!
-//! With the way `d = (x, y, z)` from the camera to a point of the plane, its normal n and the drop q to it, a change c of d
-//! moves the point by `D(c) = c - d (n . c) / q`.
+//! With the way `d = (x, y, z)` from the camera to a point of the plane, its normal `n = (-slope, 1)` and the drop
+//! `q = n . d` to it, a change c of d moves the point by `D(c) = c - d (n . c) / q`.
 //!
 //! A shift of its place is a c that is the same for all points, a turn makes `c = w x d`, a longer focal
 //! `c = forward (forward . d) / f` but for a multiple of d, and `D(d) = 0`. On the plane z is affine in x and y, and so is
@@ -13,10 +13,21 @@
 //!
 //! an infinitesimal homography of the plane, of eight numbers (the "pure parameters" of Tsai and Huang 1981), which are
 //! linear in the errors of the camera: they have a covariance of their own, the same for all points.
+//!
+//! With the point `p = (x, y)` that of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`, `k = cov(m, l) + p var(l) / 2`, a form
+//! of the fourth degree. So that every coefficient is used once, what of `var(m_x)` has a factor x stands with k, and what of
+//! `var(m_y)` has a factor y:
+//!
+//! ```text
+//! K_x = k_x + (what of var(m_x) has x) / 2x,    K_y = k_y + (what of var(m_y) has y) / 2y,
+//! xx = (the rest of var(m_x)) + 2 x K_x,        yy = (the rest of var(m_y)) + 2 y K_y,
+//! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x,
+//! ```
+//!
+//! and of K the part along p, what of K_x has a factor x, is computed once: `K_x = with_x + x along`, `K_y = with_y + y along`.
 
 use crate::camera::{Camera, Covariance, Distortion, LANES, Plane, sin_cos};
-
-type Lanes<const N: usize = LANES> = [f64; N];
+use crate::floor::lanes::Lanes;
 
 /// The eight numbers of a flow of the plane.
 type Flow = [f64; 8];
@@ -24,17 +35,15 @@ type Flow = [f64; 8];
 /// The covariance of the flow that the errors of a camera make.
 #[derive(Clone, Debug)]
 pub(super) struct FlowCovariance {
-    /// What is at most quadratic and without x, by 1, y, yy.
+    /// The rest of `var(m_x)`, by 1, y, yy.
     xx: [f64; 3],
-    /// What is at most quadratic and without y, by 1, x, xx.
+    /// The rest of `var(m_y)`, by 1, x, xx.
     yy: [f64; 3],
-    /// What is at most quadratic.
+    /// `cov(m_x, m_y)` without what K took.
     xy: Quadratic,
-    /// What of k's x is without x, by 1, y, yy.
+    /// By 1, y, yy.
     with_x: [f64; 3],
-    /// What of k's y is not along p.
     with_y: Quadratic,
-    /// What of k is along p.
     along: Quadratic,
     /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
     lens_with_pose: [Flow; Distortion::MOST],
@@ -104,9 +113,7 @@ impl FlowCovariance {
         }
     }
 
-    /// By the pose and the focal: xx, xy, yy. With the point p, `cov(m + p l) = cov(m) + p k' + k p'`, where
-    /// `k = cov(m, l) + p var(l) / 2`: a form of the fourth degree in x and y. What of cov(m) has x in xx, or y in yy, stands
-    /// with k, so that every coefficient is used once.
+    /// By the pose and the focal: xx, xy, yy.
     #[inline(always)]
     pub(super) fn of_pose<const N: usize>(&self, x: &Lanes<N>, y: &Lanes<N>) -> [Lanes<N>; 3] {
         let mut of = [[0.0; N]; 3];

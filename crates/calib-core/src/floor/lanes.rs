@@ -1,5 +1,10 @@
 //! Values that are worked on together, so that the compiler can use vector instructions.
 
+use crate::camera::LANES;
+
+/// As many values as are worked on together.
+pub(super) type Lanes<const N: usize = LANES> = [f64; N];
+
 /// As many values as there are, and a filling.
 #[inline(always)]
 pub(super) fn lanes<const N: usize>(values: &[f64], filling: f64) -> [f64; N] {

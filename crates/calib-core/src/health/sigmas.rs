@@ -18,8 +18,9 @@ pub(crate) fn exceeded(sigmas: f64) -> f64 {
     (2.0 * density / sigmas.max(f64::MIN_POSITIVE)).min(1.0)
 }
 
-/// How many sigmas a normal number is farther from 0 than as often as this: the inverse of [`exceeded`].
-pub(crate) fn exceeded_as_often_as(probability: f64) -> f64 {
+/// The two-sided quantile of a normal number: beyond so many sigmas it is with this probability, the inverse of
+/// [`exceeded`].
+pub(crate) fn two_sided_quantile(probability: f64) -> f64 {
     const MOST: f64 = 40.0;
     const HALVINGS: usize = 60;
     let halved = |[low, high]: [f64; 2], _| {
@@ -34,11 +35,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_often_is_the_inverse_of_how_often() {
+    fn a_quantile_is_exceeded_with_its_probability() {
         for probability in [0.3, 0.05, 1e-3, 1e-9] {
-            assert!((exceeded(exceeded_as_often_as(probability)) / probability - 1.0).abs() < 1e-9);
+            assert!((exceeded(two_sided_quantile(probability)) / probability - 1.0).abs() < 1e-9);
         }
-        assert!((exceeded_as_often_as(0.0027) - 3.0).abs() < 0.05);
+        assert!((two_sided_quantile(0.0027) - 3.0).abs() < 0.05);
     }
 
     #[test]

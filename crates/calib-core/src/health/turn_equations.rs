@@ -114,12 +114,13 @@ impl Sum {
     /// The covariance that blocks bear out, each by itself: with the information I of all, `I_k` and score `s_k` of one, and
     /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and `McCaffrey` 2002);
     /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
-    /// out.
+    /// out, and it counts as what is expected, 1. `slope` is that of psi over that of the weights (`turn_fit.rs`).
     pub(super) fn borne_out(
         &self,
         blocks: &[BlockSum],
         block: f64,
         estimate: &DVector<f64>,
+        slope: f64,
     ) -> Option<DMatrix<f64>> {
         /// Share that is nearly all.
         const ALL: f64 = 0.95;
@@ -133,7 +134,11 @@ impl Sum {
             let eigen = (&root * information * root.transpose()).symmetric_eigen();
             let mut along = eigen.eigenvectors.transpose() * told;
             for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
-                *along /= (1.0 - share).max(1.0 - ALL).sqrt();
+                *along = if share > ALL {
+                    along.abs().max(1.0).copysign(*along)
+                } else {
+                    *along / ((1.0 - share).sqrt() * slope)
+                };
             }
             let moved = root.transpose() * (eigen.eigenvectors * along);
             covariance.ger(1.0, &moved, &moved, 1.0);

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::camera::{Camera, FloorPoint};
 use crate::health::sighting::Sighting;
-use crate::health::sigmas::exceeded_as_often_as;
+use crate::health::sigmas::two_sided_quantile;
 use crate::health::views::{ERRORS, Errors, View, interpolated, of_one, place_of, view};
 
 /// Seconds between moments: so far apart, feet err by themselves.
@@ -276,7 +276,7 @@ fn clear_enough(equations: &Equations, cameras: usize) -> f64 {
     const TRIALS: f64 = 4.0;
     let is_seen = |camera: &usize| equations.information[(camera * ERRORS, camera * ERRORS)] > 0.0;
     let seen = (0..cameras).filter(is_seen).count() as f64;
-    exceeded_as_often_as(FALSE / (TRIALS * seen))
+    two_sided_quantile(FALSE / (TRIALS * seen))
 }
 
 /// One camera against what it claims; `free` are those of which nothing is claimed.
