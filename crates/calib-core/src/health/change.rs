@@ -194,7 +194,8 @@ impl Sources {
     }
 }
 
-/// The statistic: of all parameters together, and of each by itself.
+/// The statistic, the largest of these: as how many sigmas all parameters together are improbable, less than alone and by
+/// their weight, and each by itself, by its own.
 fn clearness(of: &NormalEquations, held: &DVector<f64>) -> f64 {
     let chi2 = of.chi2(held).map_or(0.0, |(chi2, freedom)| sigmas(chi2, freedom));
     let together = TOGETHER * (chi2 - CLEARER).max(0.0);

@@ -1,5 +1,5 @@
-//! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves bear
-//! out.
+//! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves, for
+//! the most part, bear out.
 //!
 //! At a place of an edge the offset across it is `d`, and a small turn `x` would make it `a' x`. The estimate minimises
 //!
