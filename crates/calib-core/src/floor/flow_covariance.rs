@@ -24,7 +24,7 @@
 //! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x,
 //! ```
 //!
-//! and of K the part along p, what of K_x has a factor x, is computed once: `K_x = with_x + x along`, `K_y = with_y + y along`.
+//! and of K the part along p, what of `K_x` has a factor x, is computed once: `K_x = with_x + x along`, `K_y = with_y + y along`.
 
 use crate::camera::{Camera, Covariance, Distortion, LANES, Plane, sin_cos};
 use crate::floor::lanes::Lanes;
