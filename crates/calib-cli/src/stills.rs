@@ -13,6 +13,9 @@ use crate::stop::Stop;
 pub(crate) fn listed(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
     let mut found = Vec::new();
     for path in asked {
+        if !path.exists() {
+            return Err(Stop::Usage(format!("{}: there is no such still or folder", path.display())));
+        }
         if !path.is_dir() {
             found.push(path.clone());
             continue;
