@@ -114,7 +114,7 @@ impl Sum {
     /// The covariance that blocks bear out, each by itself: with the information I of all, `I_k` and score `s_k` of one, and
     /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and `McCaffrey` 2002);
     /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
-    /// out, and it counts as what is expected, 1. `slope` is that of psi over that of the weights (`turn_fit.rs`).
+    /// out, and it counts as what is expected, 1. `slope` is the mean slope of psi over the mean weight.
     pub(super) fn borne_out(
         &self,
         blocks: &[BlockSum],

@@ -120,8 +120,7 @@ impl TurnFit {
         for _ in 0..ROUNDS {
             let residuals = rows.residuals(&estimate);
             let together = excess(&residuals, offsets);
-            let scale = |i: usize| offsets[i].sigma.hypot(together).max(FINEST);
-            weights = (0..offsets.len()).map(|i| tukey(residuals[i] / scale(i))).collect();
+            weights = rows.in_scales(&residuals, together).map(tukey).collect();
             let of_edges = if of == Estimated::Step { None } else { rows.scatter(&residuals, &weights) };
             scatter = of_edges.unwrap_or(Scatter { place: together, ..Scatter::default() });
             let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
@@ -176,6 +175,12 @@ impl Rows<'_> {
         self.offsets.iter().map(|row| row.offset - row.told(estimate)).collect()
     }
 
+    /// Residuals over how far their places usually are off, with what they scatter beyond their own noise.
+    fn in_scales(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
+        let each = residuals.iter().zip(self.offsets);
+        each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(FINEST))
+    }
+
     /// Least absolute deviations by weighted least squares (Schlossmacher 1973).
     fn least_deviations(&self) -> Option<DVector<f64>> {
         /// Nearer than this to the estimate all deviations count the same, in pixels.
@@ -194,10 +199,7 @@ impl Rows<'_> {
         const LEAST: f64 = 0.5;
         let residuals = self.residuals(estimate);
         let together = excess(&residuals, self.offsets);
-        let of = |(row, residual): (&EdgeOffset, &f64)| {
-            psi_slope(residual / row.sigma.hypot(together).max(FINEST))
-        };
-        let slopes: f64 = self.offsets.iter().zip(&residuals).map(of).sum();
+        let slopes: f64 = self.in_scales(&residuals, together).map(psi_slope).sum();
         (slopes / weights.iter().sum::<f64>()).max(LEAST)
     }
 
