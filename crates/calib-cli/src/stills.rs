@@ -14,7 +14,7 @@ pub(crate) fn listed(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
     let mut found = Vec::new();
     for path in asked {
         if !path.exists() {
-            return Err(Stop::Usage(format!("{}: there is no such still or folder", path.display())));
+            return Err(Stop::invalid(path.display(), "there is no such still or folder"));
         }
         if !path.is_dir() {
             found.push(path.clone());
