@@ -888,7 +888,7 @@ fn the_command_finds_the_zoom_of_one_camera_and_solves_it_again() {
     assert_eq!(moved["verdict"], "moved");
     let off = moved["zoom"].as_f64().unwrap() - 1.03;
     assert!(off.abs() < 3.5 * moved["zoom_sigma"].as_f64().unwrap() + 1e-5, "{moved}");
-    scratch.calib(&["compare", "d/solved.json", "--still", "nowhere.png"]).expect_code(2);
+    scratch.calib(&["compare", "d/solved.json", "--still", "nowhere.png"]).expect_code(3);
     recovered(&scratch, &["store"]);
 }
 
