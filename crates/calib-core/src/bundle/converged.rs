@@ -102,7 +102,7 @@ fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>>
 
 impl Converged<'_> {
     pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
-        self.problem.blocks.covariance(self.normal.clone(), REGULARIZATION)
+        self.problem.blocks.covariance(&self.normal, REGULARIZATION)
     }
 
     /// The covariances of all cameras with each other, where they are few.

@@ -19,7 +19,7 @@ use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark};
 use crate::bundle::residuals::distance_residual;
 use crate::bundle::triangulation::triangulate;
 use crate::camera::{Camera, ObservedPixel, PosedCamera};
-use crate::optimize::{product, pseudo_inverse};
+use crate::optimize::{product, pseudo_invert};
 
 /// Share of the largest chi-square of its cameras that a suspect has.
 const OF_THE_LARGEST: f64 = 0.25;
@@ -109,8 +109,10 @@ fn located_chi2(landmark: &Landmark, cameras: &[Camera]) -> Option<f64> {
     let (model, mut place) = triangulate(landmark, cameras, &|_| true)?;
     let landmark = Landmark { model, ..landmark.clone() };
     let mut least = LandmarkNormal::new(&landmark, &place, cameras)?;
+    let mut step = Vec::new();
     for _ in 0..STEPS {
-        let step = product(&pseudo_inverse(&least.square, LANDMARK_PARAMS), &least.gradient, LANDMARK_PARAMS);
+        pseudo_invert(&mut least.square, LANDMARK_PARAMS);
+        product(&least.square, &least.gradient, LANDMARK_PARAMS, &mut step);
         let next = std::array::from_fn(|k| place[k] - step[k]);
         match LandmarkNormal::new(&landmark, &next, cameras) {
             Some(normal) if normal.chi2 < least.chi2 => (least, place) = (normal, next),

@@ -1,9 +1,10 @@
 //! Normal equations in parameter blocks: which blocks there are, which of them residuals couple, and the
 //! sums of products of Jacobians.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
 
+use crate::camera::dispatch;
 use crate::optimize::dense_block::add_outer;
 use crate::optimize::sparse_cholesky::{Entry, SparseStructure};
 
@@ -17,8 +18,23 @@ pub(crate) struct BlockStructure {
     /// Kept blocks in the order of the reduced system.
     pub(crate) kept: Vec<usize>,
     pub(crate) eliminated: Vec<Eliminated>,
+    /// Pairs of kept blocks that have residuals in common: every one with itself, in their order, and then others.
+    pub(crate) coupled: Vec<Coupled>,
+    /// Which of these two different blocks are, the lower first.
+    coupling: HashMap<[usize; 2], usize>,
     /// Of the reduced system.
     pub(crate) sparse: SparseStructure,
+}
+
+/// Two kept blocks that have residuals in common, or one with itself.
+#[derive(Clone, Debug)]
+pub(crate) struct Coupled {
+    /// Where their matrix, row by row, is among those of all.
+    pub(crate) at: Range<usize>,
+    /// Columns of it.
+    pub(crate) width: usize,
+    /// Where it is in the reduced system.
+    pub(crate) entry: Entry,
 }
 
 /// Whether a block stays in the reduced system, and its number there or among those that do not.
@@ -57,7 +73,7 @@ pub(crate) struct NormalEquations {
     /// Number of residuals.
     pub(crate) residuals: usize,
     pub(crate) gradient: Vec<f64>,
-    /// Of the kept blocks, in the layout of the reduced system.
+    /// Of the kept blocks that are coupled, row by row.
     pub(crate) kept: Vec<f64>,
     /// Of every eliminated block with itself, row by row.
     pub(crate) own: Vec<f64>,
@@ -74,9 +90,19 @@ impl BlockStructure {
             offsets[block] = offsets[block - 1] + sizes[block - 1];
         }
         let (roles, kept, rest) = roles(keep);
-        let (neighbours, pairs) = coupling(&roles, [kept.len(), rest.len()], coupled);
+        let (neighbours, pairs) = couplings(&roles, rest.len(), coupled);
         let kept_sizes: Vec<usize> = kept.iter().map(|&block| sizes[block]).collect();
-        let sparse = SparseStructure::new(&kept_sizes, pairs.into_iter());
+        let by_elimination = neighbours.iter().flat_map(pairs_among);
+        let sparse = SparseStructure::new(&kept_sizes, pairs.iter().copied().chain(by_elimination));
+        let alone = (0..kept.len()).map(|i| [i, i]);
+        let coupling = pairs.iter().enumerate().map(|(k, &pair)| (pair, kept.len() + k)).collect();
+        let mut end = 0;
+        let coupled = alone.chain(pairs.iter().copied()).filter_map(|[a, b]| {
+            let (start, width) = (end, kept_sizes[b]);
+            end += kept_sizes[a] * width;
+            Some(Coupled { at: start..end, width, entry: sparse.entry([a, b])? })
+        });
+        let coupled = coupled.collect();
         let (mut own, mut cross) = (0, 0);
         let eliminated = rest.iter().zip(&neighbours).map(|(&block, near)| {
             let height = sizes[block];
@@ -91,7 +117,7 @@ impl BlockStructure {
             Eliminated { block, neighbours, entries, own: own - height * height, cross: crosses }
         });
         let eliminated = eliminated.collect();
-        Self { sizes, offsets, roles, kept, eliminated, sparse }
+        Self { sizes, offsets, roles, kept, eliminated, coupled, coupling, sparse }
     }
 
     /// Number of parameters.
@@ -107,7 +133,7 @@ impl BlockStructure {
             cost: 0.0,
             residuals: 0,
             gradient: vec![0.0; self.unknowns()],
-            kept: self.sparse.zeros(),
+            kept: vec![0.0; self.coupled.last().map_or(0, |last| last.at.end)],
             own: vec![0.0; last.map_or(0, end)],
             cross: vec![0.0; last.and_then(|out| out.cross.last().copied()).unwrap_or(0)],
         }
@@ -115,6 +141,14 @@ impl BlockStructure {
 
     /// Adds one residual.
     pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
+        dispatch(
+            #[inline(always)]
+            || self.add_each(normal, residual, jacobian),
+        );
+    }
+
+    #[inline(always)]
+    fn add_each(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.cost += residual * residual;
         normal.residuals += 1;
         for (k, a) in jacobian.iter().enumerate() {
@@ -129,12 +163,15 @@ impl BlockStructure {
     }
 
     /// Adds the product of the derivatives by two blocks, or by one with itself.
-    #[inline]
+    #[inline(always)]
     fn add_product(&self, normal: &mut NormalEquations, a: &JacobianBlock, b: &JacobianBlock) {
         match (self.roles[a.block], self.roles[b.block]) {
             (Role::Kept(i), Role::Kept(j)) => {
-                if let Some(entry) = self.sparse.entry([i, j]) {
-                    entry.add_outer(&mut normal.kept, 1.0, a.by, b.by);
+                let [(i, rows), (j, columns)] =
+                    if i > j { [(j, b.by), (i, a.by)] } else { [(i, a.by), (j, b.by)] };
+                let known = if i == j { Some(i) } else { self.coupling.get(&[i, j]).copied() };
+                if let Some(coupled) = known {
+                    add_outer(&mut normal.kept[self.coupled[coupled].at.clone()], rows, columns);
                 }
             }
             (Role::Eliminated(e), Role::Eliminated(_)) => {
@@ -145,6 +182,7 @@ impl BlockStructure {
         }
     }
 
+    #[inline(always)]
     fn add_cross(&self, normal: &mut NormalEquations, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
         let out = &self.eliminated[e];
         if let Some(at) = out.neighbours.iter().position(|&neighbour| neighbour == i) {
@@ -183,29 +221,25 @@ fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
     (roles, kept, rest)
 }
 
-/// The kept neighbours of every eliminated block, and all pairs of kept blocks that residuals or an
-/// elimination couple.
-fn coupling(
+/// The kept neighbours of every eliminated block, and all pairs of different kept blocks that residuals couple.
+fn couplings(
     roles: &[Role],
-    [kept, rest]: [usize; 2],
+    rest: usize,
     coupled: &[Vec<usize>],
-) -> (Vec<BTreeSet<usize>>, Vec<[usize; 2]>) {
+) -> (Vec<BTreeSet<usize>>, BTreeSet<[usize; 2]>) {
     let mut neighbours: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); rest];
-    let mut pairs: BTreeSet<[usize; 2]> = (0..kept).map(|i| [i, i]).collect();
+    let mut pairs: BTreeSet<[usize; 2]> = BTreeSet::new();
     for group in coupled {
         let of_kept = |&block: &usize| if let Role::Kept(i) = roles[block] { Some(i) } else { None };
         let among: BTreeSet<usize> = group.iter().filter_map(of_kept).collect();
-        pairs.extend(pairs_among(&among));
+        pairs.extend(pairs_among(&among).filter(|[a, b]| a != b));
         for &block in group {
             if let Role::Eliminated(e) = roles[block] {
                 neighbours[e].extend(&among);
             }
         }
     }
-    for near in &neighbours {
-        pairs.extend(pairs_among(near));
-    }
-    (neighbours, pairs.into_iter().collect())
+    (neighbours, pairs)
 }
 
 /// Every two of a set, and every one with itself, the first not behind the second.

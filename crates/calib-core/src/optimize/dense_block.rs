@@ -19,29 +19,40 @@ pub(crate) fn damp_diagonal(matrix: &mut [f64], damping: f64) {
     }
 }
 
-/// Inverse of a positive semidefinite matrix by Gauss and Jordan with pivots down the diagonal. Rows and
+/// Makes a positive semidefinite matrix its inverse, by Gauss and Jordan with pivots down the diagonal. Rows and
 /// columns without information (a pivot of rounding only) are 0 in the inverse: the parameter stays.
-pub(crate) fn pseudo_inverse(matrix: &[f64], size: usize) -> Vec<f64> {
+pub(crate) fn pseudo_invert(matrix: &mut [f64], size: usize) {
+    /// Rows of most blocks: their copies lie on the stack.
+    const MOST: usize = 3;
+    if size <= MOST {
+        let (mut left, mut right) = ([0.0; MOST * MOST], [0.0; MOST * MOST]);
+        let (left, right) = (&mut left[..size * size], &mut right[..size * size]);
+        pseudo_invert_in(matrix, [left, right], &mut [false; MOST][..size]);
+    } else {
+        let (mut left, mut right) = (vec![0.0; size * size], vec![0.0; size * size]);
+        pseudo_invert_in(matrix, [&mut left, &mut right], &mut vec![false; size]);
+    }
+}
+
+/// The same with room for two matrices, and for what is open of every row.
+#[inline]
+fn pseudo_invert_in(matrix: &mut [f64], [left, right]: [&mut [f64]; 2], is_open: &mut [bool]) {
     /// Share of the diagonal below which a pivot is rounding.
     const ROUNDING: f64 = 1e-13;
-    let mut left = matrix.to_vec();
-    let mut right: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k / size == k % size))).collect();
-    let mut is_open = vec![false; size];
+    let size = is_open.len();
+    left.copy_from_slice(matrix);
+    (0..size).for_each(|k| right[k * size + k] = 1.0);
     for k in 0..size {
         let pivot = left[k * size + k];
         if pivot.is_nan() || pivot <= ROUNDING * matrix[k * size + k] || pivot <= 0.0 {
             is_open[k] = true;
             continue;
         }
-        eliminate([&mut left, &mut right], k, size);
+        eliminate([left, right], k, size);
     }
-    for k in (0..size).filter(|&k| is_open[k]) {
-        for i in 0..size {
-            right[k * size + i] = 0.0;
-            right[i * size + k] = 0.0;
-        }
+    for (k, value) in matrix.iter_mut().enumerate() {
+        *value = if is_open[k / size] || is_open[k % size] { 0.0 } else { right[k] };
     }
-    right
 }
 
 /// Makes column `k` of the left matrix that of the identity, with the same row operations on the right.
@@ -60,10 +71,12 @@ fn eliminate([left, right]: [&mut [f64]; 2], k: usize, size: usize) {
     }
 }
 
-/// `A B` of a square matrix of `size` rows and another.
-pub(crate) fn product(a: &[f64], b: &[f64], size: usize) -> Vec<f64> {
+/// `A B` of a square matrix of `size` rows and another, in place of what was found before.
+#[inline]
+pub(crate) fn product(a: &[f64], b: &[f64], size: usize, found: &mut Vec<f64>) {
     let width = b.len() / size;
-    let mut found = vec![0.0; b.len()];
+    found.clear();
+    found.resize(b.len(), 0.0);
     for i in 0..size {
         for k in 0..size {
             let factor = a[i * size + k];
@@ -72,5 +85,4 @@ pub(crate) fn product(a: &[f64], b: &[f64], size: usize) -> Vec<f64> {
             }
         }
     }
-    found
 }

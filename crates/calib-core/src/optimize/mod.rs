@@ -21,7 +21,7 @@ mod arrow;
 
 pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
-pub(crate) use dense_block::{product, pseudo_inverse};
+pub(crate) use dense_block::{product, pseudo_invert};
 pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
 pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares, least_squares_unless};
 #[cfg(test)]

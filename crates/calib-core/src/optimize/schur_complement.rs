@@ -36,8 +36,9 @@ use std::collections::HashMap;
 
 use nalgebra::DMatrix;
 
+use crate::camera::dispatch;
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
-use crate::optimize::dense_block::{damp_diagonal, product, pseudo_inverse};
+use crate::optimize::dense_block::{damp_diagonal, product, pseudo_invert};
 use crate::optimize::selected_inverse::SelectedInverse;
 
 /// The system of the kept blocks.
@@ -52,31 +53,49 @@ struct Reduced {
 impl BlockStructure {
     /// The reduced system; `damping` multiplies the diagonal.
     fn reduced(&self, normal: &NormalEquations, damping: f64) -> Reduced {
-        let mut values = normal.kept.clone();
+        dispatch(
+            #[inline(always)]
+            || self.reduce(normal, damping),
+        )
+    }
+
+    #[inline(always)]
+    fn reduce(&self, normal: &NormalEquations, damping: f64) -> Reduced {
+        let mut values = self.sparse.zeros();
+        for coupled in &self.coupled {
+            coupled.entry.add(&mut values, &normal.kept[coupled.at.clone()], coupled.width);
+        }
         for block in 0..self.kept.len() {
             self.sparse.diagonal(block).for_each(|at| values[at] *= 1.0 + damping);
         }
         let right: Vec<f64> =
             self.kept.iter().flat_map(|&b| self.of(&normal.gradient, b).iter().map(|g| -g)).collect();
         let mut reduced = Reduced { values, right, inverses: normal.own.clone() };
-        let starts = self.starts();
+        let (starts, mut weighed) = (self.starts(), Vec::new());
         for out in &self.eliminated {
             let own = &mut reduced.inverses[self.own(out)];
             damp_diagonal(own, damping);
-            own.copy_from_slice(&pseudo_inverse(own, self.sizes[out.block]));
-            self.eliminate(normal, out, &starts, &mut reduced);
+            pseudo_invert(own, self.sizes[out.block]);
+            self.eliminate(normal, out, &starts, (&mut reduced, &mut weighed));
         }
         reduced
     }
 
     /// Subtracts `C' D^-1 C` of one eliminated block from the matrix and adds `C' D^-1` times its gradient
-    /// to the right-hand side.
-    fn eliminate(&self, normal: &NormalEquations, out: &Eliminated, starts: &[usize], reduced: &mut Reduced) {
+    /// to the right-hand side; with room for the product of two of these.
+    #[inline(always)]
+    fn eliminate(
+        &self,
+        normal: &NormalEquations,
+        out: &Eliminated,
+        starts: &[usize],
+        (reduced, weighed): (&mut Reduced, &mut Vec<f64>),
+    ) {
         let size = self.sizes[out.block];
         let gradient = self.of(&normal.gradient, out.block);
         let mut entries = out.entries.iter();
         for (k, &a) in out.neighbours.iter().enumerate() {
-            let weighed = product(&reduced.inverses[self.own(out)], &normal.cross[out.cross(k)], size);
+            product(&reduced.inverses[self.own(out)], &normal.cross[out.cross(k)], size, weighed);
             let width = self.sizes[self.kept[a]];
             for j in 0..width {
                 let sum: f64 = (0..size).map(|i| weighed[i * width + j] * gradient[i]).sum();
@@ -101,8 +120,10 @@ impl BlockStructure {
             step[self.offsets[block]..][..size].copy_from_slice(&solution[at..at + size]);
             at += size;
         }
+        let (mut right, mut solved) = (Vec::new(), Vec::new());
         for out in &self.eliminated {
-            let solved = self.back_substituted(normal, out, &inverses[self.own(out)], &step);
+            self.right_side(normal, out, &step, &mut right);
+            product(&inverses[self.own(out)], &right, right.len(), &mut solved);
             step[self.offsets[out.block]..][..solved.len()].copy_from_slice(&solved);
         }
         // d' (lambda D d - J'r), the decrease of the linear model.
@@ -112,22 +133,16 @@ impl BlockStructure {
         Some((step, predicted))
     }
 
-    /// `z = D^-1 (b - C y)` of one eliminated block.
-    fn back_substituted(
-        &self,
-        normal: &NormalEquations,
-        out: &Eliminated,
-        inverse: &[f64],
-        step: &[f64],
-    ) -> Vec<f64> {
-        let mut right: Vec<f64> = self.of(&normal.gradient, out.block).iter().map(|g| -g).collect();
+    /// `b - C y` of one eliminated block, in place of that of another.
+    fn right_side(&self, normal: &NormalEquations, out: &Eliminated, step: &[f64], right: &mut Vec<f64>) {
+        right.clear();
+        right.extend(self.of(&normal.gradient, out.block).iter().map(|g| -g));
         for (k, &neighbour) in out.neighbours.iter().enumerate() {
             let (moved, cross) = (self.of(step, self.kept[neighbour]), &normal.cross[out.cross(k)]);
             for (value, row) in right.iter_mut().zip(cross.chunks_exact(moved.len())) {
                 *value -= row.iter().zip(moved).map(|(c, m)| c * m).sum::<f64>();
             }
         }
-        product(inverse, &right, right.len())
     }
 
     /// The diagonal of `J'J`.
@@ -138,7 +153,8 @@ impl BlockStructure {
             let to = &mut diagonal[self.offsets[block]..][..size];
             match self.roles[block] {
                 Role::Kept(i) => {
-                    to.iter_mut().zip(self.sparse.diagonal(i)).for_each(|(to, at)| *to = normal.kept[at]);
+                    let own = normal.kept[self.coupled[i].at.clone()].iter().step_by(size + 1);
+                    to.iter_mut().zip(own).for_each(|(to, own)| *to = *own);
                 }
                 Role::Eliminated(e) => {
                     let own = normal.own[self.own(&self.eliminated[e])].iter().step_by(size + 1);
@@ -153,10 +169,14 @@ impl BlockStructure {
     ///
     /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that
     /// what the residuals do not determine has a large variance, not an infinite one.
-    pub(crate) fn covariance(&self, normal: NormalEquations, regularization: f64) -> Option<BlockCovariance> {
-        let (values, inverses) = self.regular(&normal, regularization);
+    pub(crate) fn covariance(
+        &self,
+        normal: &NormalEquations,
+        regularization: f64,
+    ) -> Option<BlockCovariance> {
+        let (values, inverses) = self.regular(normal, regularization);
         let inverse = self.sparse.factor(values)?.inverse();
-        Some(BlockCovariance { normal, inverses, inverse })
+        Some(BlockCovariance { cross: normal.cross.clone(), inverses, inverse })
     }
 
     /// The covariance of kept blocks with each other, whether anything couples them or not, by their pairs: as
@@ -194,8 +214,11 @@ impl BlockStructure {
     /// The values of the regularised matrix, and `D^-1` of every eliminated block.
     fn regular(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<f64>) {
         let Reduced { mut values, inverses, .. } = self.reduced(normal, 0.0);
-        for at in (0..self.kept.len()).flat_map(|block| self.sparse.diagonal(block)) {
-            values[at] += (regularization * normal.kept[at]).max(1e-18);
+        for (block, coupled) in self.coupled[..self.kept.len()].iter().enumerate() {
+            let own = normal.kept[coupled.at.clone()].iter().step_by(coupled.width + 1);
+            for (at, own) in self.sparse.diagonal(block).zip(own) {
+                values[at] += (regularization * own).max(1e-18);
+            }
         }
         (values, inverses)
     }
@@ -213,7 +236,8 @@ impl BlockStructure {
 /// Covariance of blocks, as far as they have residuals in common.
 #[derive(Debug)]
 pub(crate) struct BlockCovariance {
-    normal: NormalEquations,
+    /// Of every eliminated block (rows) with each of its neighbours, as the normal equations have it.
+    cross: Vec<f64>,
     /// `D^-1` of every eliminated block.
     inverses: Vec<f64>,
     /// `Z`.
@@ -261,7 +285,7 @@ impl BlockCovariance {
         let mut all = DMatrix::zeros(size, width);
         let mut at = 0;
         for k in 0..out.neighbours.len() {
-            let cross = &self.normal.cross[out.cross(k)];
+            let cross = &self.cross[out.cross(k)];
             let part = DMatrix::from_row_slice(size, cross.len() / size, cross);
             all.columns_mut(at, part.ncols()).copy_from(&part);
             at += part.ncols();
@@ -336,7 +360,7 @@ mod tests {
                 prop_assert!((found - exact).abs() < 1e-9, "{found} not {exact}");
             }
             let exact = square.cholesky().unwrap().inverse();
-            let covariance = blocks.covariance(normal.clone(), 0.0).unwrap();
+            let covariance = blocks.covariance(&normal, 0.0).unwrap();
             for group in &common {
                 for &a in group {
                     for &b in group {

@@ -64,8 +64,15 @@ impl Entry {
         self.offset + across * self.stride + down
     }
 
+    /// Adds a matrix of so many columns, row by row.
+    pub(crate) fn add(self, values: &mut [f64], matrix: &[f64], width: usize) {
+        for (k, value) in matrix.iter().enumerate() {
+            values[self.at(k / width, k % width)] += value;
+        }
+    }
+
     /// Adds `factor` times the product of a column of the first block and a row of the second.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn add_outer(self, values: &mut [f64], factor: f64, first: &[f64], second: &[f64]) {
         let (across, down) = if self.is_transposed { (second, first) } else { (first, second) };
         for (column, a) in values[self.offset..].chunks_mut(self.stride).zip(across) {
