@@ -10,7 +10,7 @@ use crate::bundle::marginals::{are_few, camera_blocks, of_landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
-use crate::optimize::{BlockCovariance, NormalEquations, Summary, least_squares};
+use crate::optimize::{BlockCovariance, LevenbergMarquardt};
 use crate::single::{LEVEL, PRIOR_TELLS, chi2_score, is_misfit};
 
 /// Most accepted steps of a minimisation; from an initialised state few are needed.
@@ -69,11 +69,12 @@ pub(crate) fn largest_of(count: usize) -> f64 {
 /// A problem at its minimum.
 pub(crate) struct Converged<'a> {
     pub(crate) problem: BundleProblem<'a>,
-    pub(crate) state: Vec<f64>,
+    /// What led there.
+    run: LevenbergMarquardt<BundleProblem<'a>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
-    /// At the state.
-    normal: NormalEquations,
+    /// Every residual in sigmas.
+    pub(crate) residuals: Vec<(ResidualKind, f64)>,
     /// Where it has been computed already.
     pub(crate) covariance: Option<BlockCovariance>,
 }
@@ -84,25 +85,50 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-pub(crate) fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    after_steps(problem, MAX_STEPS)
-}
-
-/// A problem after so few steps that its residuals tell gross errors, if not more.
+/// A problem so near its minimum that its residuals tell gross errors, if not more.
 pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    const FEW: usize = 4;
-    after_steps(problem, FEW)
+    /// Relative decrease of the cost by a step after which it is.
+    const NEAR: f64 = 0.02;
+    let mut run = LevenbergMarquardt::new(&problem, problem.start())?;
+    for _ in 0..MAX_STEPS {
+        let before = run.cost;
+        if run.advance(&problem).is_some() || before - run.cost <= NEAR * before {
+            break;
+        }
+    }
+    Converged::new(problem, run)
 }
 
-fn after_steps(problem: BundleProblem<'_>, most: usize) -> Option<Converged<'_>> {
-    let Summary { state, cost: chi2, normal, .. } = least_squares(&problem, problem.start(), most)?;
-    let dof = problem.dof(normal.residuals);
-    Some(Converged { problem, state, chi2, dof, normal, covariance: None })
+pub(crate) fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
+    let mut run = LevenbergMarquardt::new(&problem, problem.start())?;
+    run.run(&problem, MAX_STEPS);
+    Converged::new(problem, run)
 }
 
-impl Converged<'_> {
+impl<'a> Converged<'a> {
+    fn new(problem: BundleProblem<'a>, run: LevenbergMarquardt<BundleProblem<'a>>) -> Option<Self> {
+        let mut residuals = Vec::with_capacity(run.normal.residuals);
+        problem.each_residual(&run.state, |residual, _, kind| residuals.push((kind, residual)))?;
+        let (chi2, dof) = (run.cost, problem.dof(run.normal.residuals));
+        Some(Self { problem, run, chi2, dof, residuals, covariance: None })
+    }
+
+    /// The minimum without weak priors on focals, from where few steps with them led.
+    pub(crate) fn without_weak_priors(self) -> Option<Self> {
+        let Self { mut problem, mut run, .. } = self;
+        problem.drop_weak_priors(&run.state, &mut run.normal);
+        run.cost = run.normal.cost;
+        run.run(&problem, MAX_STEPS);
+        Self::new(problem, run)
+    }
+
+    /// The parameters.
+    pub(crate) fn state(&self) -> &[f64] {
+        &self.run.state
+    }
+
     pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
-        self.problem.blocks.covariance(&self.normal, REGULARIZATION)
+        self.problem.blocks.covariance(&self.run.normal, REGULARIZATION)
     }
 
     /// The covariances of all cameras with each other, where they are few.
@@ -110,12 +136,16 @@ impl Converged<'_> {
         if !are_few(self.problem.views.len()) {
             return None;
         }
-        self.problem.blocks.covariance_between(&self.normal, REGULARIZATION, &camera_blocks(&self.problem))
+        self.problem.blocks.covariance_between(
+            &self.run.normal,
+            REGULARIZATION,
+            &camera_blocks(&self.problem),
+        )
     }
 
     /// A camera without covariance, a free yaw in [-180, 180) degrees.
     pub(crate) fn camera(&self, view: usize) -> Camera {
-        let camera = self.problem.camera(&self.state, view);
+        let camera = self.problem.camera(self.state(), view);
         let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
         let yaw = if is_free { wrapped(camera.yaw) } else { camera.yaw };
         Camera { yaw, covariance: Covariance::EXACT, ..camera }
@@ -131,7 +161,7 @@ impl Converged<'_> {
             let unknown = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
             let covariance = covariance
                 .map_or(unknown, |covariance| of_landmark(problem, covariance, landmark, inflation));
-            LandmarkEstimate { place: problem.place(&self.state, landmark), covariance }
+            LandmarkEstimate { place: problem.place(self.state(), landmark), covariance }
         };
         let count = problem.landmarks.len();
         (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
@@ -148,7 +178,7 @@ impl Converged<'_> {
             let own = covariance?.block(&self.problem.blocks, block, block);
             let entry = |i: usize, j: usize| own[(i, j)] * inflation;
             let covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
-            Some(PlaneEstimate { plane: self.problem.plane(&self.state, plane), covariance })
+            Some(PlaneEstimate { plane: self.problem.plane(self.state(), plane), covariance })
         };
         (0..self.problem.planes.len()).map(estimate).collect()
     }
@@ -190,16 +220,18 @@ impl Converged<'_> {
     fn chi2_by_candidate(&self) -> (Vec<f64>, Vec<f64>) {
         let mut landmarks = vec![0.0; self.problem.landmarks.len()];
         let mut distances = vec![0.0; self.problem.distances.len()];
-        let _ = self.problem.each_residual(&self.state, |residual, _, kind| match kind {
-            ResidualKind::Observation { landmark } | ResidualKind::LandmarkPrior { landmark } => {
-                landmarks[landmark] += residual * residual;
+        for &(kind, residual) in &self.residuals {
+            match kind {
+                ResidualKind::Observation { landmark } | ResidualKind::LandmarkPrior { landmark } => {
+                    landmarks[landmark] += residual * residual;
+                }
+                ResidualKind::Distance { distance } => distances[distance] += residual * residual,
+                ResidualKind::Annotation { .. }
+                | ResidualKind::StraightEdge
+                | ResidualKind::CameraPrior
+                | ResidualKind::PlanePrior => {}
             }
-            ResidualKind::Distance { distance } => distances[distance] += residual * residual,
-            ResidualKind::Annotation { .. }
-            | ResidualKind::StraightEdge
-            | ResidualKind::CameraPrior
-            | ResidualKind::PlanePrior => {}
-        });
+        }
         (landmarks, distances)
     }
 

@@ -8,10 +8,11 @@
 //!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
 //! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
 //!   `initialization` cameras placed along a spanning tree;
-//! - `common_tilt` the lean of the floor that views share, `plane_parameters`, `shared_planes` the planes that they share; `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
+//! - `common_tilt` the lean of the floor that views share, `plane_parameters`, `shared_planes` the planes that they share;
+//!   `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
 //!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
 //!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
-//!   `annotation_residuals`; `retraction` where a step of it leads;
+//!   `annotation_residuals`; `local_similarity`, `retraction` where a step of it leads;
 //! - `marginals` covariances of cameras and landmarks; `converged` a minimum with what speaks against every
 //!   candidate; `screening` several outliers at once; `refinement` the minimum without outliers; `summary` what
 //!   was estimated; `adjustment` the front door: [`BundleAdjustment::solve`].
@@ -31,6 +32,7 @@ mod common_tilt;
 mod plane_parameters;
 mod parameters;
 mod residuals;
+mod local_similarity;
 mod problem;
 mod retraction;
 mod shared_planes;

@@ -107,12 +107,22 @@ impl Refinement<'_> {
                 break !suspects.is_empty();
             }
             rejected.extend(suspects.into_iter().take(room));
-            found = nearly_converged(self.problem(&rejected, &has_weak_prior, Some(&found)))?;
+            found = nearly_converged(self.problem(
+                &rejected,
+                &has_weak_prior,
+                Some((&found.problem, found.state())),
+            ))?;
         };
         let factor = if self.all_noise_is_known() { 1.0 } else { inflation(found.chi2, found.dof) };
         let cameras: Vec<Camera> = (0..self.views.len()).map(|view| found.camera(view)).collect();
+        let count = rejected.len();
         rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
-        let converged = self.solve_without(&rejected, Some(&found))?;
+        let is_same = rejected.len() == count;
+        let converged = if is_same {
+            self.further(&rejected, found)?
+        } else {
+            self.solve_without(&rejected, Some(&found))?
+        };
         Some(Screened { rejected, converged, is_exhausted })
     }
 
@@ -159,21 +169,39 @@ impl Refinement<'_> {
     ) -> Option<Converged<'_>> {
         let has_weak_prior = self.has_weak_prior();
         let none = vec![false; self.views.len()];
-        if !has_weak_prior.contains(&true) {
-            return converged(self.problem(rejected, &none, from));
-        }
-        let Some(mut without_prior) = converged(self.problem(rejected, &none, from)) else {
-            return converged(self.problem(rejected, &has_weak_prior, from));
+        let from = from.map(|found| (&found.problem, found.state()));
+        let Some(without_prior) = converged(self.problem(rejected, &none, from)) else {
+            return has_weak_prior
+                .contains(&true)
+                .then(|| converged(self.problem(rejected, &has_weak_prior, from)))?;
         };
-        without_prior.covariance = without_prior.covariance();
-        let is_open: Vec<bool> = (0..self.views.len())
-            .map(|view| has_weak_prior[view] && without_prior.prior_tells(view))
-            .collect();
-        if is_open.contains(&true) {
-            converged(self.problem(rejected, &is_open, from))
-        } else {
-            Some(without_prior)
+        match self.open_focals(without_prior) {
+            Ok(found) => Some(found),
+            Err((_, is_open)) => converged(self.problem(rejected, &is_open, from)),
         }
+    }
+
+    /// The same from what few steps with the weak priors led to.
+    fn further<'a>(&'a self, rejected: &[OutlierCandidate], found: Converged<'a>) -> Option<Converged<'a>> {
+        let start = found.state().to_vec();
+        match self.open_focals(found.without_weak_priors()?) {
+            Ok(found) => Some(found),
+            Err((found, is_open)) => {
+                converged(self.problem(rejected, &is_open, Some((&found.problem, &start))))
+            }
+        }
+    }
+
+    /// A minimum without weak priors, where none of them would tell anything; else of which views they would.
+    fn open_focals<'a>(&self, mut found: Converged<'a>) -> Result<Converged<'a>, (Converged<'a>, Vec<bool>)> {
+        let has_weak_prior = self.has_weak_prior();
+        if !has_weak_prior.contains(&true) {
+            return Ok(found);
+        }
+        found.covariance = found.covariance();
+        let is_open = |view: usize| has_weak_prior[view] && found.prior_tells(view);
+        let is_open: Vec<bool> = (0..self.views.len()).map(is_open).collect();
+        if is_open.contains(&true) { Err((found, is_open)) } else { Ok(found) }
     }
 
     /// The problem without what is rejected, with the weak priors of the flagged views, at the start or where
@@ -182,10 +210,10 @@ impl Refinement<'_> {
         &self,
         rejected: &[OutlierCandidate],
         with_weak_prior: &[bool],
-        from: Option<&Converged>,
+        from: Option<(&BundleProblem, &[f64])>,
     ) -> BundleProblem<'_> {
         let (mut views, (mut landmarks, distances)) = (self.views.clone(), self.without(rejected));
-        if let Some(Converged { problem, state, .. }) = from {
+        if let Some((problem, state)) = from {
             for (index, view) in views.iter_mut().enumerate() {
                 view.camera = problem.camera(state, index);
                 view.nuisance = problem.nuisance(state, index);
@@ -231,7 +259,8 @@ impl Refinement<'_> {
 
     fn finish(&self, mut converged: Converged, rejected: Vec<OutlierCandidate>) -> Refined {
         let covariance = converged.covariance.take().or_else(|| converged.covariance());
-        let Converged { problem, state, chi2, dof, .. } = &converged;
+        let (problem, state) = (&converged.problem, converged.state());
+        let Converged { chi2, dof, .. } = &converged;
         let inflation = if self.all_noise_is_known() { 1.0 } else { inflation(*chi2, *dof) };
         // Student's, where few residuals tell the noise.
         let spread = if inflation > 1.0 { inflation.sqrt() * student_factor(*dof) } else { 1.0 };
@@ -249,8 +278,6 @@ impl Refinement<'_> {
             pairs = marginals.of_pairs();
             cameras.iter_mut().zip(own).for_each(|(camera, own)| camera.covariance = Covariance(*own));
         }
-        let mut residuals = Vec::new();
-        let _ = problem.each_residual(state, |residual, _, kind| residuals.push((kind, residual)));
         Refined {
             landmarks: converged.landmarks(covariance.as_ref(), spread * spread),
             nuisances: (0..cameras.len()).map(|view| problem.nuisance(state, view)).collect(),
@@ -260,7 +287,7 @@ impl Refinement<'_> {
             inflation,
             rejected,
             is_misfit: is_misfit(*chi2, *dof),
-            residuals,
+            residuals: converged.residuals.clone(),
             planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
         }

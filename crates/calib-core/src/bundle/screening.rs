@@ -52,7 +52,7 @@ impl Converged<'_> {
         let scored = match rejected {
             OutlierCandidate::Landmark(index) => {
                 let landmark = &self.problem.landmarks[index];
-                let ground = self.problem.ground(&self.state, index).0;
+                let ground = self.problem.ground(self.state(), index).0;
                 let landmark = Landmark { ground, ..landmark.clone() };
                 located_chi2(&landmark, cameras).map(|chi2| (chi2, landmark.redundancy()))
             }
@@ -66,8 +66,8 @@ impl Converged<'_> {
     fn distance_residual(&self, index: usize) -> f64 {
         let distance = &self.problem.distances[index];
         let end = |landmark: usize| {
-            let ground = self.problem.ground(&self.state, landmark).0;
-            let place = self.problem.place(&self.state, landmark);
+            let ground = self.problem.ground(self.state(), landmark).0;
+            let place = self.problem.place(self.state(), landmark);
             self.problem.landmarks[landmark].model.anchor(&place, &ground)
         };
         distance_residual(distance, &distance.between.map(end)).0

@@ -120,8 +120,9 @@ mod tests {
     use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
     use crate::bundle::residuals::ResidualKind;
     use crate::camera::{Camera, Distortion, FloorPoint, Lens, Pixel, WorldPoint};
+    use crate::optimize::NormalEquations;
     use crate::single::{
-        Annotation, Constraints, Edge, FixedParameters, Kind, Known, PlanePrior, Priors, Problem,
+        Annotation, Constraints, Edge, FixedParameters, Kind, Known, PlanePrior, Prior, Priors, Problem,
         SceneErrors, Source,
     };
     use proptest::prelude::*;
@@ -235,7 +236,9 @@ mod tests {
             let scene = SceneErrors::default();
             let constraints = annotations.each_ref().map(|drawn| Constraints::on_planes(drawn, &cameras[0].lens, scene, &planes));
             let view = |index: usize| {
-                let stage_1 = Problem::new(&constraints[index], FixedParameters::default(), Priors::default(), 1.0, 1920.0);
+                let weak_log_focal = Some(Prior { value: 7.0, sigma: 0.35 });
+                let priors = Priors { weak_log_focal, ..Priors::default() };
+                let stage_1 = Problem::new(&constraints[index], FixedParameters::default(), priors, 1.0, 1920.0);
                 let mut free = [false; CAMERA_PARAMS];
                 free[..Covariance::LENS].fill(true);
                 if is_fisheye {
@@ -282,6 +285,15 @@ mod tests {
                     let most = 1e-4 * (1.0 + row[index].abs() + value.abs());
                     prop_assert!((numeric - row[index]).abs() < most, "residual {k} of {value} by {index}: {numeric} {}", row[index]);
                 }
+            }
+            // Weak priors that are taken back leave what there is without them.
+            let (mut dropped, mut normal) = (problem.clone(), problem.normal(&state).unwrap());
+            dropped.drop_weak_priors(&state, &mut normal);
+            let without = dropped.normal(&state).unwrap();
+            prop_assert_eq!([normal.residuals, without.residuals], [rows.len() - 2; 2]);
+            let values = |normal: &NormalEquations| [&[normal.cost], &normal.gradient[..], &normal.kept].concat();
+            for (value, exact) in values(&normal).iter().zip(values(&without)) {
+                prop_assert!((value - exact).abs() <= 1e-11 * normal.cost.max(exact.abs()), "{value} {exact}");
             }
         }
     }

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense_block::add_outer;
@@ -23,7 +24,7 @@ pub(crate) struct BlockStructure {
     /// Which of these two different blocks are, the lower first.
     coupling: HashMap<[usize; 2], usize>,
     /// Of the reduced system.
-    pub(crate) sparse: SparseStructure,
+    pub(crate) sparse: Arc<SparseStructure>,
 }
 
 /// Two kept blocks that have residuals in common, or one with itself.
@@ -79,6 +80,18 @@ pub(crate) struct NormalEquations {
     pub(crate) own: Vec<f64>,
     /// Of every eliminated block (rows) with each of its neighbours, row by row.
     pub(crate) cross: Vec<f64>,
+}
+
+impl NormalEquations {
+    /// Takes back the residuals of other equations of the same structure.
+    pub(crate) fn subtract(&mut self, other: &Self) {
+        self.cost -= other.cost;
+        self.residuals -= other.residuals;
+        let from = [&mut self.gradient, &mut self.kept, &mut self.own, &mut self.cross];
+        for (from, values) in from.into_iter().zip([&other.gradient, &other.kept, &other.own, &other.cross]) {
+            from.iter_mut().zip(values).for_each(|(from, value)| *from -= value);
+        }
+    }
 }
 
 impl BlockStructure {

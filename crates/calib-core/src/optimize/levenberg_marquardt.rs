@@ -25,9 +25,9 @@ pub(crate) trait LeastSquares {
     /// The normal equations at a state.
     type Normal;
 
-    /// Damping of the first step. Starts are near: a small share of the diagonal leaves it almost Gauss-Newton's.
+    /// Damping of the first step. Where less than usual leads nowhere, the usual one is tried next.
     fn first_damping(&self) -> f64 {
-        1e-4
+        FIRST_DAMPING
     }
 
     /// Cost (sum of squares) and normal equations; `None` where the model is impossible.
@@ -59,16 +59,24 @@ pub(crate) enum Termination {
 pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
     pub(crate) state: P::State,
     pub(crate) cost: f64,
-    normal: P::Normal,
+    /// The normal equations there, or before a last step that was too small to change them.
+    pub(crate) normal: P::Normal,
     damping: f64,
     growth: f64,
+    /// Least damping after a rejection.
+    least_rejected: f64,
 }
+
+/// Damping of a first step from a start that may be anywhere near: a small share of the diagonal leaves it almost
+/// Gauss-Newton's.
+const FIRST_DAMPING: f64 = 1e-4;
 
 impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// `None` when the start is impossible.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
-        Some(Self { state: start, cost, normal, damping: problem.first_damping(), growth: 2.0 })
+        let damping = problem.first_damping();
+        Some(Self { state: start, cost, normal, damping, growth: 2.0, least_rejected: FIRST_DAMPING })
     }
 
     /// Makes one accepted step; how the run ended, where it did.
@@ -81,24 +89,37 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         const MAX_DAMPING: f64 = 1e12;
         /// Least factor of the damping after a step.
         const FLOOR: f64 = 1e-2;
+        /// Relative decrease of the cost, and step, from which on the linear model is believed without looking where the
+        /// step ends: what is left after it is of the order of their squares.
+        const LAST: [f64; 2] = [1e-9, 1e-4];
         while self.damping < MAX_DAMPING {
             if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
                 let promises_nothing = (0.0..=COST_TOLERANCE * self.cost).contains(&predicted);
                 if size < STEP_TOLERANCE || promises_nothing {
                     return Some(Termination::Converged);
                 }
+                if size < LAST[1] && (0.0..=LAST[0] * self.cost).contains(&predicted) {
+                    (self.state, self.cost) = (next, self.cost - predicted);
+                    return Some(Termination::Converged);
+                }
                 if let Some((cost, normal)) = problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
                     let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
                     let done = self.cost - cost <= COST_TOLERANCE * self.cost;
                     self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
-                    (self.state, self.cost, self.normal, self.growth) = (next, cost, normal, 2.0);
+                    (self.state, self.cost, self.normal) = (next, cost, normal);
+                    (self.growth, self.least_rejected) = (2.0, 0.0);
                     return done.then_some(Termination::Converged);
                 }
             }
-            self.damping *= self.growth;
+            self.damping = (self.damping * self.growth).max(self.least_rejected);
             self.growth *= 2.0;
         }
         Some(Termination::NoDecrease)
+    }
+
+    /// Makes so many accepted steps, or fewer; how it ended.
+    pub(crate) fn run(&mut self, problem: &P, max_steps: usize) -> Termination {
+        (0..max_steps).find_map(|_| self.advance(problem)).unwrap_or(Termination::MaxSteps)
     }
 }
 

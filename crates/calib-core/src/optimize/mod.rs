@@ -23,8 +23,11 @@ pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
 pub(crate) use dense_block::{product, pseudo_invert};
 pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
-pub(crate) use levenberg_marquardt::{LeastSquares, Summary, least_squares, least_squares_unless};
 #[cfg(test)]
-pub(crate) use levenberg_marquardt::{LevenbergMarquardt, Termination};
+pub(crate) use levenberg_marquardt::Termination;
+pub(crate) use levenberg_marquardt::{
+    LeastSquares, LevenbergMarquardt, Summary, least_squares, least_squares_unless,
+};
 pub(crate) use nelder_mead::nelder_mead;
 pub(crate) use schur_complement::BlockCovariance;
+pub(crate) use sparse_cholesky::{CholeskyFactor, SparseStructure};

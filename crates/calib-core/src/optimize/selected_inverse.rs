@@ -11,6 +11,8 @@
 //! themselves (elimination of j fills it in): whatever `Z_RR` asks for is there. The cost grows with the factor,
 //! not with the square of the size. The covariance of coupled cameras lies within the pattern, for that of S does.
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 
 use crate::camera::dispatch;
@@ -19,11 +21,11 @@ use crate::optimize::sparse_cholesky::{BlockColumn, CholeskyFactor, SparseStruct
 /// The inverse where the factor has entries.
 #[derive(Debug)]
 pub(crate) struct SelectedInverse {
-    sparse: SparseStructure,
+    sparse: Arc<SparseStructure>,
     values: Vec<f64>,
 }
 
-impl CholeskyFactor<'_> {
+impl CholeskyFactor {
     /// The inverse, where the factor has entries.
     pub(crate) fn inverse(self) -> SelectedInverse {
         let mut values = vec![0.0; self.values.len()];
@@ -31,7 +33,7 @@ impl CholeskyFactor<'_> {
             #[inline(always)]
             || self.invert(&mut values),
         );
-        SelectedInverse { sparse: self.sparse.clone(), values }
+        SelectedInverse { sparse: self.sparse, values }
     }
 
     #[inline(always)]

@@ -13,6 +13,7 @@
 //! Computers").
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use crate::camera::dispatch;
 
@@ -50,9 +51,9 @@ pub(crate) struct Entry {
 }
 
 /// The factor L of one matrix.
-#[derive(Debug)]
-pub(crate) struct CholeskyFactor<'a> {
-    pub(super) sparse: &'a SparseStructure,
+#[derive(Clone, Debug)]
+pub(crate) struct CholeskyFactor {
+    pub(super) sparse: Arc<SparseStructure>,
     pub(super) values: Vec<f64>,
 }
 
@@ -86,7 +87,7 @@ impl Entry {
 
 impl SparseStructure {
     /// The structure of a matrix of blocks of these sizes that couples these pairs of blocks.
-    pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Self {
+    pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Arc<Self> {
         let mut neighbours: Vec<BTreeSet<usize>> =
             (0..sizes.len()).map(|block| BTreeSet::from([block])).collect();
         for [a, b] in pairs {
@@ -117,7 +118,7 @@ impl SparseStructure {
             offset += width * column.height();
             columns.push(column);
         }
-        Self { places, columns }
+        Arc::new(Self { places, columns })
     }
 
     /// Room for the values of a matrix.
@@ -142,12 +143,12 @@ impl SparseStructure {
     }
 
     /// `None` when the matrix is not positive definite. Of the blocks of the diagonal the lower triangle counts.
-    pub(crate) fn factor(&self, mut values: Vec<f64>) -> Option<CholeskyFactor<'_>> {
+    pub(crate) fn factor(self: &Arc<Self>, mut values: Vec<f64>) -> Option<CholeskyFactor> {
         dispatch(
             #[inline(always)]
             || self.factor_in_place(&mut values),
         )?;
-        Some(CholeskyFactor { sparse: self, values })
+        Some(CholeskyFactor { sparse: Arc::clone(self), values })
     }
 
     #[inline(always)]
@@ -294,14 +295,18 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
-impl CholeskyFactor<'_> {
+impl CholeskyFactor {
+    pub(crate) fn unknowns(&self) -> usize {
+        self.sparse.columns.iter().map(|column| column.width).sum()
+    }
+
     pub(super) fn panel(&self, column: &BlockColumn) -> &[f64] {
         &self.values[column.offset..][..column.width * column.height()]
     }
 
     /// The solution for a right-hand side with the blocks one after the other as they are numbered.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
-        let SparseStructure { places, columns } = self.sparse;
+        let SparseStructure { places, columns } = &*self.sparse;
         let mut found = self.sparse.ordered(right);
         for column in columns {
             for (c, values) in self.panel(column).chunks_exact(column.height()).enumerate() {
